@@ -1,0 +1,48 @@
+//! Words that every crate of the suite speaks.
+//!
+//! Nothing here knows a file format, a shader, a camera or a picture. A thing enters this crate
+//! when three crates need it, and it brings no policy with it:
+//!
+//! - [`transform`]: 4x4 matrices acting on row vectors, and matrices that move over time;
+//! - [`bound`]: axis-aligned boxes;
+//! - [`param`]: typed, named values as the scene interface passes them (`"vertex point P"`);
+//! - [`shape`]: the description of a geometric primitive, shared by scene, readers and geometry;
+//! - [`report`]: messages for the user, sorted by severity, said once per cause;
+//! - [`search`]: search paths with `&` and variables;
+//! - [`filter`]: reconstruction filters by name;
+//! - [`hash`] and [`sample`]: random numbers that depend on nothing but their coordinates.
+//!
+//! Conventions of the whole suite: points are **row vectors**, matrices are stored row by row, the
+//! translation stands in the last row, `a.then(b)` applies `a` first. "camera" space is left
+//! handed: x right, y up, z into the screen.
+//!
+//! ```
+//! use granita_base::{Transform, Vec3};
+//! let m = Transform::scale(Vec3::splat(2.0)).then(&Transform::translate(Vec3::new(0.0, 0.0, 5.0)));
+//! assert_eq!(m.point(Vec3::new(1.0, 0.0, 0.0)), Vec3::new(2.0, 0.0, 5.0));
+//! ```
+
+pub mod bound;
+pub mod filter;
+pub mod hash;
+pub mod param;
+pub mod report;
+pub mod sample;
+pub mod search;
+pub mod shape;
+pub mod transform;
+
+pub use bound::Bound;
+pub use filter::Filter;
+pub use glam::{Vec2, Vec3, Vec4};
+pub use param::{BaseType, Interp, Param, ParamData, ParamType, Params};
+pub use report::{Location, Reporter, Severity};
+pub use search::{Environment, SearchPath};
+pub use shape::{CurveBasis, ShapeDesc, TrimDesc};
+pub use transform::{MotionTransform, Transform};
+
+/// A colour: three linear components, by default in "rgb" space.
+pub type Color = Vec3;
+
+/// The version of the suite, as `-version` prints it.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -1,0 +1,123 @@
+//! Low-discrepancy sequences, hashed per pixel and dimension.
+
+use crate::hash::mix32;
+
+/// Reverses the bits of `i` into a fraction: the base-2 radical inverse, scaled to 32 bits.
+const fn van_der_corput(i: u32) -> u32 {
+    i.reverse_bits()
+}
+
+/// Second Sobol dimension, by the recurrence of its direction numbers.
+const fn sobol_2(mut i: u32) -> u32 {
+    let mut v = 1_u32 << 31;
+    let mut r = 0;
+    while i != 0 {
+        if i & 1 != 0 {
+            r ^= v;
+        }
+        i >>= 1;
+        v ^= v >> 1;
+    }
+    r
+}
+
+/// Owen scrambling by hashing (Laine and Karras 2011, with the constants of Burley,
+/// Practical Hash-based Owen Scrambling, JCGT 2020).
+const fn owen(x: u32, seed: u32) -> u32 {
+    let mut x = x.reverse_bits();
+    x = x.wrapping_add(seed);
+    x ^= x.wrapping_mul(0x6c50_b47c);
+    x ^= x.wrapping_mul(0xb82f_1e52);
+    x ^= x.wrapping_mul(0xc7af_e638);
+    x ^= x.wrapping_mul(0x8d22_f6e6);
+    x.reverse_bits()
+}
+
+/// Point `i` of a scrambled (0,2)-sequence in the unit square: every run of 2^k points is stratified
+/// in all elementary intervals. `seed` names pixel and dimension.
+pub const fn square(i: u32, seed: u32) -> (f32, f32) {
+    // Shuffle the order as well, so that different seeds pair independently.
+    let i = owen(i, mix32(seed ^ 0x68bc_21eb));
+    (
+        crate::hash::unit(owen(van_der_corput(i), mix32(seed))),
+        crate::hash::unit(owen(sobol_2(i), mix32(seed ^ 0x02e5_be93))),
+    )
+}
+
+/// Point `i` of a scrambled one-dimensional sequence: every run of 2^k points is stratified.
+pub const fn line(i: u32, seed: u32) -> f32 {
+    crate::hash::unit(owen(van_der_corput(i), mix32(seed)))
+}
+
+/// A hashed permutation of `0..n` (Kensler, Correlated Multi-Jittered Sampling, 2013).
+///
+/// `i` must be below `n`, and `n` at least 1.
+pub const fn permute(mut i: u32, n: u32, seed: u32) -> u32 {
+    if n <= 1 {
+        return 0;
+    }
+    let w = n.next_power_of_two() - 1;
+    loop {
+        i ^= seed;
+        i = i.wrapping_mul(0xe170_893d);
+        i ^= seed >> 16;
+        i ^= (i & w) >> 4;
+        i ^= seed >> 8;
+        i = i.wrapping_mul(0x0929_eb3f);
+        i ^= seed >> 23;
+        i ^= (i & w) >> 1;
+        i = i.wrapping_mul(1 | seed >> 27);
+        i = i.wrapping_mul(0x6935_fa69);
+        i ^= (i & w) >> 11;
+        i = i.wrapping_mul(0x74dc_b303);
+        i ^= (i & w) >> 2;
+        i = i.wrapping_mul(0x9e50_1cc3);
+        i ^= (i & w) >> 2;
+        i = i.wrapping_mul(0xc860_a3df);
+        i &= w;
+        i ^= i >> 5;
+        if i < n {
+            return i.wrapping_add(seed) % n;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squares_are_stratified() {
+        for seed in [0, 1, 77, u32::MAX] {
+            // 16 points: one in each cell of 16x1, 8x2, 4x4, 2x8, 1x16.
+            for (nx, ny) in [(16, 1), (8, 2), (4, 4), (2, 8), (1, 16)] {
+                let mut seen = [false; 16];
+                for i in 0..16 {
+                    let (x, y) = square(i, seed);
+                    let cell = (x * nx as f32) as usize + nx * (y * ny as f32) as usize;
+                    assert!(!std::mem::replace(&mut seen[cell], true), "seed {seed}, {nx}x{ny}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn lines_are_stratified() {
+        let mut seen = [false; 64];
+        for i in 0..64 {
+            let cell = (line(i, 9) * 64.0) as usize;
+            assert!(!std::mem::replace(&mut seen[cell], true));
+        }
+    }
+
+    #[test]
+    fn permutations_permute() {
+        for n in [1, 2, 3, 16, 17, 100] {
+            for seed in [0, 5, 0xdead_beef] {
+                let mut all: Vec<u32> = (0..n).map(|i| permute(i, n, seed)).collect();
+                all.sort_unstable();
+                assert!(all.iter().copied().eq(0..n), "n {n} seed {seed}");
+            }
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! Search paths: colon-separated folders, with `&` for the previous path and variables
+//! (reference 4.3.6). The environment is a value handed in; nothing here reads the process's own.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Variables that search paths and scenes may name. Tools fill it from the process's environment.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Environment(BTreeMap<String, String>);
+
+impl Environment {
+    /// No variables at all.
+    pub fn empty() -> Self {
+        Self::default()
+    }
+
+    /// Sets one variable.
+    pub fn set(&mut self, name: impl Into<String>, value: impl Into<String>) {
+        self.0.insert(name.into(), value.into());
+    }
+
+    /// The value of a variable.
+    pub fn get(&self, name: &str) -> Option<&str> {
+        self.0.get(name).map(String::as_str)
+    }
+
+    /// Replaces `$VAR`, `${VAR}`, `$(VAR)` and `%VAR%`; what is not set stays as written.
+    pub fn expand(&self, text: &str) -> String {
+        let mut out = String::with_capacity(text.len());
+        let mut rest = text;
+        while let Some(at) = rest.find(['$', '%']) {
+            out.push_str(&rest[..at]);
+            rest = &rest[at..];
+            let (name, length) = match Self::variable(rest) {
+                Some(found) => found,
+                None => {
+                    out.push_str(&rest[..1]);
+                    rest = &rest[1..];
+                    continue;
+                }
+            };
+            out.push_str(self.get(name).unwrap_or(&rest[..length]));
+            rest = &rest[length..];
+        }
+        out.push_str(rest);
+        out
+    }
+
+    /// Name of the variable reference that `text` begins with, and the length of the reference.
+    fn variable(text: &str) -> Option<(&str, usize)> {
+        let closed = |open: usize, close: char| {
+            let end = text[open..].find(close)? + open;
+            let name = &text[open..end];
+            let word = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+            word.then_some((name, end + 1))
+        };
+        match text.as_bytes() {
+            [b'%', ..] => closed(1, '%'),
+            [b'$', b'{', ..] => closed(2, '}'),
+            [b'$', b'(', ..] => closed(2, ')'),
+            [b'$', rest @ ..] => {
+                let n = rest.iter().take_while(|c| c.is_ascii_alphanumeric() || **c == b'_').count();
+                (n > 0).then(|| (&text[1..=n], n + 1))
+            }
+            _ => None,
+        }
+    }
+}
+
+impl FromIterator<(String, String)> for Environment {
+    fn from_iter<T: IntoIterator<Item = (String, String)>>(iter: T) -> Self {
+        Self(iter.into_iter().collect())
+    }
+}
+
+/// A list of folders to look in, in order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SearchPath {
+    folders: Vec<PathBuf>,
+}
+
+impl SearchPath {
+    /// Reads a colon-separated list. `&` stands for `previous`, variables are replaced, empty
+    /// entries are skipped, a folder named twice counts where it is first.
+    pub fn parse(text: &str, previous: &Self, environment: &Environment) -> Self {
+        let mut folders: Vec<PathBuf> = Vec::new();
+        let mut add = |folder: &Path| {
+            if !folders.iter().any(|f| f == folder) {
+                folders.push(folder.to_owned());
+            }
+        };
+        for part in environment.expand(text).split(':').filter(|p| !p.is_empty()) {
+            if part == "&" {
+                previous.folders.iter().for_each(|f| add(f));
+            } else {
+                add(Path::new(part));
+            }
+        }
+        Self { folders }
+    }
+
+    /// In order.
+    pub fn folders(&self) -> &[PathBuf] {
+        &self.folders
+    }
+
+    /// The first place where `name` is a file. Absolute names, and names that begin with `./` or
+    /// `../`, are not searched for. The current folder is looked into only when it is on the path.
+    pub fn find(&self, name: &str) -> Option<PathBuf> {
+        let path = Path::new(name);
+        if path.is_absolute() || name.starts_with("./") || name.starts_with("../") {
+            return path.is_file().then(|| path.to_owned());
+        }
+        self.folders.iter().map(|f| f.join(path)).find(|p| p.is_file()).map(|p| match p.strip_prefix(".") {
+            Ok(plain) => plain.to_owned(),
+            Err(_) => p,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn expansion() {
+        let mut env = Environment::empty();
+        env.set("HOME", "/h");
+        env.set("A_1", "x");
+        assert_eq!(env.expand("$HOME/lib:${A_1}y:$(HOME):%A_1%:$NO/a:%"), "/h/lib:xy:/h:x:$NO/a:%");
+        assert_eq!(env.expand("100%:$:${:$()"), "100%:$:${:$()");
+    }
+
+    #[test]
+    fn previous_path_and_order() {
+        let env = Environment::empty();
+        let old = SearchPath::parse(".:/a", &SearchPath::default(), &env);
+        let new = SearchPath::parse("/b::&:/a", &old, &env);
+        assert_eq!(new.folders(), [Path::new("/b"), Path::new("."), Path::new("/a")]);
+    }
+
+    #[test]
+    fn finding() {
+        let here = SearchPath::parse("/nowhere:.", &SearchPath::default(), &Environment::empty());
+        assert_eq!(here.find("Cargo.toml"), Some(PathBuf::from("Cargo.toml")));
+        assert_eq!(here.find("no such file"), None);
+        assert!(SearchPath::default().find("./Cargo.toml").is_some());
+    }
+}

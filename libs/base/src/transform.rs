@@ -1,0 +1,290 @@
+//! 4x4 matrices that act on row vectors, and transformations that move.
+
+use glam::{DMat4, Mat4, Vec3, Vec4};
+
+/// A 4x4 matrix acting on row vectors: `p' = p * M`, translation in the last row.
+///
+/// Stored as a `glam::Mat4` of the same memory order (row-major for row vectors is column-major for
+/// column vectors), so conversion costs nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Transform(Mat4);
+
+impl Default for Transform {
+    fn default() -> Self {
+        Self::IDENTITY
+    }
+}
+
+impl Transform {
+    /// The transformation that changes nothing.
+    pub const IDENTITY: Self = Self(Mat4::IDENTITY);
+
+    /// From 16 numbers, row by row (`m[12..15]` is the translation).
+    pub fn from_rows(m: &[f32; 16]) -> Self {
+        Self(Mat4::from_cols_array(m))
+    }
+
+    /// The 16 numbers, row by row.
+    pub fn to_rows(&self) -> [f32; 16] {
+        self.0.to_cols_array()
+    }
+
+    /// Moves by `t`.
+    pub fn translate(t: Vec3) -> Self {
+        Self(Mat4::from_translation(t))
+    }
+
+    /// Scales about the origin.
+    pub fn scale(s: Vec3) -> Self {
+        Self(Mat4::from_scale(s))
+    }
+
+    /// Rotates by `angle_rad` about `axis` (any length; a zero axis gives the identity).
+    ///
+    /// Positive angles turn x towards y when the axis is +z.
+    pub fn rotate(angle_rad: f32, axis: Vec3) -> Self {
+        match axis.try_normalize() {
+            Some(axis) => Self(Mat4::from_axis_angle(axis, angle_rad)),
+            None => Self::IDENTITY,
+        }
+    }
+
+    /// Applies `self` first, then `next`.
+    pub fn then(&self, next: &Self) -> Self {
+        Self(next.0 * self.0)
+    }
+
+    /// The inverse, computed in double precision; `None` for a singular matrix.
+    pub fn try_inverse(&self) -> Option<Self> {
+        let m: DMat4 = self.0.as_dmat4();
+        let det = m.determinant();
+        if !det.is_finite() || det == 0.0 {
+            return None;
+        }
+        let inverse = m.inverse().as_mat4();
+        inverse.is_finite().then_some(Self(inverse))
+    }
+
+    /// The inverse; the identity for a singular matrix.
+    pub fn inverse(&self) -> Self {
+        self.try_inverse().unwrap_or(Self::IDENTITY)
+    }
+
+    /// Determinant of the whole matrix.
+    pub fn determinant(&self) -> f32 {
+        self.0.as_dmat4().determinant() as f32
+    }
+
+    /// Whether the transformation exchanges left and right handed coordinates.
+    pub fn flips_handedness(&self) -> bool {
+        let (x, y, z) = (self.0.x_axis.truncate(), self.0.y_axis.truncate(), self.0.z_axis.truncate());
+        x.cross(y).dot(z) < 0.0
+    }
+
+    /// Transforms a position, dividing by the homogeneous coordinate when it is not one.
+    pub fn point(&self, p: Vec3) -> Vec3 {
+        let h = self.0 * p.extend(1.0);
+        if h.w == 1.0 { h.truncate() } else { h.truncate() / h.w }
+    }
+
+    /// Transforms a homogeneous point without dividing.
+    pub fn hpoint(&self, p: Vec4) -> Vec4 {
+        self.0 * p
+    }
+
+    /// Transforms a direction (the translation does not count).
+    pub fn vector(&self, v: Vec3) -> Vec3 {
+        self.0.transform_vector3(v)
+    }
+
+    /// Transforms a normal by the inverse transpose. Costs an inversion: for many normals take
+    /// [`Transform::normal_matrix`] once.
+    pub fn normal(&self, n: Vec3) -> Vec3 {
+        self.normal_matrix().vector(n)
+    }
+
+    /// The matrix that transforms normals as [`Transform::vector`] transforms directions.
+    pub fn normal_matrix(&self) -> Self {
+        let mut linear = self.0.as_dmat4();
+        linear.w_axis = glam::DVec4::W;
+        linear.x_axis.w = 0.0;
+        linear.y_axis.w = 0.0;
+        linear.z_axis.w = 0.0;
+        if linear.determinant() == 0.0 {
+            return Self(linear.as_mat4());
+        }
+        Self(linear.inverse().transpose().as_mat4())
+    }
+
+    /// Rows and columns exchanged.
+    pub fn transpose(&self) -> Self {
+        Self(self.0.transpose())
+    }
+
+    /// Component-wise linear blend: `self` at `alpha` 0, `other` at 1.
+    pub fn lerp(&self, other: &Self, alpha: f32) -> Self {
+        if alpha <= 0.0 {
+            return *self;
+        }
+        if alpha >= 1.0 {
+            return *other;
+        }
+        Self(self.0 * (1.0 - alpha) + other.0 * alpha)
+    }
+
+    /// Whether all 16 numbers are finite.
+    pub fn is_finite(&self) -> bool {
+        self.0.is_finite()
+    }
+
+    /// The underlying matrix, for column vectors.
+    pub fn as_mat4(&self) -> &Mat4 {
+        &self.0
+    }
+}
+
+impl From<Mat4> for Transform {
+    fn from(m: Mat4) -> Self {
+        Self(m)
+    }
+}
+
+/// A transformation with one or more keys in time.
+///
+/// Between keys the matrices are blended linearly; before the first and after the last key the
+/// transformation stands still. There is always at least one key, and times increase strictly.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionTransform {
+    keys: Vec<(f32, Transform)>,
+}
+
+impl Default for MotionTransform {
+    fn default() -> Self {
+        Transform::IDENTITY.into()
+    }
+}
+
+impl From<Transform> for MotionTransform {
+    fn from(t: Transform) -> Self {
+        Self { keys: vec![(0.0, t)] }
+    }
+}
+
+impl MotionTransform {
+    /// From keys in any order; of two keys with one time the later in the list wins.
+    /// `None` when there is no key or a time is not finite.
+    pub fn from_keys(mut keys: Vec<(f32, Transform)>) -> Option<Self> {
+        if keys.is_empty() || keys.iter().any(|(t, _)| !t.is_finite()) {
+            return None;
+        }
+        keys.sort_by(|a, b| a.0.total_cmp(&b.0));
+        keys.dedup_by(|later, earlier| {
+            let same = later.0 == earlier.0;
+            if same {
+                earlier.1 = later.1;
+            }
+            same
+        });
+        Some(Self { keys })
+    }
+
+    /// Keys in order of time.
+    pub fn keys(&self) -> &[(f32, Transform)] {
+        &self.keys
+    }
+
+    /// Whether there is more than one key.
+    pub fn is_moving(&self) -> bool {
+        self.keys.len() > 1
+    }
+
+    /// The transformation at the first key.
+    pub fn first(&self) -> &Transform {
+        &self.keys[0].1
+    }
+
+    /// The transformation at `time`.
+    pub fn at(&self, time: f32) -> Transform {
+        let next = self.keys.partition_point(|(t, _)| *t <= time);
+        if next == 0 {
+            return self.keys[0].1;
+        }
+        let (t0, a) = &self.keys[next - 1];
+        match self.keys.get(next) {
+            None => *a,
+            Some((t1, b)) => a.lerp(b, (time - t0) / (t1 - t0)),
+        }
+    }
+
+    /// Applies `self` first, then `next`, at the union of both key times.
+    pub fn then(&self, next: &Self) -> Self {
+        self.combine(next, |a, b| a.then(b))
+    }
+
+    /// Combines two moving transformations key by key, at the union of their times.
+    fn combine(&self, other: &Self, f: impl Fn(&Transform, &Transform) -> Transform) -> Self {
+        let times: Vec<f32> = match (self.is_moving(), other.is_moving()) {
+            (_, false) => self.keys.iter().map(|k| k.0).collect(),
+            (false, true) => other.keys.iter().map(|k| k.0).collect(),
+            (true, true) => {
+                let mut all: Vec<f32> = self.keys.iter().chain(&other.keys).map(|k| k.0).collect();
+                all.sort_by(f32::total_cmp);
+                all.dedup();
+                all
+            }
+        };
+        Self { keys: times.iter().map(|&t| (t, f(&self.at(t), &other.at(t)))).collect() }
+    }
+
+    /// Each key inverted (singular keys become the identity).
+    pub fn inverse(&self) -> Self {
+        Self { keys: self.keys.iter().map(|(t, m)| (*t, m.inverse())).collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn row_vectors_and_order() {
+        let m = Transform::translate(Vec3::X).then(&Transform::scale(Vec3::splat(3.0)));
+        assert_eq!(m.point(Vec3::ZERO), Vec3::new(3.0, 0.0, 0.0));
+        assert_eq!(m.to_rows()[12], 3.0);
+        let r = Transform::rotate(std::f32::consts::FRAC_PI_2, Vec3::Z);
+        assert!((r.vector(Vec3::X) - Vec3::Y).length() < 1e-6);
+    }
+
+    #[test]
+    fn singular_matrices_have_no_inverse() {
+        assert!(Transform::scale(Vec3::new(1.0, 0.0, 1.0)).try_inverse().is_none());
+        assert_eq!(Transform::scale(Vec3::ZERO).inverse(), Transform::IDENTITY);
+    }
+
+    #[test]
+    fn normals_stay_perpendicular() {
+        let m = Transform::scale(Vec3::new(1.0, 4.0, 1.0)).then(&Transform::rotate(0.7, Vec3::X));
+        let (tangent, normal) = (Vec3::new(1.0, 1.0, 0.0), Vec3::new(1.0, -1.0, 0.0));
+        assert!(m.vector(tangent).dot(m.normal(normal)).abs() < 1e-5);
+    }
+
+    #[test]
+    fn motion_blends_and_stands_still_outside() {
+        let m = MotionTransform::from_keys(vec![
+            (1.0, Transform::translate(Vec3::X)),
+            (0.0, Transform::IDENTITY),
+        ])
+        .unwrap();
+        assert_eq!(m.at(-1.0).point(Vec3::ZERO), Vec3::ZERO);
+        assert_eq!(m.at(0.25).point(Vec3::ZERO), Vec3::new(0.25, 0.0, 0.0));
+        assert_eq!(m.at(9.0).point(Vec3::ZERO), Vec3::X);
+        assert!(MotionTransform::from_keys(vec![]).is_none());
+        assert!(MotionTransform::from_keys(vec![(f32::NAN, Transform::IDENTITY)]).is_none());
+    }
+
+    #[test]
+    fn handedness() {
+        assert!(Transform::scale(Vec3::new(-1.0, 1.0, 1.0)).flips_handedness());
+        assert!(!Transform::rotate(2.0, Vec3::ONE).flips_handedness());
+    }
+}
