@@ -1,1 +1,52 @@
-//! placeholder
+//! One way to declare a tool: clap options in one or two dashes, progress, messages, exit codes.
+//!
+//! The suite's users write `-envcube`; today's users write `--envcube`. [`parse`] takes both: a word
+//! `-name` is read as `--name` when the tool declares a long option of that name, or when no short
+//! option begins with its first letter (so that a misspelling gets clap's suggestion).
+//!
+//! Exit codes: 0 done, 1 ran with errors, 2 could not run ([`Status`]). A closed pipe is no failure.
+
+mod args;
+mod progress;
+
+pub use args::parse;
+pub use progress::{Bar, console_reporter};
+
+use std::process::ExitCode;
+
+/// How a tool ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// All well.
+    Done,
+    /// It ran and left something useful, but there were errors.
+    WithErrors,
+    /// It could not do what was asked.
+    Failed,
+}
+
+impl From<Status> for ExitCode {
+    fn from(status: Status) -> Self {
+        match status {
+            Status::Done => Self::SUCCESS,
+            Status::WithErrors => Self::from(1),
+            Status::Failed => Self::from(2),
+        }
+    }
+}
+
+/// Prints to standard output; a reader that went away is no failure.
+#[expect(clippy::exit, reason = "a closed pipe ends the tool, quietly and successfully")]
+pub fn print(text: &str) {
+    use std::io::Write;
+    let mut out = std::io::stdout().lock();
+    if let Err(error) = out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        let code = if error.kind() == std::io::ErrorKind::BrokenPipe { 0 } else { 2 };
+        std::process::exit(code);
+    }
+}
+
+/// The process's environment, for the libraries that take it as a value.
+pub fn environment() -> granita_base::Environment {
+    std::env::vars_os().filter_map(|(k, v)| Some((k.into_string().ok()?, v.into_string().ok()?))).collect()
+}

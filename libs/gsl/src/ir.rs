@@ -1,0 +1,519 @@
+//! The intermediate representation: what the compiler makes, `.gso` stores and the executor runs.
+//!
+//! A [`Module`] is one shader. All functions have been inlined (recursion is not allowed, arguments
+//! pass by reference), so its code is one tree of structured statements over typed **symbols**.
+//! There are no pointers and no jumps: the tree can be interpreted over masked lanes or printed as
+//! WGSL. Every symbol is either the same for all points (uniform) or not (varying); the executor
+//! tracks which at run time, the IR does not say.
+//!
+//! Meaning, stated once:
+//! - a statement affects **active lanes** only; `If` and `Loop` narrow them, `Break`, `Continue`,
+//!   [`Stmt::Leave`] and `Exit` take lanes out of the innermost loop, of the rest of its iteration,
+//!   of a named scope, of the shader;
+//! - `&&`, `||` and `?:` have been lowered to `If`, so operands with side effects run only as in C;
+//! - conversions happen in [`OpCode::Assign`] and on operands: float to triple replicates, float to
+//!   matrix fills the diagonal, triples copy among each other;
+//! - the type of an operation is the type of its `dst` symbol; operands convert to it, except where the
+//!   opcode says otherwise.
+
+use granita_base::Location;
+use std::sync::Arc;
+
+/// What kind of shader (reference 5.1.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the words are the language's")]
+pub enum ShaderKind {
+    Surface,
+    Displacement,
+    Volume,
+    Light,
+    /// `shader`: any usage, checked when it is attached.
+    Generic,
+}
+
+impl ShaderKind {
+    /// The keyword that declares it.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Surface => "surface",
+            Self::Displacement => "displacement",
+            Self::Volume => "volume",
+            Self::Light => "light",
+            Self::Generic => "shader",
+        }
+    }
+}
+
+/// Type of one value (reference 5.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the words are the language's")]
+pub enum ValueType {
+    Void,
+    Float,
+    Color,
+    Point,
+    Vector,
+    Normal,
+    Matrix,
+    String,
+}
+
+impl ValueType {
+    /// Floats of one value; 1 for a string, 0 for void.
+    pub fn components(self) -> usize {
+        match self {
+            Self::Void => 0,
+            Self::Float | Self::String => 1,
+            Self::Color | Self::Point | Self::Vector | Self::Normal => 3,
+            Self::Matrix => 16,
+        }
+    }
+
+    /// Whether it is a colour, point, vector or normal.
+    pub fn is_triple(self) -> bool {
+        self.components() == 3
+    }
+
+    /// Whether it is a point, vector or normal.
+    pub fn is_point_like(self) -> bool {
+        matches!(self, Self::Point | Self::Vector | Self::Normal)
+    }
+
+    /// The keyword.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Void => "void",
+            Self::Float => "float",
+            Self::Color => "color",
+            Self::Point => "point",
+            Self::Vector => "vector",
+            Self::Normal => "normal",
+            Self::Matrix => "matrix",
+            Self::String => "string",
+        }
+    }
+}
+
+/// Type of a symbol: a value or an array of values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct SymbolType {
+    /// Of one element.
+    pub value: ValueType,
+    /// Array length; of a variable-length parameter, the number of its initialisers.
+    pub array: Option<u32>,
+    /// Declared `[]`: the instance may give another length.
+    pub open: bool,
+}
+
+impl SymbolType {
+    /// Not an array.
+    pub const fn of(value: ValueType) -> Self {
+        Self { value, array: None, open: false }
+    }
+
+    /// Elements: 1 when not an array.
+    pub fn elements(&self) -> usize {
+        self.array.unwrap_or(1) as usize
+    }
+}
+
+/// Index into [`Module::symbols`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct SymbolId(pub u32);
+
+/// The predefined variables (reference 5.7).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[allow(missing_docs, reason = "the names are the language's")]
+#[allow(non_camel_case_types, reason = "the names are the language's")]
+pub enum Global {
+    P,
+    I,
+    N,
+    Ng,
+    dPdu,
+    dPdv,
+    u,
+    v,
+    L,
+    Cl,
+    Ps,
+    Ns,
+    Pl,
+    Nl,
+    C,
+    opacity,
+    time,
+    dtime,
+    dPdtime,
+}
+
+impl Global {
+    /// All, in declaration order.
+    pub const ALL: [Self; 19] = [
+        Self::P,
+        Self::I,
+        Self::N,
+        Self::Ng,
+        Self::dPdu,
+        Self::dPdv,
+        Self::u,
+        Self::v,
+        Self::L,
+        Self::Cl,
+        Self::Ps,
+        Self::Ns,
+        Self::Pl,
+        Self::Nl,
+        Self::C,
+        Self::opacity,
+        Self::time,
+        Self::dtime,
+        Self::dPdtime,
+    ];
+
+    /// Its name.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::P => "P",
+            Self::I => "I",
+            Self::N => "N",
+            Self::Ng => "Ng",
+            Self::dPdu => "dPdu",
+            Self::dPdv => "dPdv",
+            Self::u => "u",
+            Self::v => "v",
+            Self::L => "L",
+            Self::Cl => "Cl",
+            Self::Ps => "Ps",
+            Self::Ns => "Ns",
+            Self::Pl => "Pl",
+            Self::Nl => "Nl",
+            Self::C => "C",
+            Self::opacity => "opacity",
+            Self::time => "time",
+            Self::dtime => "dtime",
+            Self::dPdtime => "dPdtime",
+        }
+    }
+
+    /// Its type.
+    pub fn value_type(self) -> ValueType {
+        match self {
+            Self::P | Self::Ps | Self::Pl => ValueType::Point,
+            Self::I | Self::L | Self::dPdu | Self::dPdv | Self::dPdtime => ValueType::Vector,
+            Self::N | Self::Ng | Self::Ns | Self::Nl => ValueType::Normal,
+            Self::Cl | Self::C | Self::opacity => ValueType::Color,
+            Self::u | Self::v | Self::time | Self::dtime => ValueType::Float,
+        }
+    }
+}
+
+/// What a symbol stands for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SymbolKind {
+    /// A predefined variable.
+    Global(Global),
+    /// A shader parameter: index into [`Module::params`].
+    Param(u32),
+    /// A variable of the source, or an inlined function's.
+    Local,
+    /// Made by the compiler; each is written before it is read.
+    Temp,
+    /// A constant; its values, element by element.
+    Const(ConstValue),
+}
+
+/// A constant.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ConstValue {
+    /// Components of all elements.
+    Floats(Arc<[f32]>),
+    /// Strings of all elements.
+    Strings(Arc<[Arc<str>]>),
+}
+
+/// A variable, parameter, temporary or constant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Symbol {
+    /// Name in the source; for temporaries and constants empty.
+    pub name: Arc<str>,
+    /// Its type.
+    pub ty: SymbolType,
+    /// What it stands for.
+    pub kind: SymbolKind,
+}
+
+/// Statements in order.
+pub type Block = Vec<Stmt>;
+
+/// Names a [`Stmt::Scope`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ScopeId(pub u32);
+
+/// One statement.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Stmt {
+    /// One operation.
+    Op(Op),
+    /// `cond` is a float: 0 is false.
+    If {
+        /// Float symbol.
+        cond: SymbolId,
+        /// Lanes where it is not 0.
+        then: Block,
+        /// The others.
+        otherwise: Block,
+    },
+    /// A loop of any kind.
+    Loop {
+        /// `do ... while`: the first iteration runs untested.
+        body_first: bool,
+        /// Code that computes `cond`, before each test.
+        test: Block,
+        /// Float symbol; `None` loops until left.
+        cond: Option<SymbolId>,
+        /// The body.
+        body: Block,
+        /// After the body and after `Continue`, before the next test.
+        step: Block,
+    },
+    /// Code that [`Stmt::Leave`] can leave: an inlined function.
+    Scope {
+        /// Its name.
+        id: ScopeId,
+        /// Its code.
+        body: Block,
+    },
+    /// Active lanes skip the rest of the scope.
+    Leave(ScopeId),
+    /// Out of the innermost loop (of `Loop` only).
+    Break,
+    /// To the next iteration of the innermost loop.
+    Continue,
+    /// `exit ()`, or `return` in the shader's own body.
+    Exit,
+    /// `lights`: the body runs once per light sample with `L`, `Cl`, `Pl`, `Nl` set.
+    Lights {
+        /// String; `None` takes all non-ambient lights.
+        category: Option<SymbolId>,
+        /// Point.
+        position: SymbolId,
+        /// Vector and float (half angle, radians); both or none.
+        cone: Option<(SymbolId, SymbolId)>,
+        /// The body.
+        body: Block,
+        /// Where.
+        at: SourcePos,
+    },
+    /// `emit`, in a light shader.
+    Emit {
+        /// Which form.
+        form: EmitForm,
+        /// The body; sets `Cl`.
+        body: Block,
+        /// Where.
+        at: SourcePos,
+    },
+    /// `trace`: the body runs once per ray.
+    Trace {
+        /// String: geometry set.
+        set: SymbolId,
+        /// Point.
+        position: SymbolId,
+        /// Vector.
+        axis: SymbolId,
+        /// Float, half angle in radians.
+        angle: SymbolId,
+        /// Float.
+        samples: SymbolId,
+        /// Name (string) and value, in pairs.
+        options: Vec<(SymbolId, SymbolId)>,
+        /// The body.
+        body: Block,
+        /// Where.
+        at: SourcePos,
+    },
+}
+
+/// Forms of `emit` (reference 5.5.5).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum EmitForm {
+    /// `emit (point from)`.
+    Point(SymbolId),
+    /// `emit (point from, vector axis, float angle)`.
+    Cone {
+        /// Point.
+        from: SymbolId,
+        /// Vector.
+        axis: SymbolId,
+        /// Float, half angle in radians.
+        angle: SymbolId,
+    },
+    /// `emit (vector axis, float spreadangle)`.
+    Distant {
+        /// Vector; light travels along it.
+        axis: SymbolId,
+        /// Float, radians.
+        spread: SymbolId,
+    },
+    /// `emit ()`: along the reflection direction.
+    Reflection,
+}
+
+/// A place in the source.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SourcePos {
+    /// Index into [`Module::files`].
+    pub file: u16,
+    /// Counted from 1; 0 unknown.
+    pub line: u32,
+}
+
+/// One operation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Op {
+    /// What.
+    pub code: OpCode,
+    /// Result; `None` for functions without one.
+    pub dst: Option<SymbolId>,
+    /// Operands.
+    pub args: Vec<SymbolId>,
+    /// Where.
+    pub at: SourcePos,
+}
+
+/// What an operation does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum OpCode {
+    /// `dst = args[0]`, converted; whole arrays copy when their lengths agree.
+    Assign,
+    /// `-args[0]`.
+    Neg,
+    /// Component by component.
+    Add,
+    /// Component by component.
+    Sub,
+    /// Component by component; of matrices, the matrix product (row vectors: left applies first).
+    Mul,
+    /// Component by component; of matrices, product with the inverse.
+    Div,
+    /// Float 1 when all components are equal, or strings are; operands of equal type after promotion.
+    Eq,
+    /// The opposite of `Eq`.
+    Ne,
+    /// Of floats; float result.
+    Lt,
+    /// Of floats; float result.
+    Le,
+    /// Of floats; float result.
+    Gt,
+    /// Of floats; float result.
+    Ge,
+    /// Float 1 when `args[0]` is zero in all components, or an empty string.
+    Not,
+    /// Float 1 when `args[0]` is not zero in some component, or not an empty string.
+    Truth,
+    /// `dst = args[0][floor (args[1])]` of an array. Outside: an error once, then the nearest element.
+    Index,
+    /// `dst[floor (args[0])] = args[1]` of an array.
+    IndexSet,
+    /// Float: component `floor (args[1])` of triple `args[0]`.
+    Component,
+    /// Component `floor (args[0])` of triple `dst` becomes `args[1]`.
+    ComponentSet,
+    /// Float: `args[0][args[1]][args[2]]` of a matrix, row then column.
+    MatrixComponent,
+    /// `dst[args[0]][args[1]] = args[2]` of a matrix.
+    MatrixComponentSet,
+    /// Triple from 1 or 3 floats, matrix from 1 or 16, by `dst`'s type; a string in front names the
+    /// space (or colour space) that they are in, and the result is in "common" (or "rgb").
+    Construct,
+    /// A function of the standard library.
+    Call(crate::Func),
+}
+
+/// A default that can be told without running the shader.
+#[derive(Clone, Debug, PartialEq)]
+pub enum DefaultValue {
+    /// Constant, in a named space when one was given.
+    Known {
+        /// As written: `point ("shader", ...)`, `color ("hsv", ...)`.
+        space: Option<Arc<str>>,
+        /// All elements.
+        value: ConstValue,
+    },
+    /// Computed: printed as "Unknown default value".
+    Unknown,
+}
+
+/// A metadatum (reference 5.4).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Metadatum {
+    /// Declared type.
+    pub ty: ValueType,
+    /// Name.
+    pub name: Arc<str>,
+    /// Constant value.
+    pub value: ConstValue,
+}
+
+/// A shader parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParamDecl {
+    /// Its symbol; name and type are there.
+    pub symbol: SymbolId,
+    /// Declared `output`.
+    pub output: bool,
+    /// For queries.
+    pub default: DefaultValue,
+    /// Computes the default into the symbol; run when nothing else gives a value. Parameters are
+    /// initialised in order, so it may read globals and earlier parameters.
+    pub init: Block,
+    /// Metadata of the parameter.
+    pub metadata: Vec<Metadatum>,
+}
+
+/// One compiled shader.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Module {
+    /// Kind.
+    pub kind: ShaderKind,
+    /// Name in the source.
+    pub name: Arc<str>,
+    /// Metadata of the shader.
+    pub metadata: Vec<Metadatum>,
+    /// In order of declaration.
+    pub params: Vec<ParamDecl>,
+    /// Everything that has a value. Each global and constant appears at most once.
+    pub symbols: Vec<Symbol>,
+    /// The body.
+    pub body: Block,
+    /// Source files, for messages.
+    pub files: Vec<Arc<str>>,
+    /// Globals read anywhere (initialisers included).
+    pub reads: Vec<Global>,
+    /// Globals written anywhere.
+    pub writes: Vec<Global>,
+    /// Uses a function that looks at neighbouring points.
+    pub needs_derivatives: bool,
+}
+
+impl Module {
+    /// A symbol.
+    pub fn symbol(&self, id: SymbolId) -> &Symbol {
+        &self.symbols[id.0 as usize]
+    }
+
+    /// The parameter called `name`.
+    pub fn param(&self, name: &str) -> Option<&ParamDecl> {
+        self.params.iter().find(|p| &*self.symbol(p.symbol).name == name)
+    }
+
+    /// A source position as a place for messages.
+    pub fn location(&self, at: SourcePos) -> Location {
+        match self.files.get(at.file as usize) {
+            Some(file) => Location::line(file, at.line),
+            None => Location::default(),
+        }
+    }
+}

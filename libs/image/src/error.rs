@@ -1,0 +1,57 @@
+//! What can go wrong with an image, sorted by whose fault it is.
+
+use std::path::PathBuf;
+
+/// An image that cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum ImageError {
+    /// The system refused.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file contradicts its own format.
+    #[error("{}: malformed {format}: {what}", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// The format it was taken for.
+        format: &'static str,
+        /// What is wrong, and where in the file if known.
+        what: String,
+    },
+    /// Legal, but not handled.
+    #[error("{}: {what}", path.display())]
+    Unsupported {
+        /// The file.
+        path: PathBuf,
+        /// What is not handled.
+        what: String,
+    },
+    /// Larger than the reader may take in.
+    #[error("{}: {what} {asked} exceeds the limit of {max}", path.display())]
+    Limit {
+        /// The file.
+        path: PathBuf,
+        /// What is too large.
+        what: &'static str,
+        /// How large.
+        asked: u64,
+        /// How large it may be.
+        max: u64,
+    },
+    /// The caller asked for something that does not exist or does not fit.
+    #[error("{}: {what}", path.display())]
+    Misuse {
+        /// The file.
+        path: PathBuf,
+        /// What was asked.
+        what: String,
+    },
+}
+
+/// Result of an image operation.
+pub type Result<T> = std::result::Result<T, ImageError>;

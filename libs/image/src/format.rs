@@ -1,0 +1,193 @@
+//! The contract between files and everybody else: input, output, format, registry.
+
+use crate::{ImageError, ImageSpec, Pixels, Result};
+use std::path::Path;
+use std::sync::Arc;
+
+/// What a reader may take in. Checked before anything is allocated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Largest width or height.
+    pub dimension: u32,
+    /// Largest number of pixels of one image.
+    pub pixels: u64,
+    /// Largest allocation for one read call, in bytes.
+    pub bytes: u64,
+    /// Largest number of channels.
+    pub channels: u32,
+    /// Largest number of images or MIP levels in one file.
+    pub images: u32,
+}
+
+impl Default for Limits {
+    /// Generous: 1 Mi pixels a side, 64 Gi pixels, 8 GiB at once, 1024 channels, 4096 images.
+    fn default() -> Self {
+        Self { dimension: 1 << 20, pixels: 1 << 36, bytes: 8 << 30, channels: 1024, images: 4096 }
+    }
+}
+
+/// An open image file. Any number of threads may read at once.
+///
+/// A file holds images, each with one or more MIP levels; level 0 is the largest. Texture files that
+/// store levels as further images (TIFF, reference 9.2.1) present them as levels of image 0.
+pub trait ImageInput: Send + Sync {
+    /// Name of the format, as "tiff".
+    fn format_name(&self) -> &'static str;
+
+    /// Number of images, at least 1.
+    fn images(&self) -> usize {
+        1
+    }
+
+    /// Number of MIP levels of an image, at least 1; 0 when there is no such image.
+    fn levels(&self, image: usize) -> usize;
+
+    /// Description of one level; `None` when there is no such level.
+    fn spec(&self, image: usize, level: usize) -> Option<&ImageSpec>;
+
+    /// Rows `y0..y1` of the data window (0 is its top row) of a level, tiled or not.
+    fn read_rows(&self, image: usize, level: usize, y0: u32, y1: u32) -> Result<Pixels>;
+
+    /// Tile `(tx, ty)` of a tiled level, always of full tile size; what lies outside the data window
+    /// is whatever the file holds. Reads nothing but this tile. An error for a scanline image.
+    fn read_tile(&self, image: usize, level: usize, tx: u32, ty: u32) -> Result<Pixels>;
+
+    /// The whole data window of a level.
+    fn read_level(&self, image: usize, level: usize) -> Result<Pixels> {
+        let height = self.spec(image, level).map_or(0, |s| s.height);
+        self.read_rows(image, level, 0, height)
+    }
+
+    /// Bytes read from the file so far, headers included; for statistics and tests.
+    fn bytes_read(&self) -> u64;
+}
+
+/// A file being written: levels in order, each in rows or in tiles, then [`ImageOutput::close`].
+///
+/// Dropped before `close`, nothing is left under the final name.
+pub trait ImageOutput: Send {
+    /// The next rows of a scanline level: as many as `pixels` holds, from the top downward.
+    /// `pixels` has the spec's type.
+    fn write_rows(&mut self, pixels: &Pixels) -> Result<()>;
+
+    /// Tile `(tx, ty)` of a tiled level, of full tile size; any order, each once.
+    fn write_tile(&mut self, tx: u32, ty: u32, pixels: &Pixels) -> Result<()>;
+
+    /// Begins the next MIP level (or further image, where the format has no levels of its own).
+    /// The level before must be complete.
+    fn next_level(&mut self, spec: &ImageSpec) -> Result<()>;
+
+    /// Completes the file and puts it under its final name.
+    fn close(self: Box<Self>) -> Result<()>;
+}
+
+/// How to create a file.
+#[derive(Clone, Debug)]
+pub struct CreateOptions<'a> {
+    /// First (largest) level. Its `attributes` carry the format's own options, as `compression`.
+    pub spec: &'a ImageSpec,
+    /// How many levels will follow in all, at least 1; formats that need to know it up front rely on it.
+    pub levels: usize,
+}
+
+/// One file format.
+pub trait Format: Send + Sync {
+    /// Name in `Output` and `-format`, as "tiff".
+    fn name(&self) -> &'static str;
+
+    /// Further names it answers to, as "OpenEXR" for "exr".
+    fn aliases(&self) -> &'static [&'static str] {
+        &[]
+    }
+
+    /// File extensions without the dot, lower case, the usual one first.
+    fn extensions(&self) -> &'static [&'static str];
+
+    /// Whether a file that begins with `head` (up to 64 bytes) is of this format.
+    fn recognizes(&self, head: &[u8]) -> bool;
+
+    /// Opens a file for reading.
+    fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>>;
+
+    /// Whether it can write: "tiles", "levels", "half", "float", "u16", "channels" (more than 4), "write".
+    fn supports(&self, feature: &str) -> bool;
+
+    /// Creates a file.
+    fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>>;
+}
+
+/// The formats known to one session, in order of registration.
+#[derive(Clone, Default)]
+pub struct FormatRegistry {
+    formats: Vec<Arc<dyn Format>>,
+    limits: Limits,
+}
+
+impl std::fmt::Debug for FormatRegistry {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_list().entries(self.formats.iter().map(|f| f.name())).finish()
+    }
+}
+
+impl FormatRegistry {
+    /// No formats.
+    pub fn new(limits: Limits) -> Self {
+        Self { formats: Vec::new(), limits }
+    }
+
+    /// Adds a format; of two with one name the later counts.
+    pub fn register(&mut self, format: Arc<dyn Format>) {
+        self.formats.retain(|f| f.name() != format.name());
+        self.formats.push(format);
+    }
+
+    /// By name or alias, or by extension.
+    pub fn by_name(&self, name: &str) -> Option<&Arc<dyn Format>> {
+        let same = |other: &str| other.eq_ignore_ascii_case(name);
+        self.formats
+            .iter()
+            .find(|f| same(f.name()) || f.aliases().iter().any(|a| same(a)))
+            .or_else(|| self.formats.iter().find(|f| f.extensions().iter().any(|e| same(e))))
+    }
+
+    /// Names of all formats.
+    pub fn names(&self) -> Vec<&'static str> {
+        self.formats.iter().map(|f| f.name()).collect()
+    }
+
+    /// Opens a file: formats that recognise its first bytes are tried first, then those of its extension.
+    pub fn open(&self, path: &Path) -> Result<Box<dyn ImageInput>> {
+        use std::io::Read;
+        let io = |source| ImageError::Io { path: path.to_owned(), source };
+        let mut head = Vec::with_capacity(64);
+        std::fs::File::open(path).map_err(io)?.take(64).read_to_end(&mut head).map_err(io)?;
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        let format = (self.formats.iter().find(|f| f.recognizes(&head)))
+            .or_else(|| self.formats.iter().find(|f| f.extensions().contains(&extension.as_str())));
+        match format {
+            Some(format) => format.open(path, &self.limits),
+            None if head.is_empty() => {
+                Err(ImageError::Unsupported { path: path.to_owned(), what: "the file is empty".to_owned() })
+            }
+            None => Err(ImageError::Unsupported {
+                path: path.to_owned(),
+                what: format!("not an image of a known format ({})", self.names().join(", ")),
+            }),
+        }
+    }
+
+    /// Creates a file in the format called `format`.
+    pub fn create(
+        &self,
+        path: &Path,
+        format: &str,
+        options: &CreateOptions<'_>,
+    ) -> Result<Box<dyn ImageOutput>> {
+        self.by_name(format)
+            .ok_or_else(|| ImageError::Unsupported {
+                path: path.to_owned(),
+                what: format!("unknown image format \"{format}\" (known: {})", self.names().join(", ")),
+            })?
+            .create(path, options)
+    }
+}

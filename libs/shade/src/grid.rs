@@ -1,0 +1,203 @@
+//! Points to be shaded together, as structure-of-arrays lanes.
+
+use granita_base::{ParamType, Vec3};
+use std::sync::Arc;
+
+/// Three arrays: x, y and z (or r, g and b) of every point.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Lanes3 {
+    /// The arrays, all of the grid's length.
+    pub xyz: [Vec<f32>; 3],
+}
+
+impl Lanes3 {
+    /// `n` zeros.
+    pub fn zeros(n: usize) -> Self {
+        Self { xyz: std::array::from_fn(|_| vec![0.0; n]) }
+    }
+
+    /// `n` copies.
+    pub fn splat(v: Vec3, n: usize) -> Self {
+        Self { xyz: std::array::from_fn(|c| vec![v[c]; n]) }
+    }
+
+    /// From points.
+    pub fn from_points(points: &[Vec3]) -> Self {
+        Self { xyz: std::array::from_fn(|c| points.iter().map(|p| p[c]).collect()) }
+    }
+
+    /// Value of lane `i`.
+    pub fn get(&self, i: usize) -> Vec3 {
+        Vec3::new(self.xyz[0][i], self.xyz[1][i], self.xyz[2][i])
+    }
+
+    /// Sets lane `i`.
+    pub fn set(&mut self, i: usize, v: Vec3) {
+        for c in 0..3 {
+            self.xyz[c][i] = v[c];
+        }
+    }
+
+    /// Number of lanes.
+    pub fn len(&self) -> usize {
+        self.xyz[0].len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.xyz[0].is_empty()
+    }
+}
+
+/// How the points of a grid neighbour each other; derivatives follow from it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Topology {
+    /// `nu x nv` points, u fastest.
+    Rect {
+        /// Points along u.
+        nu: usize,
+        /// Points along v.
+        nv: usize,
+    },
+    /// `3 n` points: `n` centres, then their `n` neighbours along u, then along v. Ray hits.
+    Triplets {
+        /// Number of centres.
+        n: usize,
+    },
+    /// Unrelated points; derivatives are 0.
+    Scattered {
+        /// Number of points.
+        n: usize,
+    },
+}
+
+impl Topology {
+    /// Number of points (lanes).
+    pub fn points(&self) -> usize {
+        match *self {
+            Self::Rect { nu, nv } => nu * nv,
+            Self::Triplets { n } => 3 * n,
+            Self::Scattered { n } => n,
+        }
+    }
+}
+
+/// Numbers or strings of a primitive variable over a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PrimvarData {
+    /// Component by component (array elements included): value `c` of lane `i` at `c * n + i`, or at `c` when
+    /// uniform.
+    Floats {
+        /// The values.
+        values: Vec<f32>,
+        /// Whether there is one value per lane.
+        varying: bool,
+    },
+    /// Uniform strings.
+    Strings(Vec<Arc<str>>),
+}
+
+/// A primitive variable, evaluated on the points of a grid, spatial values in "common" space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Primvar {
+    /// Its name.
+    pub name: Arc<str>,
+    /// Its type; the interpolation no longer matters.
+    pub ty: ParamType,
+    /// Its values.
+    pub data: PrimvarData,
+}
+
+/// Why a grid is shaded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RayKind {
+    /// 0 for the camera, 1 for a one-bounce ray and so on.
+    pub level: u32,
+    /// Only opacity is wanted, for a shadow ray.
+    pub shadow: bool,
+    /// For indirect illumination.
+    pub indirect: bool,
+}
+
+/// Points to be shaded together; spatial values in "common" space.
+///
+/// Displacement changes `p` and `n`; surface and volume shaders change `c` and `opacity`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    /// Neighbourhood; gives the number of lanes.
+    pub topology: Topology,
+    /// Positions.
+    pub p: Lanes3,
+    /// Shading normals, any length.
+    pub n: Lanes3,
+    /// Geometric normals, any length, not zero where the surface has one.
+    pub ng: Lanes3,
+    /// From the viewing position to `p`.
+    pub i: Lanes3,
+    /// Change of `p` per unit of `u`.
+    pub dpdu: Lanes3,
+    /// Change of `p` per unit of `v`.
+    pub dpdv: Lanes3,
+    /// Change of `p` per unit of time.
+    pub dpdtime: Lanes3,
+    /// Surface parameters.
+    pub u: Vec<f32>,
+    /// Surface parameters.
+    pub v: Vec<f32>,
+    /// Shutter time.
+    pub time: f32,
+    /// Length of the shutter interval that this shading stands for.
+    pub dtime: f32,
+    /// Colour; before shading, the surface colour.
+    pub c: Lanes3,
+    /// Opacity; before shading, the object's.
+    pub opacity: Lanes3,
+    /// Primitive variables.
+    pub primvars: Vec<Primvar>,
+    /// Whether the geometric normal is `-cross (dPdu, dPdv)` (see `scene::AttributeSet::flip_normals`).
+    pub flip_normals: bool,
+    /// Seeds `random ()`; depends on nothing but the primitive and the place on it.
+    pub seed: u32,
+    /// Why it is shaded.
+    pub ray: RayKind,
+    /// Name of the object, for messages.
+    pub object: Arc<str>,
+}
+
+impl Grid {
+    /// A grid with everything zero, C and opacity one.
+    pub fn new(topology: Topology) -> Self {
+        let n = topology.points();
+        Self {
+            topology,
+            p: Lanes3::zeros(n),
+            n: Lanes3::zeros(n),
+            ng: Lanes3::zeros(n),
+            i: Lanes3::zeros(n),
+            dpdu: Lanes3::zeros(n),
+            dpdv: Lanes3::zeros(n),
+            dpdtime: Lanes3::zeros(n),
+            u: vec![0.0; n],
+            v: vec![0.0; n],
+            time: 0.0,
+            dtime: 0.0,
+            c: Lanes3::splat(Vec3::ONE, n),
+            opacity: Lanes3::splat(Vec3::ONE, n),
+            primvars: Vec::new(),
+            flip_normals: false,
+            seed: 0,
+            ray: RayKind::default(),
+            object: Arc::from(""),
+        }
+    }
+
+    /// Number of lanes.
+    pub fn len(&self) -> usize {
+        self.topology.points()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}

@@ -1,0 +1,311 @@
+//! What shaders need from the renderer around them.
+//!
+//! The executor knows no texture, ray, light or scene. It calls these batch methods over the **active
+//! lanes** of a grid; the renderer implements them, tests use doubles. Methods with a default body are
+//! those a renderer may do without; the default says so by its result.
+
+use crate::Lanes3;
+use granita_base::{Color, Param, Severity, Transform, Vec3};
+use std::sync::Arc;
+
+/// A float per lane, or one for all.
+#[derive(Clone, Copy, Debug)]
+pub struct Lane<'a> {
+    /// Values; a single one when uniform.
+    pub values: &'a [f32],
+    /// 1 when there is a value per lane, 0 when uniform.
+    pub stride: usize,
+}
+
+impl Lane<'_> {
+    /// Value of lane `i`.
+    pub fn get(&self, i: usize) -> f32 {
+        self.values[i * self.stride]
+    }
+}
+
+/// A triple per lane, or one for all.
+#[derive(Clone, Copy, Debug)]
+pub struct Lane3<'a> {
+    /// x, y, z.
+    pub xyz: [Lane<'a>; 3],
+}
+
+impl<'a> Lane3<'a> {
+    /// Value of lane `i`.
+    pub fn get(&self, i: usize) -> Vec3 {
+        Vec3::new(self.xyz[0].get(i), self.xyz[1].get(i), self.xyz[2].get(i))
+    }
+
+    /// Over varying arrays.
+    pub fn over(lanes: &'a Lanes3) -> Self {
+        Self { xyz: std::array::from_fn(|c| Lane { values: &lanes.xyz[c], stride: 1 }) }
+    }
+}
+
+/// What every batch call carries.
+#[derive(Clone, Copy, Debug)]
+pub struct Batch<'a> {
+    /// Lanes of the grid.
+    pub lanes: usize,
+    /// Active lanes, increasing. Results go to these; others stay as they are.
+    pub active: &'a [u32],
+    /// Layer of the running group, for "shader" space.
+    pub layer: usize,
+}
+
+/// Options of a lookup, by the names of reference 5.8.10; `None` when not given.
+#[derive(Clone, Copy, Debug, Default)]
+#[allow(missing_docs, reason = "fields carry the option names of the reference")]
+pub struct LookupOptions<'a> {
+    pub sblur: Option<Lane<'a>>,
+    pub tblur: Option<Lane<'a>>,
+    pub swidth: Option<Lane<'a>>,
+    pub twidth: Option<Lane<'a>>,
+    pub swrap: Option<&'a str>,
+    pub twrap: Option<&'a str>,
+    pub firstchannel: Option<Lane<'a>>,
+    pub fill: Option<Lane<'a>>,
+    pub angle: Option<Lane<'a>>,
+    pub kr: Option<Lane<'a>>,
+    pub space: Option<&'a str>,
+    pub radius: Option<Lane<'a>>,
+    pub up: Option<&'a str>,
+    pub samples: Option<Lane<'a>>,
+    pub bias: Option<Lane<'a>>,
+    pub maxhitdist: Option<Lane<'a>>,
+    pub shade: Option<Lane<'a>>,
+}
+
+/// `texture ()`.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs, reason = "fields carry the argument names of the reference")]
+pub struct TextureQuery<'a> {
+    pub batch: Batch<'a>,
+    pub name: &'a str,
+    pub s: Lane<'a>,
+    pub t: Lane<'a>,
+    pub dsdx: Lane<'a>,
+    pub dtdx: Lane<'a>,
+    pub dsdy: Lane<'a>,
+    pub dtdy: Lane<'a>,
+    /// 1 or 3 channels are wanted.
+    pub channels: usize,
+    pub options: LookupOptions<'a>,
+}
+
+/// `environment ()`.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs, reason = "fields carry the argument names of the reference")]
+pub struct EnvironmentQuery<'a> {
+    pub batch: Batch<'a>,
+    /// A map file or a geometry set.
+    pub name: &'a str,
+    pub p: Lane3<'a>,
+    pub r: Lane3<'a>,
+    pub drdx: Lane3<'a>,
+    pub drdy: Lane3<'a>,
+    /// Differentials of `p` between neighbouring points, for ray footprints.
+    pub dpdx: Lane3<'a>,
+    pub dpdy: Lane3<'a>,
+    pub channels: usize,
+    pub options: LookupOptions<'a>,
+}
+
+/// Results of a lookup for every lane; component by component.
+#[derive(Clone, Debug, Default)]
+pub struct LookupResult {
+    /// `channels` arrays of the grid's length.
+    pub value: Vec<Vec<f32>>,
+    /// The channel after them, or the opacity of what rays hit.
+    pub alpha: Vec<f32>,
+    /// Mean distance of hits, or 1e38. Filled by ray-traced environments only; else empty.
+    pub hitdist: Vec<f32>,
+    /// Mean position of hits; empty when not traced.
+    pub p_hit: Lanes3,
+    /// Mean normal of hits; empty when not traced.
+    pub n_hit: Lanes3,
+}
+
+/// `shadow ()`.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs, reason = "fields carry the argument names of the reference")]
+pub struct ShadowQuery<'a> {
+    pub batch: Batch<'a>,
+    /// A map file or a geometry set.
+    pub name: &'a str,
+    pub p: Lane3<'a>,
+    pub dpdx: Lane3<'a>,
+    pub dpdy: Lane3<'a>,
+    /// Direction from `p` to the light inside `emit`: rays end there (or run on when `light_infinite`).
+    pub to_light: Lane3<'a>,
+    pub light_infinite: bool,
+    pub options: LookupOptions<'a>,
+}
+
+/// What is known of a light without running it.
+#[derive(Clone, Debug, Default)]
+pub struct LightInfo {
+    /// Its shader has no `emit`.
+    pub ambient: bool,
+    /// Value of its `__category` parameter, empty without one.
+    pub category: Arc<str>,
+}
+
+/// Where light is gathered.
+#[derive(Clone, Copy, Debug)]
+pub struct IlluminateQuery<'a> {
+    /// Lanes.
+    pub batch: Batch<'a>,
+    /// Positions, `Ps` of the light shader.
+    pub ps: Lane3<'a>,
+    /// Axis, `Ns` of the light shader; any length.
+    pub ns: Lane3<'a>,
+}
+
+/// Light that arrives from one sample of one light, for every lane of the grid.
+#[derive(Clone, Debug, Default)]
+pub struct LightSample {
+    /// From `Ps` to the light; any length.
+    pub l: Lanes3,
+    /// Light colour.
+    pub cl: Lanes3,
+    /// Position of the light.
+    pub pl: Lanes3,
+    /// Normal of the light (area lights).
+    pub nl: Lanes3,
+    /// Lanes that `emit` reached.
+    pub lit: Vec<bool>,
+}
+
+/// All that one light sends to a grid.
+#[derive(Clone, Debug, Default)]
+pub struct LightResult {
+    /// One per executed `emit` body and area sample; empty for ambient lights.
+    pub samples: Vec<LightSample>,
+    /// `Cl` at the end of an ambient light's shader, for every lane.
+    pub ambient: Option<Lanes3>,
+    /// Value of `__nondiffuse` per lane; empty without the parameter.
+    pub nondiffuse: Vec<f32>,
+    /// Value of `__nonspecular` per lane; empty without the parameter.
+    pub nonspecular: Vec<f32>,
+    /// Values of its parameters after the run, for `getmessage ("light", ...)`: uniform ones only.
+    pub params: Vec<Param>,
+}
+
+/// Rays of a `trace` loop or of a probing function.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs, reason = "fields carry the argument names of the reference")]
+pub struct TraceQuery<'a> {
+    pub batch: Batch<'a>,
+    pub set: &'a str,
+    pub p: Lane3<'a>,
+    pub axis: Lane3<'a>,
+    /// Half angle in radians.
+    pub angle: Lane<'a>,
+    pub samples: Lane<'a>,
+    /// Sample number of this iteration, from 0.
+    pub sample: u32,
+    /// "cosine" or "uniform".
+    pub distribution: &'a str,
+    pub options: LookupOptions<'a>,
+}
+
+/// What one ray per lane found.
+#[derive(Clone, Debug, Default)]
+#[allow(missing_docs, reason = "fields carry the message names of reference 5.5.5")]
+pub struct TraceResult {
+    pub hit: Vec<bool>,
+    pub hitdist: Vec<f32>,
+    pub l: Lanes3,
+    pub ps: Lanes3,
+    pub cl: Lanes3,
+    pub ol: Lanes3,
+    pub p: Lanes3,
+}
+
+/// Everything a running shader may ask of the renderer.
+pub trait Services {
+    /// The matrix from a named space to "common"; "shader" is the space of `layer`. `None` when unknown.
+    fn to_common(&mut self, space: &str, layer: usize) -> Option<Transform>;
+
+    /// Factor that turns a measure in `from` units into `to` units (reference 5.8.3 `transformu`), for
+    /// names that are units ("mm", "s", "common" ...); spaces are handled by the executor.
+    fn unit_scale(&mut self, from: &str, to: &str) -> Option<f32>;
+
+    /// Filtered texture lookup.
+    fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult);
+
+    /// Volume texture lookup at `p` with neighbour differences; by default fills with `fill`.
+    fn texture3d(&mut self, query: &TextureQuery<'_>, p: Lane3<'_>, out: &mut LookupResult) {
+        let _ = p;
+        fill(query.batch, query.channels, query.options.fill, out);
+    }
+
+    /// Environment map lookup, or reflection rays.
+    fn environment(&mut self, query: &EnvironmentQuery<'_>, out: &mut LookupResult);
+
+    /// Shadow map lookup, or shadow rays: occlusion per lane, 0 open, 1 blocked.
+    fn shadow(&mut self, query: &ShadowQuery<'_>, out: &mut Lanes3);
+
+    /// Number of lights that shine on the object.
+    fn light_count(&mut self) -> usize;
+
+    /// Of light `index`.
+    fn light_info(&mut self, index: usize) -> LightInfo;
+
+    /// Runs light `index` for the lanes of `query`. Implementations cache: `diffuse` and `specular` of one
+    /// shader ask the same question.
+    fn illuminate(&mut self, index: usize, query: &IlluminateQuery<'_>) -> Arc<LightResult>;
+
+    /// One ray per active lane; by default nothing is hit.
+    fn trace(&mut self, query: &TraceQuery<'_>, out: &mut TraceResult) {
+        let n = query.batch.lanes;
+        out.hit = vec![false; n];
+        out.hitdist = vec![1e30; n];
+        for lanes in [&mut out.l, &mut out.ps, &mut out.cl, &mut out.ol, &mut out.p] {
+            *lanes = Lanes3::zeros(n);
+        }
+    }
+
+    /// Fraction of the cone that is blocked, and the mean open direction; by default open.
+    fn occlusion(&mut self, query: &TraceQuery<'_>, out: &mut [f32], unoccluded: &mut Lanes3) {
+        for &i in query.batch.active {
+            out[i as usize] = 0.0;
+            unoccluded.set(i as usize, query.axis.get(i as usize));
+        }
+    }
+
+    /// Irradiance over the hemisphere; by default black.
+    fn indirect(&mut self, query: &TraceQuery<'_>, out: &mut Lanes3) {
+        for &i in query.batch.active {
+            out.set(i as usize, Color::ZERO);
+        }
+    }
+
+    /// A renderer attribute, `user:` ones included.
+    fn attribute(&mut self, name: &str) -> Option<Param>;
+
+    /// Data about a texture file (reference table 5.5).
+    fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param>;
+
+    /// A message for the user: `printf` (as [`Severity::Message`]), `error`, or the executor's own.
+    fn say(&mut self, severity: Severity, text: &str);
+
+    /// Said once per name of a feature that this renderer does not have yet.
+    fn unsupported(&mut self, feature: &str) {
+        self.say(Severity::Warning, &format!("{feature} is not supported yet"));
+    }
+}
+
+/// Fills a result with the `fill` option (0 by default) and no alpha.
+fn fill(batch: Batch<'_>, channels: usize, value: Option<Lane<'_>>, out: &mut LookupResult) {
+    out.value.resize(channels, Vec::new());
+    for channel in &mut out.value {
+        channel.resize(batch.lanes, 0.0);
+        for &i in batch.active {
+            channel[i as usize] = value.map_or(0.0, |f| f.get(i as usize));
+        }
+    }
+    out.alpha.resize(batch.lanes, 0.0);
+}
