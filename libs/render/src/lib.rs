@@ -1,1 +1,36 @@
-//! placeholder
+//! A frame: buckets, split, dice, displace, shade, hide, filter, write.
+//!
+//! [`Renderer::render`] takes a finished [`granita_scene::Scene`] and writes the images that its
+//! `Output` calls asked for. Everything from outside (formats, shaders, search paths, messages) comes
+//! in through a [`RenderEnvironment`]; nothing here reads the process's environment, prints or exits.
+//!
+//! The way of a primitive: `geom` builds it into pieces; `dicing` bounds, culls and splits the pieces
+//! until each dices into a grid of a bearable size; the grid is displaced and shaded **once**, in
+//! "common" (= world) space, however many buckets need it; `hider` samples its micropolygons at
+//! jittered places, times and lens points; `film` filters the samples into pixels; `output` writes.
+//!
+//! # Invariants
+//!
+//! - Pixels are the same to the bit for any number of threads, bucket order, bucket size and crop:
+//!   splitting and dicing depend on the primitive and the camera only, samples are hashed from
+//!   (absolute pixel, sample, dimension), and every sum has a fixed order.
+//! - A grid is shaded at most once, and only when a bucket that must be rendered may see it.
+//! - A panic while a bucket is rendered is reported with the bucket; the other buckets go on.
+//!
+//! # Deliberately absent
+//!
+//! File formats, scene parsing, the shading language; those are handed in.
+
+mod camera;
+mod environment;
+mod error;
+mod lights;
+mod object;
+mod raytrace;
+mod services;
+mod shading;
+mod spaces;
+
+pub use camera::{CameraView, Lens, PixelRect, Projection};
+pub use environment::{Progress, RenderEnvironment, ShaderLibrary, Silent};
+pub use error::RenderError;

@@ -1,0 +1,443 @@
+//! A camera resolved from its attributes (reference 4.1, 7.1, 7.2): projections, windows, sampling.
+
+use granita_base::{Location, MotionTransform, Param, Params, Reporter, Severity, Transform, Vec2, Vec3};
+use granita_scene::Camera;
+use std::sync::Arc;
+
+/// How three dimensions become two.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// Lines of sight meet in the camera; `cot_half_fov` scales camera space at z = 1 to "screen" space.
+    Perspective {
+        /// 1 / tan (fov / 2); fov is the vertical field of view for the default screen window.
+        cot_half_fov: f32,
+    },
+    /// Parallel lines of sight; "screen" x and y are those of "camera" space.
+    Orthographic,
+}
+
+/// A thin lens (reference 7.1.4). Lengths in camera space units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    /// Radius of the aperture: focallength / (2 fstop).
+    pub radius: f32,
+    /// Depth that is in sharp focus.
+    pub focal_distance: f32,
+}
+
+/// A rectangle of whole pixels, `x0..x1` by `y0..y1`; empty when an upper end is not above its lower.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct PixelRect {
+    /// First column.
+    pub x0: i32,
+    /// First row.
+    pub y0: i32,
+    /// One past the last column.
+    pub x1: i32,
+    /// One past the last row.
+    pub y1: i32,
+}
+
+impl PixelRect {
+    /// Columns; 0 when empty.
+    pub fn width(&self) -> usize {
+        usize::try_from(self.x1 - self.x0).unwrap_or(0)
+    }
+
+    /// Rows; 0 when empty.
+    pub fn height(&self) -> usize {
+        usize::try_from(self.y1 - self.y0).unwrap_or(0)
+    }
+
+    /// Whether there is no pixel in it.
+    pub fn is_empty(&self) -> bool {
+        self.width() == 0 || self.height() == 0
+    }
+
+    /// What both have in common.
+    pub fn intersection(&self, other: &Self) -> Self {
+        Self {
+            x0: self.x0.max(other.x0),
+            y0: self.y0.max(other.y0),
+            x1: self.x1.min(other.x1),
+            y1: self.y1.min(other.y1),
+        }
+    }
+
+    /// Grown by `n` pixels on every side.
+    pub fn grown(&self, n: i32) -> Self {
+        Self { x0: self.x0 - n, y0: self.y0 - n, x1: self.x1 + n, y1: self.y1 + n }
+    }
+
+    /// Whether the pixel is inside.
+    pub fn contains(&self, x: i32, y: i32) -> bool {
+        x >= self.x0 && x < self.x1 && y >= self.y0 && y < self.y1
+    }
+}
+
+/// A camera with everything resolved that a frame asks of it.
+///
+/// Raster space has its origin at the upper left; one unit is a pixel. "screen" and raster z are 0 on
+/// the near and 1 on the far plane (hyperbolic between them for a perspective projection).
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraView {
+    /// Its name, also that of its geometry set.
+    pub name: Arc<str>,
+    /// World to camera space.
+    pub world_to_camera: MotionTransform,
+    /// Projection.
+    pub projection: Projection,
+    /// Whole image in pixels.
+    pub resolution: [u32; 2],
+    /// "screen" window: xmin, xmax, ymin, ymax.
+    pub screen: [f32; 4],
+    /// The pixels to render, inside the resolution.
+    pub crop: PixelRect,
+    /// Near clipping plane, camera space z.
+    pub near: f32,
+    /// Far clipping plane, camera space z.
+    pub far: f32,
+    /// Open and close time; equal without motion blur.
+    pub shutter: [f32; 2],
+    /// Depth of field, `None` for a pinhole.
+    pub lens: Option<Lens>,
+    /// Samples across and down a pixel.
+    pub spatialquality: [u32; 2],
+    /// Least number of different times in a pixel.
+    pub temporalquality: u32,
+    /// Least number of different lens positions in a pixel.
+    pub dofquality: u32,
+    /// Pixels of a bucket.
+    pub bucketsize: [u32; 2],
+    /// "horizontal", "vertical" or "spiral".
+    pub bucketorder: Arc<str>,
+    /// Preview mode: replaces "shadingquality" when not 0.
+    pub preview: f32,
+}
+
+/// Attributes of one camera, with messages about values that make no sense.
+struct Attributes<'a> {
+    camera: &'a Camera,
+    reporter: &'a Reporter,
+}
+
+impl Attributes<'_> {
+    fn floats<const N: usize>(&self, name: &str) -> Option<[f32; N]> {
+        let values = self.camera.params.floats(name)?;
+        let values: Option<[f32; N]> = values.get(..N).and_then(|v| v.try_into().ok());
+        match values {
+            Some(v) if v.iter().all(|x: &f32| x.is_finite()) => Some(v),
+            _ => {
+                self.complain(name, "is not made of enough finite numbers; the default is used");
+                None
+            }
+        }
+    }
+
+    fn float(&self, name: &str, default: f32) -> f32 {
+        self.floats::<1>(name).map_or(default, |v| v[0])
+    }
+
+    /// A count of at least 1 and at most `max`.
+    fn counts<const N: usize>(&self, name: &str, default: [u32; N], max: u32) -> [u32; N] {
+        let Some(values) = self.floats::<N>(name) else { return default };
+        values.map(|v| {
+            let n = v as i64;
+            if n < 1 || n > i64::from(max) {
+                self.complain(name, &format!("{n} is outside 1 to {max} and is clamped"));
+            }
+            u32::try_from(n.clamp(1, i64::from(max))).unwrap_or(1)
+        })
+    }
+
+    fn complain(&self, name: &str, what: &str) {
+        let camera = &self.camera.name;
+        self.reporter.once(
+            &format!("camera {camera} {name}"),
+            Severity::Warning,
+            &Location::default(),
+            format!("camera \"{camera}\": \"{name}\" {what}"),
+        );
+    }
+}
+
+impl CameraView {
+    /// Largest resolution in one direction.
+    pub const MAX_RESOLUTION: u32 = 1 << 20;
+
+    /// Resolves the attributes of a camera. Values that make no sense are reported once and replaced by
+    /// the defaults of reference 4.1.
+    pub fn new(camera: &Camera, reporter: &Reporter) -> Self {
+        let get = Attributes { camera, reporter };
+        let resolution = get.counts("resolution", [640, 480], Self::MAX_RESOLUTION);
+        let pixelaspect = match get.float("pixelaspect", 1.0) {
+            a if a > 0.0 => a,
+            a => {
+                get.complain("pixelaspect", &format!("{a} is not positive; 1 is used"));
+                1.0
+            }
+        };
+        // The reference defines the default window by xres/yres; with pixels that are not square only the
+        // shape of the picture on the wall keeps circles round, so the pixels' own shape counts as well.
+        let aspect = resolution[0] as f32 / resolution[1] as f32 * pixelaspect;
+        let default_screen = [-aspect, aspect, -1.0, 1.0];
+        let screen = match get.floats::<4>("screen") {
+            Some(s) if s[0] != s[1] && s[2] != s[3] => s,
+            Some(_) => {
+                get.complain("screen", "has no area; the default is used");
+                default_screen
+            }
+            None => default_screen,
+        };
+        let projection = match camera.params.string("projection").map(|s| &**s) {
+            Some("orthographic") => Projection::Orthographic,
+            other => {
+                if let Some(name) = other.filter(|n| *n != "perspective") {
+                    get.complain("projection", &format!("\"{name}\" is unknown; \"perspective\" is used"));
+                }
+                let fov_deg = match get.float("fov", 90.0) {
+                    f if f > 0.0 && f < 180.0 => f,
+                    f => {
+                        get.complain("fov", &format!("{f} is outside 0 to 180 degrees; 90 is used"));
+                        90.0
+                    }
+                };
+                Projection::Perspective { cot_half_fov: 1.0 / (fov_deg.to_radians() * 0.5).tan() }
+            }
+        };
+        let perspective = matches!(projection, Projection::Perspective { .. });
+        let (mut near, mut far) = (get.float("near", 0.1), get.float("far", 1.0e6));
+        if far <= near || perspective && near <= 0.0 {
+            get.complain("near", &format!("{near} and far {far} enclose nothing; 0.1 and 1e6 are used"));
+            (near, far) = (0.1, 1.0e6);
+        }
+        let mut shutter = get.floats::<2>("shutter").unwrap_or([0.0; 2]);
+        if shutter[1] < shutter[0] {
+            get.complain("shutter", "closes before it opens; the times are exchanged");
+            shutter.swap(0, 1);
+        }
+        let preview = get.float("preview", 0.0).max(0.0);
+        let quality = |name: &str| if preview > 0.0 { format!("preview:{name}") } else { name.to_owned() };
+        let or_preview = |normal: u32, fast: u32| if preview > 0.0 { fast } else { normal };
+        let lens = perspective.then(|| Self::lens(&get)).flatten();
+        let bucket = or_preview(32, 2048);
+        let spatial = or_preview(4, 1);
+        let times = or_preview(16, 1);
+        Self {
+            name: camera.name.clone(),
+            world_to_camera: camera.world_to_camera.clone(),
+            projection,
+            resolution,
+            screen,
+            crop: Self::crop_pixels(get.floats::<4>("crop").unwrap_or([0.0, 1.0, 0.0, 1.0]), resolution),
+            near,
+            far,
+            shutter,
+            lens,
+            spatialquality: get.counts(&quality("spatialquality"), [spatial; 2], 256),
+            temporalquality: get.counts(&quality("temporalquality"), [times], 65536)[0],
+            dofquality: get.counts(&quality("dofquality"), [times], 65536)[0],
+            bucketsize: get.counts(
+                if preview > 0.0 { "preview:bucketsize" } else { "limits:bucketsize" },
+                [bucket; 2],
+                Self::MAX_RESOLUTION,
+            ),
+            bucketorder: camera.params.string("bucketorder").cloned().unwrap_or_else(|| "horizontal".into()),
+            preview,
+        }
+    }
+
+    /// The lens, when all three of its attributes ask for one.
+    fn lens(get: &Attributes<'_>) -> Option<Lens> {
+        let fstop = get.float("fstop", 1.0e30);
+        let (length, distance) = (get.float("focallength", 0.0), get.float("focaldistance", 0.0));
+        let blurs = fstop > 0.0 && fstop < 1.0e29 && length > 0.0 && distance > 0.0;
+        blurs.then(|| Lens { radius: length / (2.0 * fstop), focal_distance: distance })
+    }
+
+    /// Pixels of a crop window: `ceil (xres * xmin)` to `ceil (xres * xmax - 1)` inclusive (reference 4.1),
+    /// clamped to the image.
+    fn crop_pixels(crop: [f32; 4], resolution: [u32; 2]) -> PixelRect {
+        // In double precision the edge of one crop is the edge of its neighbour for all usual fractions.
+        let edge = |fraction: f32, res: u32| {
+            let exact = f64::from(fraction) * f64::from(res);
+            // A fraction such as 0.1 is not exact in single precision; 0.1 of 640 must be 64, not 65.
+            let near = exact.round();
+            let at = if (exact - near).abs() < 1e-6 * f64::from(res).max(1.0) { near } else { exact.ceil() };
+            at.clamp(0.0, f64::from(res)) as i32
+        };
+        PixelRect {
+            x0: edge(crop[0], resolution[0]),
+            x1: edge(crop[1], resolution[0]),
+            y0: edge(crop[2], resolution[1]),
+            y1: edge(crop[3], resolution[1]),
+        }
+    }
+
+    /// Time at which splitting, dicing and shading happen: when the shutter opens.
+    pub fn shading_time(&self) -> f32 {
+        self.shutter[0]
+    }
+
+    /// Whether the shutter is open for any length of time.
+    pub fn has_motion_blur(&self) -> bool {
+        self.shutter[1] > self.shutter[0]
+    }
+
+    /// Camera to world at a time.
+    pub fn camera_to_world(&self, time: f32) -> Transform {
+        self.world_to_camera.at(time).inverse()
+    }
+
+    /// Where shading looks from, in world space: the camera's place when the shutter opens.
+    pub fn position_world(&self) -> Vec3 {
+        self.camera_to_world(self.shading_time()).point(Vec3::ZERO)
+    }
+
+    /// Direction of view in world space, of length 1.
+    pub fn direction_world(&self) -> Vec3 {
+        self.camera_to_world(self.shading_time()).vector(Vec3::Z).normalize_or(Vec3::Z)
+    }
+
+    /// Camera to "screen" space. `z` becomes 0 on the near and 1 on the far plane.
+    pub fn camera_to_screen(&self) -> Transform {
+        let (n, f) = (f64::from(self.near), f64::from(self.far));
+        let depth = (1.0 / (f - n)) as f32;
+        match self.projection {
+            Projection::Perspective { cot_half_fov: c } => {
+                let (a, b) = ((f / (f - n)) as f32, (-f * n / (f - n)) as f32);
+                Transform::from_rows(&[
+                    c, 0.0, 0.0, 0.0, //
+                    0.0, c, 0.0, 0.0, //
+                    0.0, 0.0, a, 1.0, //
+                    0.0, 0.0, b, 0.0,
+                ])
+            }
+            Projection::Orthographic => Transform::from_rows(&[
+                1.0,
+                0.0,
+                0.0,
+                0.0, //
+                0.0,
+                1.0,
+                0.0,
+                0.0, //
+                0.0,
+                0.0,
+                depth,
+                0.0, //
+                0.0,
+                0.0,
+                -self.near * depth,
+                1.0,
+            ]),
+        }
+    }
+
+    /// "screen" to NDC space: (0, 0) upper left, (1, 1) lower right of the whole image.
+    pub fn screen_to_ndc(&self) -> Transform {
+        let [x0, x1, y0, y1] = self.screen;
+        let (sx, sy) = (1.0 / (x1 - x0), -1.0 / (y1 - y0));
+        Transform::from_rows(&[
+            sx,
+            0.0,
+            0.0,
+            0.0, //
+            0.0,
+            sy,
+            0.0,
+            0.0, //
+            0.0,
+            0.0,
+            1.0,
+            0.0, //
+            -x0 * sx,
+            -y1 * sy,
+            0.0,
+            1.0,
+        ])
+    }
+
+    /// NDC to raster space.
+    pub fn ndc_to_raster(&self) -> Transform {
+        Transform::scale(Vec3::new(self.resolution[0] as f32, self.resolution[1] as f32, 1.0))
+    }
+
+    /// The matrix from world to a space of this camera at a time: "camera", "screen", "NDC", "raster" or
+    /// "world"; `None` for other names.
+    pub fn world_to(&self, space: &str, time: f32) -> Option<Transform> {
+        let camera = self.world_to_camera.at(time);
+        Some(match space {
+            "world" | "common" => Transform::IDENTITY,
+            "camera" => camera,
+            "screen" => camera.then(&self.camera_to_screen()),
+            "NDC" => camera.then(&self.camera_to_screen()).then(&self.screen_to_ndc()),
+            "raster" => {
+                camera.then(&self.camera_to_screen()).then(&self.screen_to_ndc()).then(&self.ndc_to_raster())
+            }
+            _ => return None,
+        })
+    }
+
+    /// `worldtoscreen` of image metadata (reference 13.4): the image spans -1 to 1 in x and y, y upwards.
+    pub fn world_to_clip(&self) -> Transform {
+        let [x0, x1, y0, y1] = self.screen;
+        let scale = Vec3::new(2.0 / (x1 - x0), 2.0 / (y1 - y0), 1.0);
+        let shift = Vec3::new(-(x0 + x1) / (x1 - x0), -(y0 + y1) / (y1 - y0), 0.0);
+        let window = Transform::scale(scale).then(&Transform::translate(shift));
+        self.world_to_camera.at(self.shading_time()).then(&self.camera_to_screen()).then(&window)
+    }
+
+    /// A camera space point in raster space; z stays in camera space. Meaningful for `z > 0` only in a
+    /// perspective.
+    pub fn project(&self, p_cam: Vec3) -> Vec3 {
+        let s = self.raster_scale(p_cam.z);
+        let c = self.raster_center();
+        Vec3::new(c.x + p_cam.x * s.x, c.y + p_cam.y * s.y, p_cam.z)
+    }
+
+    /// Raster position of the line of sight through the camera's axis.
+    pub fn raster_center(&self) -> Vec2 {
+        let [x0, x1, y0, y1] = self.screen;
+        Vec2::new(-x0 / (x1 - x0) * self.resolution[0] as f32, y1 / (y1 - y0) * self.resolution[1] as f32)
+    }
+
+    /// Pixels per camera space unit at depth `z` (y negative: raster runs downward).
+    pub fn raster_scale(&self, z: f32) -> Vec2 {
+        let [x0, x1, y0, y1] = self.screen;
+        let scale = match self.projection {
+            Projection::Perspective { cot_half_fov } => cot_half_fov / z,
+            Projection::Orthographic => 1.0,
+        };
+        Vec2::new(
+            scale * self.resolution[0] as f32 / (x1 - x0),
+            -scale * self.resolution[1] as f32 / (y1 - y0),
+        )
+    }
+
+    /// Radius in pixels (x, y) of the circle of confusion at depth `z`, with its sign: positive behind the
+    /// plane in focus. Zero for a pinhole.
+    pub fn confusion(&self, z: f32) -> Vec2 {
+        match self.lens {
+            // A point at depth z, seen from a lens point l and brought onto the plane of focus, moves by
+            // l (1 - focus / z) there; in raster that is l * scale (focus) * (1 - focus / z).
+            Some(lens) => {
+                self.raster_scale(lens.focal_distance) * (lens.radius * (1.0 - lens.focal_distance / z))
+            }
+            None => Vec2::ZERO,
+        }
+    }
+
+    /// Matrices that go into the files of this camera.
+    pub fn metadata(&self) -> Params {
+        let matrix = |name: &str, m: Transform| Param {
+            name: name.into(),
+            ty: granita_base::ParamType::of(granita_base::BaseType::Matrix),
+            data: m.to_rows()[..].into(),
+        };
+        Params(vec![
+            matrix("worldtocamera", self.world_to_camera.at(self.shading_time())),
+            matrix("worldtoscreen", self.world_to_clip()),
+        ])
+    }
+}

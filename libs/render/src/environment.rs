@@ -1,0 +1,65 @@
+//! What a renderer is given from outside.
+
+use granita_base::{Environment, Reporter, SearchPath};
+use granita_gsl::ir::Module;
+use granita_image::FormatRegistry;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Finds compiled shaders by name.
+pub trait ShaderLibrary: Send + Sync {
+    /// The shader called `name` (without extension); `None`, already reported once, when there is none.
+    fn load(&self, name: &str) -> Option<Arc<Module>>;
+}
+
+/// Is told how far a frame is. Called from any thread.
+pub trait Progress: Send + Sync {
+    /// A frame of `total` steps begins.
+    fn begin(&self, total: u64);
+    /// So many steps of it are done; never decreases.
+    fn done(&self, steps: u64);
+    /// The frame is over, complete or not.
+    fn end(&self);
+}
+
+/// Tells nobody.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Silent;
+
+impl Progress for Silent {
+    fn begin(&self, _: u64) {}
+    fn done(&self, _: u64) {}
+    fn end(&self) {}
+}
+
+/// Everything that a frame takes from outside the scene.
+#[derive(Clone)]
+pub struct RenderEnvironment {
+    /// Image formats, for outputs and textures.
+    pub registry: FormatRegistry,
+    /// Compiled shaders.
+    pub shaders: Arc<dyn ShaderLibrary>,
+    /// Where textures are looked for: the resolved "path:texture".
+    pub texture_path: SearchPath,
+    /// Variables, for file names.
+    pub variables: Environment,
+    /// Receives messages.
+    pub reporter: Reporter,
+    /// Is told how far the frame is.
+    pub progress: Arc<dyn Progress>,
+    /// Threads to render with; 0 takes "limits:threads" of the scene.
+    pub threads: usize,
+    /// Set by somebody else to make a running frame end early (`Command ("return")`).
+    pub stop: Arc<AtomicBool>,
+    /// Scene files as the user named them, for the command line in messages about failed buckets.
+    pub scene_files: Vec<String>,
+}
+
+impl std::fmt::Debug for RenderEnvironment {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("RenderEnvironment")
+            .field("registry", &self.registry)
+            .field("threads", &self.threads)
+            .finish_non_exhaustive()
+    }
+}
