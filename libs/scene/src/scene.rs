@@ -69,8 +69,9 @@ pub struct Light {
 /// Per-object state frozen when a primitive was declared. Many primitives share one.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct AttributeSet {
-    /// Per-object attributes that differ from their default, and `user:` attributes, by name.
-    pub values: BTreeMap<Arc<str>, Param>,
+    /// Per-object attributes that differ from their default, and `user:` attributes, by name. Shared, so
+    /// that objects which differ only in their transformation cost little.
+    pub values: Arc<BTreeMap<Arc<str>, Param>>,
     /// Shaders; none of a usage means the documented default.
     pub surface: Option<Arc<ShaderGroup>>,
     /// Displacement shaders.
