@@ -1,6 +1,6 @@
 //! The contract between files and everybody else: input, output, format, registry.
 
-use crate::{ImageError, ImageSpec, Pixels, Result};
+use crate::{ImageError, ImageSpec, PixelType, Pixels, Result};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -23,6 +23,46 @@ impl Default for Limits {
     /// Generous: 1 Mi pixels a side, 64 Gi pixels, 8 GiB at once, 1024 channels, 4096 images.
     fn default() -> Self {
         Self { dimension: 1 << 20, pixels: 1 << 36, bytes: 8 << 30, channels: 1024, images: 4096 }
+    }
+}
+
+impl Limits {
+    /// Checks the size of one level: neither side 0, sides, pixels and channels within the limits, and
+    /// one tile (or one row) small enough for one read.
+    pub fn check(&self, path: &Path, format: &'static str, spec: &ImageSpec) -> Result<()> {
+        let n = spec.nchannels() as u64;
+        if spec.width == 0 || spec.height == 0 || n == 0 {
+            return Err(ImageError::Malformed {
+                path: path.to_owned(),
+                format,
+                what: format!("image of {} x {} pixels with {n} channels", spec.width, spec.height),
+            });
+        }
+        let sides = [spec.width, spec.height, spec.tile_width, spec.tile_height];
+        let side = sides.into_iter().max().unwrap_or(0);
+        self.within(path, "image or tile side", u64::from(side), u64::from(self.dimension))?;
+        self.within(path, "number of channels", n, u64::from(self.channels))?;
+        let pixels = u64::from(spec.width) * u64::from(spec.height);
+        self.within(path, "number of pixels", pixels, self.pixels)?;
+        let (w, h) = if spec.is_tiled() { (spec.tile_width, spec.tile_height) } else { (spec.width, 1) };
+        self.check_read(path, spec, w, h)?;
+        Ok(())
+    }
+
+    /// Bytes that `width x height` pixels of `spec` take, if one read may be that large.
+    pub fn check_read(&self, path: &Path, spec: &ImageSpec, width: u32, height: u32) -> Result<usize> {
+        let bytes = u64::from(width)
+            .checked_mul(u64::from(height))
+            .and_then(|b| b.checked_mul(spec.nchannels() as u64))
+            .and_then(|b| b.checked_mul(spec.pixel_type.bytes() as u64))
+            .unwrap_or(u64::MAX);
+        self.within(path, "bytes of one read", bytes, self.bytes.min(isize::MAX as u64))?;
+        Ok(bytes as usize)
+    }
+
+    /// `Ok` when `asked` is at most `max`.
+    pub fn within(&self, path: &Path, what: &'static str, asked: u64, max: u64) -> Result<()> {
+        if asked <= max { Ok(()) } else { Err(ImageError::Limit { path: path.to_owned(), what, asked, max }) }
     }
 }
 
@@ -112,6 +152,17 @@ pub trait Format: Send + Sync {
     /// Whether it can write: "tiles", "levels", "half", "float", "u16", "channels" (more than 4), "write".
     fn supports(&self, feature: &str) -> bool;
 
+    /// The type in which it stores a rendered output whose quantization asks for `quantized` (8 or 16
+    /// bits, or floats); by default that, or the nearest it supports.
+    fn output_type(&self, quantized: PixelType) -> PixelType {
+        match quantized {
+            PixelType::Float if self.supports("float") => PixelType::Float,
+            PixelType::Half | PixelType::Float if self.supports("half") => PixelType::Half,
+            PixelType::U16 | PixelType::Float | PixelType::U32 if self.supports("u16") => PixelType::U16,
+            _ => PixelType::U8,
+        }
+    }
+
     /// Creates a file.
     fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>>;
 }
@@ -148,6 +199,16 @@ impl FormatRegistry {
             .iter()
             .find(|f| same(f.name()) || f.aliases().iter().any(|a| same(a)))
             .or_else(|| self.formats.iter().find(|f| f.extensions().iter().any(|e| same(e))))
+    }
+
+    /// What its readers may take in.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// All formats, in order of registration.
+    pub fn formats(&self) -> &[Arc<dyn Format>] {
+        &self.formats
     }
 
     /// Names of all formats.

@@ -11,12 +11,20 @@
 //!
 //! Deliberately absent: colour management, image processing, any particular format.
 
+mod atomic;
+mod block;
 mod error;
 mod format;
 mod pixels;
+mod quantize;
+mod source;
 mod spec;
 
+pub use atomic::AtomicFile;
+pub use block::{BlockCopy, TileRows, rows_from_tiles};
 pub use error::{ImageError, Result};
 pub use format::{CreateOptions, Format, FormatRegistry, ImageInput, ImageOutput, Limits};
 pub use pixels::Pixels;
+pub use quantize::{Placement, Quantize};
+pub use source::FileSource;
 pub use spec::{ImageSpec, PixelType};

@@ -64,11 +64,12 @@ impl Pixels {
         self.len() == 0
     }
 
-    /// Value `i` as a float: 8- and 16-bit integers as fractions of their range.
+    /// Value `i` as a float: 8- and 16-bit integers as fractions of their range (correctly rounded, so
+    /// that the largest is exactly 1), 32-bit ones as the nearest float.
     pub fn get(&self, i: usize) -> f32 {
         match self {
-            Self::U8(v) => f32::from(v[i]) * (1.0 / 255.0),
-            Self::U16(v) => f32::from(v[i]) * (1.0 / 65535.0),
+            Self::U8(v) => f32::from(v[i]) / 255.0,
+            Self::U16(v) => f32::from(v[i]) / 65535.0,
             Self::U32(v) => v[i] as f32,
             Self::Half(v) => v[i].to_f32(),
             Self::Float(v) => v[i],
@@ -78,12 +79,17 @@ impl Pixels {
     /// All values as floats, as [`Pixels::get`] gives them.
     pub fn to_floats(&self) -> Vec<f32> {
         match self {
+            Self::U8(v) => v.iter().map(|&v| f32::from(v) / 255.0).collect(),
+            Self::U16(v) => v.iter().map(|&v| f32::from(v) / 65535.0).collect(),
+            Self::U32(v) => v.iter().map(|&v| v as f32).collect(),
+            Self::Half(v) => v.iter().map(|v| v.to_f32()).collect(),
             Self::Float(v) => v.clone(),
-            _ => (0..self.len()).map(|i| self.get(i)).collect(),
         }
     }
 
-    /// From floats, the inverse of [`Pixels::to_floats`]: integers are rounded and clamped, NaN becomes 0.
+    /// From floats, the inverse of [`Pixels::to_floats`]: integers are rounded (halves away from 0) and
+    /// clamped, NaN becomes 0. Halves are rounded to nearest even, NaN stays NaN, what is too large becomes
+    /// infinite. Going from 8 bits to any other type and back changes nothing.
     pub fn from_floats(pixel_type: PixelType, values: &[f32]) -> Self {
         match pixel_type {
             PixelType::U8 => Self::U8(values.iter().map(|v| (v * 255.0).round() as u8).collect()),
@@ -97,6 +103,75 @@ impl Pixels {
     /// The same picture in another type; the same type costs nothing.
     pub fn converted(self, pixel_type: PixelType) -> Self {
         if self.pixel_type() == pixel_type { self } else { Self::from_floats(pixel_type, &self.to_floats()) }
+    }
+
+    /// From bytes as a file holds them, `big_endian` or little; a rest that is no whole value is dropped.
+    pub fn from_bytes(pixel_type: PixelType, bytes: Vec<u8>, big_endian: bool) -> Self {
+        /// Whole values of `N` bytes.
+        fn values<const N: usize, T>(bytes: &[u8], get: impl Fn([u8; N]) -> T) -> Vec<T> {
+            bytes.as_chunks::<N>().0.iter().map(|b| get(*b)).collect()
+        }
+        match (pixel_type, big_endian) {
+            (PixelType::U8, _) => Self::U8(bytes),
+            (PixelType::U16, false) => Self::U16(values(&bytes, u16::from_le_bytes)),
+            (PixelType::U16, true) => Self::U16(values(&bytes, u16::from_be_bytes)),
+            (PixelType::U32, false) => Self::U32(values(&bytes, u32::from_le_bytes)),
+            (PixelType::U32, true) => Self::U32(values(&bytes, u32::from_be_bytes)),
+            (PixelType::Half, false) => Self::Half(values(&bytes, f16::from_le_bytes)),
+            (PixelType::Half, true) => Self::Half(values(&bytes, f16::from_be_bytes)),
+            (PixelType::Float, false) => Self::Float(values(&bytes, f32::from_le_bytes)),
+            (PixelType::Float, true) => Self::Float(values(&bytes, f32::from_be_bytes)),
+        }
+    }
+
+    /// Appends the little-endian bytes of all values to `out`.
+    pub fn append_le_bytes(&self, out: &mut Vec<u8>) {
+        match self {
+            Self::U8(v) => out.extend_from_slice(v),
+            Self::U16(v) => out.extend(v.iter().flat_map(|v| v.to_le_bytes())),
+            Self::U32(v) => out.extend(v.iter().flat_map(|v| v.to_le_bytes())),
+            Self::Half(v) => out.extend(v.iter().flat_map(|v| v.to_le_bytes())),
+            Self::Float(v) => out.extend(v.iter().flat_map(|v| v.to_le_bytes())),
+        }
+    }
+
+    /// The values of channel `c` of `nchannels` alone.
+    pub fn plane(&self, c: usize, nchannels: usize) -> Self {
+        fn pick<T: Copy>(v: &[T], c: usize, n: usize) -> Vec<T> {
+            v.iter().skip(c).step_by(n.max(1)).copied().collect()
+        }
+        match self {
+            Self::U8(v) => Self::U8(pick(v, c, nchannels)),
+            Self::U16(v) => Self::U16(pick(v, c, nchannels)),
+            Self::U32(v) => Self::U32(pick(v, c, nchannels)),
+            Self::Half(v) => Self::Half(pick(v, c, nchannels)),
+            Self::Float(v) => Self::Float(pick(v, c, nchannels)),
+        }
+    }
+
+    /// Puts the values of `plane` into channel `c` of `nchannels`; both have the same type.
+    ///
+    /// # Panics
+    /// When the types differ, a mistake of the caller's code.
+    pub fn set_plane(&mut self, c: usize, nchannels: usize, plane: &Self) {
+        fn put<T: Copy>(to: &mut [T], c: usize, n: usize, from: &[T]) {
+            for (to, from) in to.iter_mut().skip(c).step_by(n.max(1)).zip(from) {
+                *to = *from;
+            }
+        }
+        match (self, plane) {
+            (Self::U8(d), Self::U8(s)) => put(d, c, nchannels, s),
+            (Self::U16(d), Self::U16(s)) => put(d, c, nchannels, s),
+            (Self::U32(d), Self::U32(s)) => put(d, c, nchannels, s),
+            (Self::Half(d), Self::Half(s)) => put(d, c, nchannels, s),
+            (Self::Float(d), Self::Float(s)) => put(d, c, nchannels, s),
+            (d, s) => panic!("copy between pixel types {:?} and {:?}", s.pixel_type(), d.pixel_type()),
+        }
+    }
+
+    /// Keeps the first `n` values.
+    pub fn truncate(&mut self, n: usize) {
+        each_type!(self, v => v.truncate(n));
     }
 
     /// Copies `count` values from `source[from..]` to `self[to..]`; both have the same type.
@@ -125,6 +200,42 @@ mod tests {
         assert_eq!(Pixels::from_floats(PixelType::U8, &all.to_floats()), all);
         let all = Pixels::U16((0..=65535).collect());
         assert_eq!(Pixels::from_floats(PixelType::U16, &all.to_floats()), all);
+    }
+
+    #[test]
+    fn every_byte_survives_every_type() {
+        let all = Pixels::U8((0..=255).collect());
+        for t in [PixelType::U16, PixelType::Half, PixelType::Float] {
+            assert_eq!(all.clone().converted(t).converted(PixelType::U8), all, "{t:?}");
+        }
+        let Pixels::U16(wide) = all.converted(PixelType::U16) else { panic!() };
+        assert!(wide.iter().enumerate().all(|(i, v)| usize::from(*v) == i * 257));
+        let top = Pixels::U16(vec![65535, 65534]).to_floats();
+        assert!(top[0] == 1.0 && top[1] < 1.0);
+    }
+
+    #[test]
+    fn bytes_round_trip() {
+        let values = [0.0, 1.0, 0.25, 1.0 / 3.0];
+        for t in [PixelType::U8, PixelType::U16, PixelType::U32, PixelType::Half, PixelType::Float] {
+            let pixels = Pixels::from_floats(t, &values);
+            let mut bytes = Vec::new();
+            pixels.append_le_bytes(&mut bytes);
+            assert_eq!(Pixels::from_bytes(t, bytes.clone(), false), pixels);
+            bytes.as_mut_slice().chunks_mut(t.bytes()).for_each(<[u8]>::reverse);
+            assert_eq!(Pixels::from_bytes(t, bytes, true), pixels);
+        }
+    }
+
+    #[test]
+    fn planes() {
+        let mut p = Pixels::U8(vec![1, 2, 3, 4, 5, 6]);
+        let second = p.plane(1, 3);
+        assert_eq!(second, Pixels::U8(vec![2, 5]));
+        p.set_plane(0, 3, &second);
+        assert_eq!(p, Pixels::U8(vec![2, 2, 3, 5, 5, 6]));
+        p.truncate(3);
+        assert_eq!(p, Pixels::U8(vec![2, 2, 3]));
     }
 
     #[test]
