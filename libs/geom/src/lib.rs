@@ -1,1 +1,46 @@
-//! placeholder
+//! Primitives that bound, split and dice.
+//!
+//! [`build`] turns the description of a primitive ([`granita_base::ShapeDesc`], one [`ShapeKey`] for each motion key)
+//! into [`Piece`]s; a piece knows its bound, splits into smaller pieces and dices into a lattice of points
+//! ([`Dice`]). This crate knows neither shaders nor cameras: dicing rates come in as numbers, everything is in
+//! object space.
+//!
+//! # Invariants
+//!
+//! - **Splitting does not move the surface.** Pieces share the control vertices of their primitive and differ only
+//!   in the range of parameters they cover; a point is evaluated by the same arithmetic whichever piece asks.
+//! - **Edges agree to the bit.** Two pieces that meet along an edge and are diced at rates that put points at the
+//!   same places of it give identical positions there, also when they run along it in opposite directions. This
+//!   holds between the pieces of a patch, the faces of a mesh, and patches with equal outer Bezier vertices.
+//! - **Bounds hold.** They come from convex hulls of control vertices (analytically for spheres), with the widths of
+//!   points and curves included.
+//! - **Orientation.** `dpdu x dpdv` of a mesh points along the Newell normal of its winding; of a whole sphere,
+//!   outward. Whether that is flipped is decided outside.
+//! - **Points and curves face the viewer**, whom this crate does not know: see [`Facing`] and [`Dice::turn`].
+//!
+//! # Deliberately absent
+//!
+//! Dicing rates, displacement, shading normals of surfaces without a user normal, transformation to other spaces.
+//!
+//! # Example
+//!
+//! ```
+//! use granita_base::{Params, ShapeDesc};
+//! let shape = ShapeDesc::Sphere { radius: 1.0, zmin: -1.0, zmax: 1.0, thetamax_deg: 360.0 };
+//! let params = Params::new();
+//! let keys = [granita_geom::ShapeKey { time: 0.0, params: &params }];
+//! let pieces = granita_geom::build(&shape, &keys, None, &mut |_, _| {}).unwrap();
+//! let dice = pieces[0].dice(9, 5);
+//! assert!(dice.p[0].iter().all(|p| (p.length() - 1.0).abs() < 1e-6));
+//! ```
+#![forbid(unsafe_code)]
+
+mod build;
+mod dice;
+mod error;
+mod surface;
+
+pub use build::{ShapeKey, build};
+pub use dice::{Dice, DiceData, DicePrimvar, Facing, View};
+pub use error::GeomError;
+pub use surface::{Piece, SplitDirection, Surface};

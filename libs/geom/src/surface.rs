@@ -1,0 +1,79 @@
+//! The face every primitive shows to the renderer.
+
+use crate::dice::{Dice, View};
+use granita_base::{Bound, Vec3};
+
+/// A piece of a primitive.
+pub type Piece = Box<dyn Surface>;
+
+/// Along which parameter a piece is cut.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SplitDirection {
+    /// The children meet at a line of constant u.
+    U,
+    /// The children meet at a line of constant v.
+    V,
+}
+
+/// A piece of a primitive that can be bounded, split and diced. All in object space.
+pub trait Surface: Send + Sync {
+    /// Times of the motion keys: one or more, increasing.
+    fn key_times(&self) -> &[f32];
+
+    /// A box that holds the piece at motion key `key`, widths of points and curves included (those given in object
+    /// space; for the others see [`Surface::raster_width`]).
+    fn bound(&self, key: usize) -> Bound;
+
+    /// Replaces `out` by `nu x nv` positions (u fastest) spread evenly over the piece at motion key `key`, to
+    /// estimate dicing rates. Points and curves face along z; see [`Surface::positions_towards`].
+    fn positions(&self, key: usize, nu: usize, nv: usize, out: &mut Vec<Vec3>);
+
+    /// As [`Surface::positions`], with points and curves turned towards the viewer. `view` gets the motion key and
+    /// a position.
+    fn positions_towards(
+        &self,
+        key: usize,
+        nu: usize,
+        nv: usize,
+        view: &dyn Fn(usize, Vec3) -> View,
+        out: &mut Vec<Vec3>,
+    ) {
+        let _ = view;
+        self.positions(key, nu, nv, out);
+    }
+
+    /// `[u0, u1, v0, v1]`: the range of the primitive's (for meshes: the face's) parameters that the piece covers.
+    /// For pieces of several faces, curves or points: of one of them.
+    fn domain(&self) -> [f32; 4];
+
+    /// Whether [`Surface::split`] gives smaller pieces. Pieces cease to be splittable when their parameters no
+    /// longer divide.
+    fn is_splittable(&self) -> bool {
+        true
+    }
+
+    /// Whether the piece spans several spline segments, faces, curves or particles, so that it must be split before
+    /// it can be diced.
+    fn must_split(&self) -> bool {
+        false
+    }
+
+    /// The piece in two or more parts that together cover it. A piece that must be split ignores `direction` where
+    /// it has no parameters in common. Empty when the piece is not splittable.
+    fn split(&self, direction: SplitDirection) -> Vec<Piece>;
+
+    /// Evaluates `nu x nv` points (at least 2 each, u fastest), the first and last in each direction on the edges of
+    /// the piece. A piece that must be split dices its first part only.
+    fn dice(&self, nu: usize, nv: usize) -> Dice;
+
+    /// Whether the piece turns towards the viewer ([`Dice::turn`]).
+    fn is_facing(&self) -> bool {
+        false
+    }
+
+    /// Largest width in pixels among widths given in pixels ("rasterwidth" of points); 0 without. The bound of the
+    /// piece on the screen grows by half of it.
+    fn raster_width(&self) -> f32 {
+        0.0
+    }
+}
