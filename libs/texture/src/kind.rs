@@ -1,0 +1,71 @@
+//! The kinds of texture file.
+
+/// What a texture file is for: its `textureformat` attribute (reference 9.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum TextureKind {
+    /// An ordinary 2D texture; also any file that does not say what it is.
+    Plain,
+    /// A depth map seen from a light, ordinary or Woo.
+    Shadow,
+    /// Six depth maps around a light.
+    CubeFaceShadow,
+    /// Opacity against depth.
+    VolumeShadow,
+    /// Six views around a point.
+    CubeFaceEnvironment,
+    /// All directions by latitude and longitude.
+    LatLongEnvironment,
+}
+
+impl TextureKind {
+    /// All of them.
+    pub const ALL: [Self; 6] = [
+        Self::Plain,
+        Self::Shadow,
+        Self::CubeFaceShadow,
+        Self::VolumeShadow,
+        Self::CubeFaceEnvironment,
+        Self::LatLongEnvironment,
+    ];
+
+    /// The value of the `textureformat` attribute.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Plain => "Plain Texture",
+            Self::Shadow => "Shadow",
+            Self::CubeFaceShadow => "CubeFace Shadow",
+            Self::VolumeShadow => "Volume Shadow",
+            Self::CubeFaceEnvironment => "CubeFace Environment",
+            Self::LatLongEnvironment => "LatLong Environment",
+        }
+    }
+
+    /// By the value of the attribute, upper and lower case alike.
+    pub fn from_word(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|k| k.word().eq_ignore_ascii_case(word.trim()))
+    }
+
+    /// The coarser name that `gettextureinfo` gives for "type" (reference table 5.5).
+    pub fn type_word(self) -> &'static str {
+        match self {
+            Self::Plain => "texture",
+            Self::Shadow | Self::CubeFaceShadow | Self::VolumeShadow => "shadow",
+            Self::CubeFaceEnvironment | Self::LatLongEnvironment => "environment",
+        }
+    }
+
+    /// Whether six faces share the picture.
+    pub fn is_cube(self) -> bool {
+        matches!(self, Self::CubeFaceShadow | Self::CubeFaceEnvironment)
+    }
+
+    /// Whether depths are compared, not colours filtered.
+    pub fn is_shadow(self) -> bool {
+        self.type_word() == "shadow"
+    }
+
+    /// Whether the file is expected to have MIP levels (ordinary and cube-face shadow maps have one).
+    pub fn is_mipmapped(self) -> bool {
+        !matches!(self, Self::Shadow | Self::CubeFaceShadow)
+    }
+}

@@ -1,0 +1,172 @@
+//! The questions that can be asked of a texture, one point at a time.
+
+use crate::Wrap;
+use granita_base::Vec3;
+
+/// `texture ()` at one point (reference 5.8.10).
+///
+/// Coordinates are fractions of the picture: (0, 0) is the outer corner of its upper left texel, (1, 1)
+/// of its lower right one.
+#[derive(Clone, Copy, Debug)]
+pub struct Lookup {
+    /// Coordinate to the right.
+    pub s: f32,
+    /// Coordinate downward.
+    pub t: f32,
+    /// Change of `s` from this point to the next in x.
+    pub dsdx: f32,
+    /// Change of `t` in x.
+    pub dtdx: f32,
+    /// Change of `s` in y.
+    pub dsdy: f32,
+    /// Change of `t` in y.
+    pub dtdy: f32,
+    /// Full width of additional blur, as a fraction of the picture's width.
+    pub sblur: f32,
+    /// Full height of additional blur, as a fraction of the picture's height.
+    pub tblur: f32,
+    /// Scales the differentials of `s`.
+    pub swidth: f32,
+    /// Scales the differentials of `t`.
+    pub twidth: f32,
+    /// Replaces the file's wrap mode in s.
+    pub swrap: Option<Wrap>,
+    /// Replaces the file's wrap mode in t.
+    pub twrap: Option<Wrap>,
+    /// First channel of the file to look up.
+    pub first_channel: u32,
+    /// Value of channels that the file does not have.
+    pub fill: f32,
+}
+
+impl Default for Lookup {
+    /// At (0, 0), without footprint or blur, wrap modes of the file, from channel 0, fill 0.
+    fn default() -> Self {
+        Self {
+            s: 0.0,
+            t: 0.0,
+            dsdx: 0.0,
+            dtdx: 0.0,
+            dsdy: 0.0,
+            dtdy: 0.0,
+            sblur: 0.0,
+            tblur: 0.0,
+            swidth: 1.0,
+            twidth: 1.0,
+            swrap: None,
+            twrap: None,
+            first_channel: 0,
+            fill: 0.0,
+        }
+    }
+}
+
+/// Which axis of a latitude-longitude map points to its upper edge (option "up").
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Up {
+    /// +y up, right handed, +z in the centre: the convention of OpenEXR files.
+    Y,
+    /// +z up, left handed, +x in the centre: the convention of all other files.
+    Z,
+}
+
+impl Up {
+    /// "y" or "z"; `None` for anything else: the map decides.
+    pub fn from_word(word: &str) -> Option<Self> {
+        match word {
+            "y" => Some(Self::Y),
+            "z" => Some(Self::Z),
+            _ => None,
+        }
+    }
+}
+
+/// `environment ()` in one direction (reference 5.8.10).
+#[derive(Clone, Copy, Debug)]
+pub struct EnvLookup {
+    /// Direction, of any length, in the space of the map.
+    pub r: Vec3,
+    /// Change of `r` to the next point in x.
+    pub drdx: Vec3,
+    /// Change of `r` in y.
+    pub drdy: Vec3,
+    /// Half angle of an additional cone, in radians; takes the place of both blurs.
+    pub angle: Option<f32>,
+    /// Additional blur around the axis of the map: 1 is 90 degrees.
+    pub sblur: f32,
+    /// Additional blur towards the poles: 1 is 90 degrees.
+    pub tblur: f32,
+    /// Scales the footprint around the axis of the map.
+    pub swidth: f32,
+    /// Scales the footprint towards the poles.
+    pub twidth: f32,
+    /// Replaces the orientation of a latitude-longitude map.
+    pub up: Option<Up>,
+    /// First channel of the file to look up.
+    pub first_channel: u32,
+    /// Value of channels that the file does not have.
+    pub fill: f32,
+}
+
+impl Default for EnvLookup {
+    /// Along +z, without footprint or blur.
+    fn default() -> Self {
+        Self {
+            r: Vec3::Z,
+            drdx: Vec3::ZERO,
+            drdy: Vec3::ZERO,
+            angle: None,
+            sblur: 0.0,
+            tblur: 0.0,
+            swidth: 1.0,
+            twidth: 1.0,
+            up: None,
+            first_channel: 0,
+            fill: 0.0,
+        }
+    }
+}
+
+/// `shadow ()` at one point (reference 5.8.10).
+#[derive(Clone, Copy, Debug)]
+pub struct ShadowLookup {
+    /// Position in "common" (= world) space.
+    pub p: Vec3,
+    /// Change of `p` to the next point in x.
+    pub dpdx: Vec3,
+    /// Change of `p` in y.
+    pub dpdy: Vec3,
+    /// Full width of additional blur, as a fraction of the map's width (cube maps: of a face).
+    pub sblur: f32,
+    /// Full height of additional blur, as a fraction of the map's height.
+    pub tblur: f32,
+    /// Scales the footprint in the map's width.
+    pub swidth: f32,
+    /// Scales the footprint in the map's height.
+    pub twidth: f32,
+    /// Samples; at least 16 and at most 4096 are taken.
+    pub samples: u32,
+    /// Added to the depths of the map. Not negative: the caller puts the attribute "shadow:bias" in the
+    /// place of a negative one.
+    pub bias: f32,
+    /// Chooses the sample pattern; hash of the pixel or point.
+    pub seed: u32,
+}
+
+impl Default for ShadowLookup {
+    /// At the origin, without footprint or blur, 16 samples, bias 0.01.
+    fn default() -> Self {
+        Self {
+            p: Vec3::ZERO,
+            dpdx: Vec3::ZERO,
+            dpdy: Vec3::ZERO,
+            sblur: 0.0,
+            tblur: 0.0,
+            swidth: 1.0,
+            twidth: 1.0,
+            samples: 16,
+            bias: 0.01,
+            seed: 0,
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! What the cache did.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Counts since the cache was made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CacheStatistics {
+    /// Lookups of all sorts.
+    pub lookups: u64,
+    /// Filter probes; each reads up to eight texels.
+    pub probes: u64,
+    /// Times a tile was asked for.
+    pub tile_requests: u64,
+    /// Times a tile had to be read or made.
+    pub tiles_read: u64,
+    /// Bytes of these tiles, unpacked.
+    pub tile_bytes: u64,
+    /// Most bytes of tiles held at once.
+    pub peak_bytes: u64,
+    /// Texture files in use.
+    pub files: u64,
+    /// Times a file was opened, reopening included.
+    pub files_opened: u64,
+    /// Most files open at once.
+    pub peak_files_open: u64,
+    /// Files for which MIP levels or tiles were made in memory.
+    pub automipmaps: u64,
+    /// Bytes of these, outside the memory bound.
+    pub automipmap_bytes: u64,
+    /// Names that could not be used.
+    pub missing: u64,
+}
+
+/// The counters behind [`CacheStatistics`].
+#[derive(Debug, Default)]
+pub(crate) struct Counters {
+    pub(crate) lookups: AtomicU64,
+    pub(crate) probes: AtomicU64,
+    pub(crate) tile_requests: AtomicU64,
+    pub(crate) tiles_read: AtomicU64,
+    pub(crate) tile_bytes: AtomicU64,
+    pub(crate) bytes_now: AtomicU64,
+    pub(crate) peak_bytes: AtomicU64,
+    pub(crate) files: AtomicU64,
+    pub(crate) files_opened: AtomicU64,
+    pub(crate) peak_files_open: AtomicU64,
+    pub(crate) automipmaps: AtomicU64,
+    pub(crate) automipmap_bytes: AtomicU64,
+    pub(crate) missing: AtomicU64,
+}
+
+/// Adds to a counter.
+pub(crate) fn add(counter: &AtomicU64, n: u64) -> u64 {
+    counter.fetch_add(n, Ordering::Relaxed) + n
+}
+
+impl Counters {
+    pub(crate) fn read(&self) -> CacheStatistics {
+        let get = |c: &AtomicU64| c.load(Ordering::Relaxed);
+        CacheStatistics {
+            lookups: get(&self.lookups),
+            probes: get(&self.probes),
+            tile_requests: get(&self.tile_requests),
+            tiles_read: get(&self.tiles_read),
+            tile_bytes: get(&self.tile_bytes),
+            peak_bytes: get(&self.peak_bytes),
+            files: get(&self.files),
+            files_opened: get(&self.files_opened),
+            peak_files_open: get(&self.peak_files_open),
+            automipmaps: get(&self.automipmaps),
+            automipmap_bytes: get(&self.automipmap_bytes),
+            missing: get(&self.missing),
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! What a texture is outside [0, 1].
+
+/// Behaviour of a texture outside its picture, per direction (reference 9.1.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum Wrap {
+    /// 0 in all channels, alpha included.
+    #[default]
+    Black,
+    /// The nearest texel of the border.
+    Clamp,
+    /// Repeats.
+    Periodic,
+    /// Repeats, every other copy reversed.
+    Mirror,
+}
+
+impl Wrap {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Black, Self::Clamp, Self::Periodic, Self::Mirror];
+
+    /// The word in files, shaders and options.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Black => "black",
+            Self::Clamp => "clamp",
+            Self::Periodic => "periodic",
+            Self::Mirror => "mirror",
+        }
+    }
+
+    /// By name; "mirrow" (a spelling found in files) is read as "mirror". `None` for anything else,
+    /// "default" included.
+    pub fn from_word(word: &str) -> Option<Self> {
+        match word.trim() {
+            "mirrow" => Some(Self::Mirror),
+            word => Self::ALL.into_iter().find(|w| w.word() == word),
+        }
+    }
+
+    /// Reads the `wrapmodes` attribute of a file: "s,t", or one word for both.
+    pub fn parse_pair(text: &str) -> Option<(Self, Self)> {
+        match text.split_once(',') {
+            Some((s, t)) => Some((Self::from_word(s)?, Self::from_word(t)?)),
+            None => Self::from_word(text).map(|w| (w, w)),
+        }
+    }
+
+    /// Texel that stands at index `i` of a row of `n` (at least 1); `None` for the black outside.
+    pub(crate) fn index(self, i: i32, n: i32) -> Option<i32> {
+        if (0..n).contains(&i) {
+            return Some(i);
+        }
+        match self {
+            Self::Black => None,
+            Self::Clamp => Some(i.clamp(0, n - 1)),
+            Self::Periodic => Some(i.rem_euclid(n)),
+            Self::Mirror => {
+                let i = i64::from(i).rem_euclid(2 * i64::from(n)) as i32;
+                Some(if i < n { i } else { 2 * n - 1 - i })
+            }
+        }
+    }
+
+    /// Brings a coordinate near [0, 1] without changing what is looked up, so that texel numbers stay
+    /// small and exact; `x` is finite.
+    pub(crate) fn reduce(self, x: f32) -> f32 {
+        match self {
+            Self::Black | Self::Clamp => x.clamp(-64.0, 65.0),
+            Self::Periodic if (0.0..=1.0).contains(&x) => x,
+            Self::Periodic => x - x.floor(),
+            Self::Mirror => x - 2.0 * (x * 0.5).floor(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn indices() {
+        let row = |w: Wrap| (-4..8).map(|i| w.index(i, 3).map_or(-1, |x| x)).collect::<Vec<_>>();
+        assert_eq!(row(Wrap::Black), [-1, -1, -1, -1, 0, 1, 2, -1, -1, -1, -1, -1]);
+        assert_eq!(row(Wrap::Clamp), [0, 0, 0, 0, 0, 1, 2, 2, 2, 2, 2, 2]);
+        assert_eq!(row(Wrap::Periodic), [2, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0, 1]);
+        assert_eq!(row(Wrap::Mirror), [2, 2, 1, 0, 0, 1, 2, 2, 1, 0, 0, 1]);
+        for w in Wrap::ALL {
+            for i in [i32::MIN, i32::MAX] {
+                assert!(w.index(i, 1).is_none_or(|x| x == 0));
+                assert!(w.index(i, i32::MAX).is_none_or(|x| (0..i32::MAX).contains(&x)));
+            }
+        }
+    }
+
+    #[test]
+    fn words() {
+        for w in Wrap::ALL {
+            assert_eq!(Wrap::from_word(w.word()), Some(w));
+        }
+        assert_eq!(Wrap::from_word("mirrow"), Some(Wrap::Mirror));
+        assert_eq!(Wrap::from_word("default"), None);
+        assert_eq!(Wrap::parse_pair("periodic,clamp"), Some((Wrap::Periodic, Wrap::Clamp)));
+        assert_eq!(Wrap::parse_pair("mirror"), Some((Wrap::Mirror, Wrap::Mirror)));
+        assert_eq!(Wrap::parse_pair("a,b"), None);
+    }
+}
