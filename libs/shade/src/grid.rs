@@ -1,6 +1,7 @@
 //! Points to be shaded together, as structure-of-arrays lanes.
 
 use granita_base::{ParamType, Vec3};
+use granita_gsl::ir::ShaderKind;
 use std::sync::Arc;
 
 /// Three arrays: x, y and z (or r, g and b) of every point.
@@ -108,6 +109,15 @@ pub struct Primvar {
     pub data: PrimvarData,
 }
 
+/// What a shader left on a grid for `getmessage` of the object's later shaders.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Message {
+    /// Usage of the shader that left it.
+    pub from: ShaderKind,
+    /// Name and value; its type's interpolation does not matter.
+    pub value: Primvar,
+}
+
 /// Why a grid is shaded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RayKind {
@@ -162,6 +172,8 @@ pub struct Grid {
     pub ray: RayKind,
     /// Name of the object, for messages.
     pub object: Arc<str>,
+    /// Left by the shaders that ran on this grid before.
+    pub messages: Vec<Message>,
 }
 
 impl Grid {
@@ -188,6 +200,7 @@ impl Grid {
             seed: 0,
             ray: RayKind::default(),
             object: Arc::from(""),
+            messages: Vec::new(),
         }
     }
 

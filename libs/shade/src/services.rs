@@ -289,6 +289,18 @@ pub trait Services {
     /// Data about a texture file (reference table 5.5).
     fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param>;
 
+    /// `getmessage ("parent", name)`: of the shader that spawned the ray now being shaded; by default none.
+    fn parent_message(&mut self, name: &str) -> Option<Param> {
+        let _ = name;
+        None
+    }
+
+    /// `fprintf`: appends text to a file; by default not supported.
+    fn append(&mut self, file: &str, text: &str) {
+        let _ = (file, text);
+        self.unsupported("fprintf");
+    }
+
     /// A message for the user: `printf` (as [`Severity::Message`]), `error`, or the executor's own.
     fn say(&mut self, severity: Severity, text: &str);
 
