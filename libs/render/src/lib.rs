@@ -22,6 +22,7 @@
 //! File formats, scene parsing, the shading language; those are handed in.
 
 mod camera;
+mod dicing;
 mod environment;
 mod error;
 mod lights;

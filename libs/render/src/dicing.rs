@@ -1,0 +1,53 @@
+//! From surfaces to grids: how finely, where to split, and the grid itself.
+//!
+//! Everything here is a function of the primitive and the (first) camera only; crops, buckets and other
+//! primitives never change where a surface is split or how it is diced.
+
+mod grid;
+mod motion;
+mod rate;
+
+pub(crate) use grid::{GridView, Viewpoint, make_grid};
+pub(crate) use motion::Placement;
+pub(crate) use rate::{DiceSettings, Measure, Plan};
+
+use granita_geom::{Dice, Piece};
+
+/// A piece that is small enough, and the grid it is to be diced into.
+pub(crate) struct Leaf {
+    /// The surface.
+    pub(crate) piece: Piece,
+    /// Points along u.
+    pub(crate) nu: usize,
+    /// Points along v.
+    pub(crate) nv: usize,
+}
+
+impl Leaf {
+    /// Dices the piece.
+    pub(crate) fn dice(&self) -> Dice {
+        self.piece.dice(self.nu, self.nv)
+    }
+}
+
+/// Splits `pieces` until each one dices into a grid within the limits, for ray tracing: nothing is culled,
+/// and what is not in view is diced by its distance from the camera.
+pub(crate) fn tessellate(
+    pieces: Vec<Piece>,
+    placement: &Placement,
+    measure: &Measure<'_>,
+    settings: &DiceSettings,
+) -> Vec<Leaf> {
+    let mut leaves = Vec::new();
+    let mut stack: Vec<(Piece, u32)> = pieces.into_iter().rev().map(|p| (p, 0)).collect();
+    while let Some((piece, depth)) = stack.pop() {
+        match measure.plan(&*piece, placement, settings, depth) {
+            Plan::Dice { nu, nv } => leaves.push(Leaf { piece, nu, nv }),
+            Plan::Split(direction) => {
+                // The first half comes out first, so that the order follows the surface.
+                stack.extend(piece.split(direction).into_iter().rev().map(|p| (p, depth + 1)));
+            }
+        }
+    }
+    leaves
+}

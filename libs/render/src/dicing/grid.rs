@@ -1,0 +1,205 @@
+//! A diced piece as a shading grid in "common" (= world) space.
+
+use super::Placement;
+use super::motion::points_at;
+use granita_base::{BaseType, Transform, Vec3, Vec4, hash};
+use granita_geom::{Dice, DiceData, DicePrimvar};
+use granita_scene::Primitive;
+use granita_shade::{Grid, Lanes3, Primvar, PrimvarData, RayKind, Topology};
+
+/// Where a grid is looked at from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Viewpoint {
+    /// A place in world space.
+    From(Vec3),
+    /// Everywhere along this direction in world space (an orthographic camera).
+    Along(Vec3),
+}
+
+/// How a grid is shaded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct GridView {
+    /// Gives `I`.
+    pub(crate) viewpoint: Viewpoint,
+    /// Shutter time of the shading.
+    pub(crate) time: f32,
+    /// Length of the shutter interval.
+    pub(crate) dtime: f32,
+    /// Why it is shaded.
+    pub(crate) ray: RayKind,
+}
+
+/// Makes the grid of a diced piece at `view.time`; `key_times` are those of the piece.
+///
+/// Degenerate places (poles) take the geometric normal of their nearest neighbour that has one.
+pub(crate) fn make_grid(
+    dice: &Dice,
+    key_times: &[f32],
+    primitive: &Primitive,
+    placement: &Placement,
+    view: &GridView,
+) -> Grid {
+    let attributes = &*primitive.attributes;
+    let (nu, nv) = (dice.nu, dice.nv);
+    let n = nu * nv;
+    let to_world = placement.to_world.at(view.time);
+    let to_normal = to_world.normal_matrix();
+    let p = points_at(&dice.p, key_times, view.time, &to_world);
+    let mut grid = Grid::new(Topology::Rect { nu, nv });
+    grid.p = Lanes3::from_points(&p);
+    if let [first, .., last] = placement.times() {
+        // Over the whole interval: the mean velocity is what blurs.
+        let at = |t: f32| points_at(&dice.p, key_times, t, &placement.to_world.at(t));
+        let rate = 1.0 / (last - first);
+        for (i, (a, b)) in at(*first).into_iter().zip(at(*last)).enumerate() {
+            grid.dpdtime.set(i, (b - a) * rate);
+        }
+    }
+    for i in 0..n {
+        grid.dpdu.set(i, to_world.vector(dice.dpdu[i]));
+        grid.dpdv.set(i, to_world.vector(dice.dpdv[i]));
+    }
+    grid.ng = geometric_normals(&grid, &p, attributes.flip_normals);
+    grid.n = match &dice.n {
+        Some(normals) => {
+            let (a, b, alpha) = super::motion::key_at(key_times, view.time);
+            let mut lanes = Lanes3::zeros(n);
+            for i in 0..n {
+                lanes.set(i, to_normal.vector(normals[a][i].lerp(normals[b][i], alpha)));
+            }
+            lanes
+        }
+        None => grid.ng.clone(),
+    };
+    for (i, point) in p.iter().enumerate() {
+        grid.i.set(
+            i,
+            match view.viewpoint {
+                Viewpoint::From(eye) => *point - eye,
+                Viewpoint::Along(direction) => direction,
+            },
+        );
+    }
+    if view.ray.level == 0 {
+        // Baking looks along the normal (reference 4.4.7).
+        match &*attributes.string("shading:view") {
+            "outside" => grid.i = negated(&grid.ng),
+            "inside" => grid.i = grid.ng.clone(),
+            _ => (),
+        }
+    }
+    grid.u.copy_from_slice(&dice.u[..n]);
+    grid.v.copy_from_slice(&dice.v[..n]);
+    grid.time = view.time;
+    grid.dtime = view.dtime;
+    grid.ray = view.ray;
+    grid.flip_normals = attributes.flip_normals;
+    grid.object = attributes.name();
+    grid.seed = hash::words(&[
+        primitive.id,
+        dice.face,
+        dice.u.first().map_or(0, |u| u.to_bits()),
+        dice.v.first().map_or(0, |v| v.to_bits()),
+        dice.u.last().map_or(0, |u| u.to_bits()),
+        dice.v.last().map_or(0, |v| v.to_bits()),
+    ]);
+    grid.primvars = dice.primvars.iter().map(|v| to_common(v, n, &to_world, &to_normal)).collect();
+    for (name, lanes) in [("C", &mut grid.c), ("opacity", &mut grid.opacity)] {
+        let constant = attributes.floats(name);
+        if let [r, g, b] = constant[..] {
+            *lanes = Lanes3::splat(Vec3::new(r, g, b), n);
+        }
+        if let Some(variable) = grid.primvars.iter().find(|v| &*v.name == name) {
+            override_color(lanes, variable, n);
+        }
+    }
+    grid
+}
+
+/// `cross (dPdu, dPdv)`, negated when `flip`; where it vanishes, from the neighbouring points, and failing
+/// that the nearest lane's.
+fn geometric_normals(grid: &Grid, p: &[Vec3], flip: bool) -> Lanes3 {
+    let Topology::Rect { nu, nv } = grid.topology else { return grid.ng.clone() };
+    let sign = if flip { -1.0 } else { 1.0 };
+    let mut normals: Vec<Vec3> = (0..nu * nv).map(|i| grid.dpdu.get(i).cross(grid.dpdv.get(i))).collect();
+    let usable = |v: Vec3| v.is_finite() && v.length_squared() > 1e-30;
+    let mut missing: Vec<usize> = Vec::new();
+    for j in 0..nv {
+        for i in 0..nu {
+            let at = j * nu + i;
+            if usable(normals[at]) {
+                continue;
+            }
+            let (i0, i1) = (i.saturating_sub(1), (i + 1).min(nu - 1));
+            let (j0, j1) = (j.saturating_sub(1), (j + 1).min(nv - 1));
+            let du = p[j * nu + i1] - p[j * nu + i0];
+            let dv = p[j1 * nu + i] - p[j0 * nu + i];
+            normals[at] = du.cross(dv);
+            if !usable(normals[at]) {
+                missing.push(at);
+            }
+        }
+    }
+    let known = normals.clone();
+    for at in missing {
+        let (i, j) = ((at % nu) as isize, (at / nu) as isize);
+        let distance = |k: usize| ((k % nu) as isize - i).pow(2) + ((k / nu) as isize - j).pow(2);
+        let nearest = (0..known.len()).filter(|k| usable(known[*k])).min_by_key(|k| distance(*k));
+        normals[at] = nearest.map_or(Vec3::ZERO, |k| known[k]);
+    }
+    for n in &mut normals {
+        *n *= sign;
+    }
+    Lanes3::from_points(&normals)
+}
+
+fn negated(lanes: &Lanes3) -> Lanes3 {
+    Lanes3 { xyz: lanes.xyz.each_ref().map(|c| c.iter().map(|v| -v).collect()) }
+}
+
+/// Replaces a colour by the primitive's own variable of that name, where it is a colour.
+fn override_color(lanes: &mut Lanes3, variable: &Primvar, n: usize) {
+    let PrimvarData::Floats { values, varying } = &variable.data else { return };
+    if variable.ty.width() != 3 {
+        return;
+    }
+    for i in 0..n {
+        let at = |c: usize| if *varying { values[c * n + i] } else { values[c] };
+        lanes.set(i, Vec3::new(at(0), at(1), at(2)));
+    }
+}
+
+/// A primitive variable in "common" space.
+fn to_common(variable: &DicePrimvar, n: usize, to_world: &Transform, to_normal: &Transform) -> Primvar {
+    let data = match &variable.data {
+        DiceData::Strings(s) => PrimvarData::Strings(s.clone()),
+        DiceData::Floats { values, varying } => {
+            let mut values = values.clone();
+            let (lanes, stride) = if *varying { (n, n) } else { (1, 1) };
+            let width = variable.ty.base.components();
+            let spatial = matches!(
+                variable.ty.base,
+                BaseType::Point | BaseType::Vector | BaseType::Normal | BaseType::HPoint
+            );
+            if spatial && *to_world != Transform::IDENTITY {
+                for element in 0..variable.ty.width() / width {
+                    for i in 0..lanes {
+                        let at = |c: usize| (element * width + c) * stride + i;
+                        let v = Vec3::new(values[at(0)], values[at(1)], values[at(2)]);
+                        let moved: Vec4 = match variable.ty.base {
+                            BaseType::Point => to_world.point(v).extend(0.0),
+                            BaseType::Vector => to_world.vector(v).extend(0.0),
+                            BaseType::Normal => to_normal.vector(v).extend(0.0),
+                            _ => to_world.hpoint(v.extend(values[at(3)])),
+                        };
+                        for c in 0..width {
+                            values[at(c)] = moved[c];
+                        }
+                    }
+                }
+            }
+            PrimvarData::Floats { values, varying: *varying }
+        }
+    };
+    Primvar { name: variable.name.clone(), ty: variable.ty, data }
+}

@@ -1,0 +1,116 @@
+//! Where a primitive is at the times that matter.
+
+use granita_base::{Bound, MotionTransform, Transform, Vec3};
+use granita_geom::Surface;
+
+/// A primitive's way to world space, and the times between which its points move on straight lines.
+#[derive(Clone, Debug)]
+pub(crate) struct Placement {
+    /// Object to world.
+    pub(crate) to_world: MotionTransform,
+    /// Increasing; one time, the shading time, for what does not move.
+    times: Vec<f32>,
+}
+
+impl Placement {
+    /// Motion keys of object, `shape_times` (deformation) and `cameras`, cut to the shutter. The shutter's
+    /// ends are always among them when anything moves.
+    pub(crate) fn new(
+        to_world: &MotionTransform,
+        shape_times: &[f32],
+        cameras: &[&MotionTransform],
+        shutter: [f32; 2],
+    ) -> Self {
+        let [open, close] = shutter;
+        let moving =
+            to_world.is_moving() || shape_times.len() > 1 || cameras.iter().any(|camera| camera.is_moving());
+        let mut times = vec![open];
+        if moving && close > open {
+            let keys = |m: &MotionTransform| m.keys().iter().map(|k| k.0).collect::<Vec<_>>();
+            times.push(close);
+            // A single key is no motion: its time means nothing.
+            let lists = cameras.iter().copied().chain([to_world]).filter(|m| m.is_moving()).map(keys);
+            let shape = (shape_times.len() > 1).then(|| shape_times.to_vec());
+            times.extend(lists.chain(shape).flatten().filter(|t| *t > open && *t < close));
+            times.sort_by(f32::total_cmp);
+            times.dedup();
+        }
+        Self { to_world: to_world.clone(), times }
+    }
+
+    /// Times between which points move on straight lines in world (and camera) space.
+    pub(crate) fn times(&self) -> &[f32] {
+        &self.times
+    }
+
+    /// Whether there is more than one time.
+    pub(crate) fn is_moving(&self) -> bool {
+        self.times.len() > 1
+    }
+
+    /// Object space bound at a time: the keys' bounds blended as their points are.
+    pub(crate) fn object_bound(surface: &dyn Surface, time: f32) -> Bound {
+        let (key, next, alpha) = key_at(surface.key_times(), time);
+        let a = surface.bound(key);
+        if alpha == 0.0 {
+            return a;
+        }
+        let b = surface.bound(next);
+        Bound { min: a.min.lerp(b.min, alpha), max: a.max.lerp(b.max, alpha) }
+    }
+}
+
+/// Index of the key at or before `time`, of the one after it, and how far between them; times before the
+/// first and after the last key stand still.
+pub(crate) fn key_at(times: &[f32], time: f32) -> (usize, usize, f32) {
+    let after = times.partition_point(|t| *t <= time);
+    if after == 0 {
+        return (0, 0, 0.0);
+    }
+    if after >= times.len() {
+        return (times.len() - 1, times.len() - 1, 0.0);
+    }
+    let (t0, t1) = (times[after - 1], times[after]);
+    (after - 1, after, (time - t0) / (t1 - t0))
+}
+
+/// Points of deformation keys (`keys[k][i]` at `times[k]`) at `time`, transformed.
+pub(crate) fn points_at(keys: &[Vec<Vec3>], times: &[f32], time: f32, to: &Transform) -> Vec<Vec3> {
+    let (a, b, alpha) = key_at(times, time);
+    let (Some(first), Some(second)) = (keys.get(a), keys.get(b)) else { return Vec::new() };
+    if alpha == 0.0 {
+        first.iter().map(|p| to.point(*p)).collect()
+    } else {
+        first.iter().zip(second).map(|(p, q)| to.point(p.lerp(*q, alpha))).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_cut_to_the_shutter() {
+        let moving = MotionTransform::from_keys(vec![
+            (0.0, Transform::IDENTITY),
+            (0.25, Transform::IDENTITY),
+            (1.0, Transform::IDENTITY),
+        ])
+        .unwrap();
+        let still = MotionTransform::default();
+        assert_eq!(Placement::new(&moving, &[0.0], &[&still], [0.1, 0.5]).times(), [0.1, 0.25, 0.5]);
+        assert_eq!(Placement::new(&still, &[0.0], &[&still], [0.1, 0.5]).times(), [0.1]);
+        assert_eq!(Placement::new(&still, &[0.0, 0.3], &[&still], [0.1, 0.5]).times(), [0.1, 0.3, 0.5]);
+        assert_eq!(Placement::new(&moving, &[0.0], &[&still], [0.1, 0.1]).times(), [0.1]);
+    }
+
+    #[test]
+    fn keys_blend_and_stand_still_outside() {
+        assert_eq!(key_at(&[0.0, 1.0], -1.0), (0, 0, 0.0));
+        assert_eq!(key_at(&[0.0, 1.0], 0.25), (0, 1, 0.25));
+        assert_eq!(key_at(&[0.0, 1.0], 2.0), (1, 1, 0.0));
+        assert_eq!(key_at(&[0.5], 0.7), (0, 0, 0.0));
+        let keys = [vec![Vec3::ZERO], vec![Vec3::X]];
+        assert_eq!(points_at(&keys, &[0.0, 2.0], 0.5, &Transform::IDENTITY), [Vec3::X * 0.25]);
+    }
+}
