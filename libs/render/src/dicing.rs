@@ -8,7 +8,7 @@ mod motion;
 mod rate;
 
 pub(crate) use grid::{GridView, Viewpoint, make_grid};
-pub(crate) use motion::Placement;
+pub(crate) use motion::{Placement, Viewer};
 pub(crate) use rate::{DiceSettings, Measure, Plan};
 
 use granita_geom::{Dice, Piece};
@@ -24,9 +24,13 @@ pub(crate) struct Leaf {
 }
 
 impl Leaf {
-    /// Dices the piece.
-    pub(crate) fn dice(&self) -> Dice {
-        self.piece.dice(self.nu, self.nv)
+    /// Dices the piece; points and curves turn towards `viewer`.
+    pub(crate) fn dice(&self, viewer: &Viewer) -> Dice {
+        let mut dice = self.piece.dice(self.nu, self.nv);
+        if dice.facing.is_some() {
+            dice.turn(&|key, p| viewer.view(key, p));
+        }
+        dice
     }
 }
 

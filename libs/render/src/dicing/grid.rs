@@ -62,12 +62,8 @@ pub(crate) fn make_grid(
     grid.ng = geometric_normals(&grid, &p, attributes.flip_normals);
     grid.n = match &dice.n {
         Some(normals) => {
-            let (a, b, alpha) = super::motion::key_at(key_times, view.time);
-            let mut lanes = Lanes3::zeros(n);
-            for i in 0..n {
-                lanes.set(i, to_normal.vector(normals[a][i].lerp(normals[b][i], alpha)));
-            }
-            lanes
+            let world: Vec<Vec3> = normals.iter().map(|n| to_normal.vector(*n)).collect();
+            Lanes3::from_points(&world)
         }
         None => grid.ng.clone(),
     };

@@ -1,7 +1,8 @@
 //! Where a primitive is at the times that matter.
 
+use crate::{CameraView, Projection};
 use granita_base::{Bound, MotionTransform, Transform, Vec3};
-use granita_geom::Surface;
+use granita_geom::{Surface, View};
 
 /// A primitive's way to world space, and the times between which its points move on straight lines.
 #[derive(Clone, Debug)]
@@ -57,6 +58,56 @@ impl Placement {
         }
         let b = surface.bound(next);
         Bound { min: a.min.lerp(b.min, alpha), max: a.max.lerp(b.max, alpha) }
+    }
+}
+
+/// The dicing camera as seen from the object space of a primitive, at each of its motion keys.
+#[derive(Clone, Debug)]
+pub(crate) struct Viewer {
+    keys: Vec<ViewerKey>,
+    perspective: bool,
+    /// Size of a pixel in camera space, at distance 1 in a perspective.
+    pixel_cam: f32,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct ViewerKey {
+    /// The camera's place, or in an orthographic view the direction towards it.
+    eye: Vec3,
+    /// Object to camera space.
+    to_camera: Transform,
+    /// Object space length of one camera space unit.
+    scale: f32,
+}
+
+impl Viewer {
+    /// `camera` seen from a piece with these key times.
+    pub(crate) fn new(camera: &CameraView, placement: &Placement, key_times: &[f32]) -> Self {
+        let perspective = matches!(camera.projection, Projection::Perspective { .. });
+        let s = camera.raster_scale(1.0);
+        let keys = key_times
+            .iter()
+            .map(|&t| {
+                let time = if key_times.len() == 1 { placement.times[0] } else { t };
+                let to_camera = placement.to_world.at(time).then(&camera.world_to_camera.at(time));
+                let back = to_camera.inverse();
+                let eye = if perspective { back.point(Vec3::ZERO) } else { back.vector(-Vec3::Z) };
+                let scale = [Vec3::X, Vec3::Y, Vec3::Z].map(|a| back.vector(a).length());
+                ViewerKey { eye, to_camera, scale: (scale[0] * scale[1] * scale[2]).cbrt() }
+            })
+            .collect();
+        Self { keys, perspective, pixel_cam: 1.0 / s.x.abs().max(s.y.abs()) }
+    }
+
+    /// The view from a point at a motion key.
+    pub(crate) fn view(&self, key: usize, p: Vec3) -> View {
+        let key = &self.keys[key.min(self.keys.len() - 1)];
+        if self.perspective {
+            let depth = key.to_camera.point(p).z.max(1e-6);
+            View { toward: key.eye - p, pixel: self.pixel_cam * depth * key.scale }
+        } else {
+            View { toward: key.eye, pixel: self.pixel_cam * key.scale }
+        }
     }
 }
 

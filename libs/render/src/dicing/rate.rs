@@ -143,7 +143,12 @@ impl<'a> Measure<'a> {
         let time = placement.times()[0];
         let (key, _, _) = super::motion::key_at(piece.key_times(), time);
         let mut lattice = Vec::with_capacity(LATTICE * LATTICE);
-        piece.positions(key, LATTICE, LATTICE, &mut lattice);
+        if piece.is_facing() {
+            let viewer = super::Viewer::new(self.camera, placement, piece.key_times());
+            piece.positions_towards(key, LATTICE, LATTICE, &|k, p| viewer.view(k, p), &mut lattice);
+        } else {
+            piece.positions(key, LATTICE, LATTICE, &mut lattice);
+        }
         if lattice.len() < LATTICE * LATTICE {
             return [1.0, 1.0];
         }
