@@ -1,1 +1,23 @@
-//! placeholder
+//! The image formats that come with the suite, in one registry.
+//!
+//! This is the only library that names format crates; everything else receives a [`FormatRegistry`].
+//!
+//! ```
+//! let formats = granita_plugin::bundled_formats(granita_image::Limits::default());
+//! assert!(formats.by_name("tiff").is_some());
+//! ```
+//!
+//! Deliberately absent so far: plugins loaded from shared libraries (reference 13).
+
+use granita_image::{FormatRegistry, Limits};
+use std::sync::Arc;
+
+/// All bundled formats: "tiff", "shadow".
+///
+/// `limits` bound what their readers take in.
+pub fn bundled_formats(limits: Limits) -> FormatRegistry {
+    let mut registry = FormatRegistry::new(limits);
+    registry.register(Arc::new(granita_tiff::TiffFormat));
+    registry.register(Arc::new(granita_tiff::ShadowFormat));
+    registry
+}

@@ -1,0 +1,335 @@
+//! Compression schemes and predictors of one strip or tile.
+
+use granita_image::Pixels;
+use half::f16;
+use std::io::Write;
+
+/// How strips and tiles are compressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Compression {
+    None,
+    Lzw,
+    Deflate,
+    PackBits,
+}
+
+impl Compression {
+    /// From the number in the file; `Err` is the name of one that is not handled.
+    pub(crate) fn from_code(code: u64) -> Result<Self, String> {
+        Err(match code {
+            1 => return Ok(Self::None),
+            5 => return Ok(Self::Lzw),
+            8 | 32946 => return Ok(Self::Deflate),
+            32773 => return Ok(Self::PackBits),
+            2 => "CCITT run-length".into(),
+            3 => "CCITT group 3".into(),
+            4 => "CCITT group 4".into(),
+            6 | 7 => "JPEG".into(),
+            34676 | 34677 => "LogLuv".into(),
+            34712 => "JPEG 2000".into(),
+            34887 => "LERC".into(),
+            34925 => "LZMA".into(),
+            50000 => "Zstandard".into(),
+            50001 => "WebP".into(),
+            other => format!("number {other}"),
+        })
+    }
+
+    /// Number in the file.
+    pub(crate) fn code(self) -> u16 {
+        match self {
+            Self::None => 1,
+            Self::Lzw => 5,
+            Self::Deflate => 8,
+            Self::PackBits => 32773,
+        }
+    }
+
+    /// From the value of the attribute `compression` (reference 7.4.1).
+    pub(crate) fn from_word(word: &str) -> Option<Self> {
+        Some(match word.to_ascii_lowercase().as_str() {
+            "none" => Self::None,
+            "lzw" => Self::Lzw,
+            "zip" | "deflate" => Self::Deflate,
+            "packbits" => Self::PackBits,
+            _ => return None,
+        })
+    }
+
+    /// Value of the attribute.
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Lzw => "lzw",
+            Self::Deflate => "zip",
+            Self::PackBits => "packbits",
+        }
+    }
+
+    /// Fills `out` from `data`; `Err` says what is wrong with the data.
+    pub(crate) fn decode(self, data: &[u8], out: &mut [u8]) -> Result<(), String> {
+        let (got, fault) = match self {
+            Self::None => {
+                let n = data.len().min(out.len());
+                out[..n].copy_from_slice(&data[..n]);
+                (n, None)
+            }
+            Self::Lzw => decode_lzw(data, out),
+            Self::Deflate => {
+                let mut inflate = flate2::Decompress::new(true);
+                let end = inflate.decompress(data, out, flate2::FlushDecompress::Finish);
+                (inflate.total_out() as usize, end.err().map(|e| e.to_string()))
+            }
+            Self::PackBits => decode_packbits(data, out),
+        };
+        match fault {
+            _ if got == out.len() => Ok(()),
+            Some(fault) => Err(format!("{} data after {got} of {} bytes: {fault}", self.word(), out.len())),
+            None => Err(format!("{} data holds {got} of {} bytes", self.word(), out.len())),
+        }
+    }
+
+    /// Compresses `data`, which has rows of `row_bytes`.
+    pub(crate) fn encode(self, data: &[u8], row_bytes: usize) -> std::io::Result<Vec<u8>> {
+        match self {
+            Self::None => Ok(data.to_vec()),
+            Self::Lzw => weezl::encode::Encoder::with_tiff_size_switch(weezl::BitOrder::Msb, 8)
+                .encode(data)
+                .map_err(std::io::Error::other),
+            Self::Deflate => {
+                let level = flate2::Compression::default();
+                let mut writer = flate2::write::ZlibEncoder::new(Vec::with_capacity(data.len() / 2), level);
+                writer.write_all(data)?;
+                writer.finish()
+            }
+            Self::PackBits => {
+                // Runs must not cross rows (TIFF 6.0, section 9).
+                let mut out = Vec::with_capacity(data.len() + data.len() / 64);
+                data.chunks(row_bytes.max(1)).for_each(|row| encode_packbits(row, &mut out));
+                Ok(out)
+            }
+        }
+    }
+}
+
+fn decode_lzw(mut data: &[u8], mut out: &mut [u8]) -> (usize, Option<String>) {
+    let mut lzw = weezl::decode::Decoder::with_tiff_size_switch(weezl::BitOrder::Msb, 8);
+    let mut done = 0;
+    loop {
+        let step = lzw.decode_bytes(data, out);
+        data = &data[step.consumed_in..];
+        out = &mut out[step.consumed_out..];
+        done += step.consumed_out;
+        match step.status {
+            Ok(weezl::LzwStatus::Ok) if !out.is_empty() => {}
+            Ok(_) => return (done, None),
+            Err(e) => return (done, Some(e.to_string())),
+        }
+    }
+}
+
+fn decode_packbits(data: &[u8], out: &mut [u8]) -> (usize, Option<String>) {
+    let (mut from, mut to) = (0, 0);
+    while to < out.len() && from < data.len() {
+        let code = data[from] as i8;
+        from += 1;
+        if code >= 0 {
+            let n = (code as usize + 1).min(out.len() - to).min(data.len() - from);
+            out[to..to + n].copy_from_slice(&data[from..from + n]);
+            from += n;
+            to += n;
+        } else if code != -128 {
+            let Some(&value) = data.get(from) else { break };
+            let n = (1 - isize::from(code)).unsigned_abs().min(out.len() - to);
+            out[to..to + n].fill(value);
+            from += 1;
+            to += n;
+        }
+    }
+    (to, None)
+}
+
+fn encode_packbits(row: &[u8], out: &mut Vec<u8>) {
+    /// Length of the run of equal bytes at the front, up to 128.
+    fn run(bytes: &[u8]) -> usize {
+        bytes.iter().take(128).take_while(|b| **b == bytes[0]).count()
+    }
+    let mut rest = row;
+    while !rest.is_empty() {
+        let n = run(rest);
+        if n >= 2 {
+            out.extend([(1 - n as i32) as u8, rest[0]]);
+            rest = &rest[n..];
+        } else {
+            // Literal bytes until a run of three: one of two costs as much inside.
+            let mut n = 1;
+            while n < rest.len().min(128) && run(&rest[n..]) < 3 {
+                n += 1;
+            }
+            out.push((n - 1) as u8);
+            out.extend_from_slice(&rest[..n]);
+            rest = &rest[n..];
+        }
+    }
+}
+
+/// Horizontal differencing (predictor 2), undone: every value becomes the sum of those to its left.
+/// `width` values per row, `step` channels. Floats are summed as the integers of their bits, as libtiff does.
+pub(crate) fn undo_horizontal(pixels: &mut Pixels, width: usize, step: usize) {
+    macro_rules! sum {
+        ($v:expr, $add:expr) => {
+            for row in $v.chunks_mut(width.max(1)) {
+                for i in step..row.len() {
+                    row[i] = $add(row[i], row[i - step]);
+                }
+            }
+        };
+    }
+    match pixels {
+        Pixels::U8(v) => sum!(v, u8::wrapping_add),
+        Pixels::U16(v) => sum!(v, u16::wrapping_add),
+        Pixels::U32(v) => sum!(v, u32::wrapping_add),
+        Pixels::Half(v) => {
+            sum!(v, |a: f16, b: f16| f16::from_bits(a.to_bits().wrapping_add(b.to_bits())))
+        }
+        Pixels::Float(v) => {
+            sum!(v, |a: f32, b: f32| f32::from_bits(a.to_bits().wrapping_add(b.to_bits())))
+        }
+    }
+}
+
+/// Horizontal differencing of integers, in place; the inverse of [`undo_horizontal`].
+pub(crate) fn apply_horizontal(pixels: &mut Pixels, width: usize, step: usize) {
+    macro_rules! difference {
+        ($v:expr) => {
+            for row in $v.chunks_mut(width.max(1)) {
+                for i in (step..row.len()).rev() {
+                    row[i] = row[i].wrapping_sub(row[i - step]);
+                }
+            }
+        };
+    }
+    match pixels {
+        Pixels::U8(v) => difference!(v),
+        Pixels::U16(v) => difference!(v),
+        Pixels::U32(v) => difference!(v),
+        // Writers use predictor 3 for floats.
+        Pixels::Half(_) | Pixels::Float(_) => {}
+    }
+}
+
+/// Floating-point prediction (predictor 3, TIFF Technical Note 3), undone: `bytes` are rows of
+/// `width * size` bytes, first all most significant bytes, each the difference to the one `step`
+/// before. Returns big-endian values.
+pub(crate) fn undo_floating(mut bytes: Vec<u8>, width: usize, step: usize, size: usize) -> Vec<u8> {
+    let mut values = vec![0; width * size];
+    for row in bytes.chunks_exact_mut((width * size).max(1)) {
+        for i in step..row.len() {
+            row[i] = row[i].wrapping_add(row[i - step]);
+        }
+        for (i, value) in values.chunks_exact_mut(size).enumerate() {
+            for (k, byte) in value.iter_mut().enumerate() {
+                *byte = row[k * width + i];
+            }
+        }
+        row.copy_from_slice(&values);
+    }
+    bytes
+}
+
+/// Floating-point prediction of little-endian values, the inverse of [`undo_floating`].
+pub(crate) fn apply_floating(bytes: &mut [u8], width: usize, step: usize, size: usize) {
+    let mut planes = vec![0; width * size];
+    for row in bytes.chunks_exact_mut((width * size).max(1)) {
+        for (i, value) in row.chunks_exact(size).enumerate() {
+            for (k, byte) in value.iter().rev().enumerate() {
+                planes[k * width + i] = *byte;
+            }
+        }
+        row.copy_from_slice(&planes);
+        for i in (step..row.len()).rev() {
+            row[i] = row[i].wrapping_sub(row[i - step]);
+        }
+    }
+}
+
+/// Spreads values of 1, 2 or 4 bits, packed in rows from the most significant bit, over bytes:
+/// `width` values per row. `scale` stretches them to 0..=255, else they stay as they are.
+pub(crate) fn unpack_bits(bytes: &[u8], width: usize, bits: usize, scale: bool) -> Vec<u8> {
+    let top = (1u8 << bits) - 1;
+    let factor = if scale { 255 / top } else { 1 };
+    let mut out = Vec::with_capacity(bytes.len() * 8 / bits);
+    for row in bytes.chunks_exact((width * bits).div_ceil(8).max(1)) {
+        for i in 0..width {
+            let bit = i * bits;
+            out.push((row[bit / 8] >> (8 - bits - bit % 8) & top) * factor);
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const ALL: [Compression; 4] =
+        [Compression::None, Compression::Lzw, Compression::Deflate, Compression::PackBits];
+
+    proptest! {
+        #[test]
+        fn compressed_bytes_come_back(data in prop::collection::vec(prop_oneof![Just(0u8), Just(7), any::<u8>()], 1..600), row in 1usize..70) {
+            for c in ALL {
+                let packed = c.encode(&data, row).unwrap();
+                let mut out = vec![1; data.len()];
+                prop_assert_eq!(c.decode(&packed, &mut out), Ok(()));
+                prop_assert_eq!(&out, &data, "{:?}", c);
+            }
+        }
+
+        #[test]
+        fn damaged_data_ends(data in prop::collection::vec(any::<u8>(), 0..300), n in 0usize..2000) {
+            for c in ALL {
+                let _ = c.decode(&data, &mut vec![0; n]);
+            }
+        }
+
+        #[test]
+        fn floating_prediction_comes_back(v in prop::collection::vec(any::<u32>(), 24)) {
+            let bytes: Vec<u8> = v.iter().flat_map(|v| v.to_le_bytes()).collect();
+            for (width, step, size) in [(12, 3, 4), (24, 1, 4), (24, 4, 2), (6, 2, 4)] {
+                let mut b = bytes.clone();
+                apply_floating(&mut b, width, step, size);
+                let mut back = undo_floating(b, width, step, size);
+                back.chunks_mut(size).for_each(<[u8]>::reverse);
+                prop_assert_eq!(&back, &bytes);
+            }
+        }
+    }
+
+    #[test]
+    fn packbits_example() {
+        // The example of TIFF 6.0, section 9 (after Apple's technical note).
+        let packed = [0xfe, 0xaa, 2, 0x80, 0, 0x2a, 0xfd, 0xaa, 3, 0x80, 0, 0x2a, 0x22, 0xf7, 0xaa];
+        let mut out = [0; 24];
+        Compression::PackBits.decode(&packed, &mut out).unwrap();
+        assert_eq!(out[..7], [0xaa, 0xaa, 0xaa, 0x80, 0, 0x2a, 0xaa]);
+        assert_eq!(out[14..], [0xaa; 10]);
+    }
+
+    #[test]
+    fn short_data_is_an_error() {
+        for c in ALL {
+            let packed = c.encode(&[5; 100], 100).unwrap();
+            let fault = c.decode(&packed, &mut [0; 101]).unwrap_err();
+            assert!(fault.contains("100 of 101"), "{fault}");
+        }
+    }
+
+    #[test]
+    fn bits_spread() {
+        assert_eq!(unpack_bits(&[0b1010_0000], 3, 1, true), [255, 0, 255]);
+        assert_eq!(unpack_bits(&[0x1f, 0x20], 3, 4, false), [1, 15, 2]);
+        assert_eq!(unpack_bits(&[0b0001_1011], 4, 2, true), [0, 85, 170, 255]);
+    }
+}

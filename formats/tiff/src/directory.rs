@@ -1,0 +1,192 @@
+//! The skeleton of a TIFF file: header, chain of directories, entries and their values.
+
+use granita_image::{FileSource, Limits, Result};
+
+/// Byte order and width of a file, from its first bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Layout {
+    /// "MM" rather than "II".
+    pub(crate) big_endian: bool,
+    /// 64-bit offsets.
+    pub(crate) big_tiff: bool,
+}
+
+impl Layout {
+    /// Whether these first bytes are of a TIFF file, and of which kind.
+    pub(crate) fn of(head: &[u8]) -> Option<Self> {
+        match head {
+            [b'I', b'I', 42, 0, ..] => Some(Self { big_endian: false, big_tiff: false }),
+            [b'M', b'M', 0, 42, ..] => Some(Self { big_endian: true, big_tiff: false }),
+            [b'I', b'I', 43, 0, ..] => Some(Self { big_endian: false, big_tiff: true }),
+            [b'M', b'M', 0, 43, ..] => Some(Self { big_endian: true, big_tiff: true }),
+            _ => None,
+        }
+    }
+
+    /// An unsigned number of `bytes.len()` (at most 8) bytes.
+    pub(crate) fn number(self, bytes: &[u8]) -> u64 {
+        let fold = |n: u64, b: &u8| n << 8 | u64::from(*b);
+        if self.big_endian { bytes.iter().fold(0, fold) } else { bytes.iter().rev().fold(0, fold) }
+    }
+}
+
+/// One entry of a directory. Its values are read only when asked for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Entry {
+    pub(crate) tag: u16,
+    kind: u16,
+    /// Number of values.
+    pub(crate) count: u64,
+    /// The value field: the values themselves if they fit, else where they are.
+    field: [u8; 8],
+}
+
+impl Entry {
+    /// Bytes of one value; 0 for kinds that nobody knows.
+    fn size(&self) -> u64 {
+        match self.kind {
+            1 | 2 | 6 | 7 => 1,
+            3 | 8 => 2,
+            4 | 9 | 11 | 13 => 4,
+            5 | 10 | 12 | 16 | 17 | 18 => 8,
+            _ => 0,
+        }
+    }
+}
+
+/// One directory of a file (an "image file directory").
+#[derive(Debug)]
+pub(crate) struct Directory {
+    layout: Layout,
+    entries: Vec<Entry>,
+}
+
+/// Reads the chain of directories. Follows no more than `limits.images` of them, and no loops.
+pub(crate) fn read_directories(source: &FileSource, limits: &Limits) -> Result<(Layout, Vec<Directory>)> {
+    let head = source.read_vec(0, source.len().min(16), "the header")?;
+    let layout = Layout::of(&head).ok_or_else(|| source.malformed("it does not begin like one"))?;
+    let mut next = if layout.big_tiff {
+        if head.len() < 16 || layout.number(&head[4..6]) != 8 {
+            return Err(source.malformed("the header of a file with 64-bit offsets is damaged"));
+        }
+        layout.number(&head[8..16])
+    } else if head.len() >= 8 {
+        layout.number(&head[4..8])
+    } else {
+        return Err(source.malformed("the file ends inside its header"));
+    };
+    let mut seen = Vec::new();
+    let mut directories = Vec::new();
+    while next != 0 {
+        if seen.contains(&next) {
+            return Err(source.malformed(format!("the chain of directories loops back to byte {next}")));
+        }
+        seen.push(next);
+        limits.within(source.path(), "number of images", seen.len() as u64, u64::from(limits.images))?;
+        let (directory, following) = Directory::read(source, layout, next)?;
+        directories.push(directory);
+        next = following;
+    }
+    if directories.is_empty() {
+        return Err(source.malformed("there is no image in it"));
+    }
+    Ok((layout, directories))
+}
+
+impl Directory {
+    /// The directory at `offset`, and where the next one is.
+    fn read(source: &FileSource, layout: Layout, offset: u64) -> Result<(Self, u64)> {
+        let (count_bytes, entry_bytes, field_bytes) = if layout.big_tiff { (8, 20, 8) } else { (2, 12, 4) };
+        let count = layout.number(&source.read_vec(offset, count_bytes, "a directory")?);
+        if count > 65535 {
+            return Err(source.malformed(format!("the directory at byte {offset} has {count} entries")));
+        }
+        let bytes =
+            source.read_vec(offset + count_bytes, count * entry_bytes + field_bytes, "a directory")?;
+        let (list, next) = bytes.split_at((count * entry_bytes) as usize);
+        let mut entries = Vec::with_capacity(count as usize);
+        for e in list.chunks_exact(entry_bytes as usize) {
+            let (count, field) = e[4..].split_at(field_bytes as usize);
+            let mut entry = Entry {
+                tag: layout.number(&e[..2]) as u16,
+                kind: layout.number(&e[2..4]) as u16,
+                count: layout.number(count),
+                field: [0; 8],
+            };
+            entry.field[..field.len()].copy_from_slice(field);
+            entries.push(entry);
+        }
+        Ok((Self { layout, entries }, layout.number(next)))
+    }
+
+    /// The entry of a tag.
+    pub(crate) fn entry(&self, tag: u16) -> Option<&Entry> {
+        self.entries.iter().find(|e| e.tag == tag)
+    }
+
+    /// The first number of a tag; `default` when the tag is absent.
+    pub(crate) fn number(&self, source: &FileSource, tag: u16, default: u64) -> Result<u64> {
+        match self.entry(tag) {
+            Some(entry) => Ok(self.layout.numbers(source, entry, 1)?.first().copied().unwrap_or(default)),
+            None => Ok(default),
+        }
+    }
+
+    /// The first `max` numbers of a tag; none when it is absent.
+    pub(crate) fn numbers(&self, source: &FileSource, tag: u16, max: u64) -> Result<Vec<u64>> {
+        self.entry(tag).map_or(Ok(Vec::new()), |e| self.layout.numbers(source, e, max))
+    }
+
+    /// The text of a tag, up to its first NUL; `None` when absent or no text.
+    pub(crate) fn text(&self, source: &FileSource, tag: u16) -> Result<Option<String>> {
+        /// Longer ones are cut: a description of a megabyte is damage, or no description.
+        const LONGEST: u64 = 1 << 20;
+        let Some(entry) = self.entry(tag).filter(|e| matches!(e.kind, 1 | 2 | 7)) else { return Ok(None) };
+        let bytes = self.layout.values(source, entry, LONGEST)?;
+        let text = bytes.split(|b| *b == 0).next().unwrap_or_default();
+        Ok(Some(String::from_utf8_lossy(text).into_owned()))
+    }
+
+    /// The first `max` values of a tag as floats, from floats, doubles, fractions or integers.
+    pub(crate) fn floats(&self, source: &FileSource, tag: u16, max: u64) -> Result<Vec<f32>> {
+        let Some(entry) = self.entry(tag) else { return Ok(Vec::new()) };
+        let layout = self.layout;
+        let bits = |b: &[u8]| layout.number(b);
+        let bytes = layout.values(source, entry, max)?;
+        Ok(match entry.kind {
+            11 => bytes.chunks_exact(4).map(|b| f32::from_bits(bits(b) as u32)).collect(),
+            12 => bytes.chunks_exact(8).map(|b| f64::from_bits(bits(b)) as f32).collect(),
+            5 => bytes.chunks_exact(8).map(|b| bits(&b[..4]) as f32 / bits(&b[4..]) as f32).collect(),
+            10 => bytes
+                .chunks_exact(8)
+                .map(|b| bits(&b[..4]) as u32 as i32 as f32 / bits(&b[4..]) as u32 as i32 as f32)
+                .collect(),
+            _ => layout.numbers(source, entry, max)?.into_iter().map(|n| n as f32).collect(),
+        })
+    }
+}
+
+impl Layout {
+    /// The first `max` values of an entry, as unsigned numbers. Other kinds of values are an error.
+    pub(crate) fn numbers(self, source: &FileSource, entry: &Entry, max: u64) -> Result<Vec<u64>> {
+        if !matches!(entry.kind, 1 | 3 | 4 | 7 | 13 | 16 | 18) {
+            return Err(
+                source.malformed(format!("tag {} has values of kind {}, not numbers", entry.tag, entry.kind))
+            );
+        }
+        let bytes = self.values(source, entry, max)?;
+        Ok(bytes.chunks_exact(entry.size() as usize).map(|b| self.number(b)).collect())
+    }
+
+    /// The bytes of the first `max` values of an entry.
+    fn values(self, source: &FileSource, entry: &Entry, max: u64) -> Result<Vec<u8>> {
+        let broken = || source.malformed(format!("tag {} has {} values", entry.tag, entry.count));
+        let all = entry.count.checked_mul(entry.size()).ok_or_else(broken)?;
+        let len = entry.count.min(max) * entry.size();
+        let field = if self.big_tiff { &entry.field[..] } else { &entry.field[..4] };
+        if all <= field.len() as u64 {
+            return Ok(field[..len as usize].to_vec());
+        }
+        source.read_vec(self.number(field), len, &format!("the value of tag {}", entry.tag))
+    }
+}

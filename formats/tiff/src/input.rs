@@ -1,0 +1,224 @@
+//! Reading: strips and tiles by position, from any thread.
+
+use crate::codec;
+use crate::directory::{Layout, read_directories};
+use crate::level::{Level, understand};
+use granita_image::{
+    FileSource, ImageError, ImageInput, ImageSpec, Limits, PixelType, Pixels, Result, rows_from_tiles,
+};
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// An open TIFF file.
+///
+/// Every directory is an image, or a MIP level of the image before it: see [`crate`]. Tables of strips
+/// and tiles are read when a level is first touched, so that opening a large texture costs little.
+#[derive(Debug)]
+pub struct TiffInput {
+    source: FileSource,
+    layout: Layout,
+    limits: Limits,
+    images: Vec<Vec<Level>>,
+    /// The strip read last, by image, level and number: rows are often asked for one by one.
+    last_strip: Mutex<Option<([usize; 3], Arc<Pixels>)>>,
+}
+
+impl TiffInput {
+    /// Opens a file and reads its directories, not its pixels.
+    ///
+    /// # Errors
+    /// When a directory is damaged, or the first image is of a kind that is not handled. Further
+    /// images that are legal but not handled are left out.
+    pub fn open(path: &Path, limits: &Limits) -> Result<Self> {
+        let source = FileSource::open(path, "TIFF")?;
+        let (layout, directories) = read_directories(&source, limits)?;
+        let mut images: Vec<Vec<Level>> = Vec::new();
+        for directory in directories {
+            let level = match understand(&source, directory, limits) {
+                Ok(level) => level,
+                Err(ImageError::Unsupported { .. }) if !images.is_empty() => continue,
+                Err(error) => return Err(error),
+            };
+            match images.last_mut().filter(|image| image[image.len() - 1].is_followed_by(&level, &image[0])) {
+                Some(image) => image.push(level),
+                None => images.push(vec![level]),
+            }
+        }
+        Ok(Self { source, layout, limits: *limits, images, last_strip: Mutex::new(None) })
+    }
+
+    fn level(&self, image: usize, level: usize) -> Result<&Level> {
+        self.images.get(image).and_then(|i| i.get(level)).ok_or_else(|| {
+            self.source
+                .misuse(format!("there is no level {level} of image {image} (of {})", self.images.len()))
+        })
+    }
+
+    /// Strip or tile `(cx, cy)` with all its channels.
+    fn read_chunk(&self, level: &Level, cx: u32, cy: u32) -> Result<Pixels> {
+        let spec = &level.spec;
+        let width = level.chunk.0;
+        let height =
+            if spec.is_tiled() { level.chunk.1 } else { level.chunk.1.min(spec.height - cy * level.chunk.1) };
+        self.limits.check_read(self.source.path(), spec, width, height)?;
+        let (across, down) = level.chunks();
+        let index = cy as usize * across as usize + cx as usize;
+        let size = (width as usize, height as usize);
+        let n = level.samples();
+        let mut pixels = if level.separate {
+            let mut all = Pixels::zeros(spec.pixel_type, size.0 * size.1 * n);
+            for plane in 0..n {
+                let index = plane * across as usize * down as usize + index;
+                all.set_plane(plane, n, &self.decode(level, index, size, 1)?);
+            }
+            all
+        } else {
+            self.decode(level, index, size, n)?
+        };
+        if let (Some(palette), Pixels::U8(indices)) = (&level.palette, &pixels) {
+            // The palette has an entry for every value that the stored bits can have.
+            pixels = Pixels::U8(indices.iter().flat_map(|i| palette[usize::from(*i)]).collect());
+        }
+        if level.invert {
+            match &mut pixels {
+                Pixels::U8(v) => v.iter_mut().for_each(|v| *v = !*v),
+                Pixels::U16(v) => v.iter_mut().for_each(|v| *v = !*v),
+                // White has no agreed value in the other types.
+                Pixels::U32(_) | Pixels::Half(_) | Pixels::Float(_) => {}
+            }
+        }
+        Ok(pixels)
+    }
+
+    /// Decodes entry `index` of the table: `size` pixels of `samples` values.
+    fn decode(&self, level: &Level, index: usize, size: (usize, usize), samples: usize) -> Result<Pixels> {
+        let source = &self.source;
+        let table = level.table(source)?;
+        let (offset, count) = (table.offsets[index], table.counts[index]);
+        let pixel_type = level.spec.pixel_type;
+        let (row_values, bits) = (size.0 * samples, level.bits as usize);
+        let row_bytes = if bits < 8 { (row_values * bits).div_ceil(8) } else { row_values * bits / 8 };
+        let needed = row_bytes * size.1;
+        if offset == 0 && count == 0 {
+            // A sparse file: this part was never written, and stands for zeros.
+            return Ok(Pixels::zeros(pixel_type, row_values * size.1));
+        }
+        let what = if level.spec.is_tiled() { "tile" } else { "strip" };
+        let malformed = |fault: String| source.malformed(format!("{what} {index} at byte {offset}: {fault}"));
+        // No scheme packs more densely than 4096 to 1, so a short strip cannot ask for a huge buffer.
+        let densest = if level.compression == codec::Compression::None { 1 } else { 4096 };
+        if count.saturating_mul(densest) < needed as u64 {
+            return Err(malformed(format!("{count} bytes cannot hold the {needed} needed")));
+        }
+        if offset.checked_add(count).is_none_or(|end| end > source.len()) {
+            return Err(malformed(format!(
+                "it has {count} bytes, but the file ends at byte {}",
+                source.len()
+            )));
+        }
+        let mut bytes = if level.compression == codec::Compression::None {
+            source.read_vec(offset, needed as u64, what)?
+        } else {
+            let packed = source.read_vec(offset, count, what)?;
+            let mut bytes = vec![0; needed];
+            level.compression.decode(&packed, &mut bytes).map_err(malformed)?;
+            bytes
+        };
+        let mut big_endian = self.layout.big_endian;
+        if bits < 8 {
+            bytes = codec::unpack_bits(&bytes, row_values, bits, level.palette.is_none());
+        } else if level.predictor == 3 {
+            bytes = codec::undo_floating(bytes, row_values, samples, pixel_type.bytes());
+            big_endian = true;
+        }
+        let mut pixels = Pixels::from_bytes(pixel_type, bytes, big_endian);
+        if level.predictor == 2 {
+            codec::undo_horizontal(&mut pixels, row_values, samples);
+        }
+        Ok(pixels)
+    }
+
+    /// A strip, perhaps the one read last.
+    fn strip(&self, key: [usize; 3], level: &Level) -> Result<Arc<Pixels>> {
+        // The value is replaced whole, so a panic elsewhere cannot have left it half done.
+        let last = || self.last_strip.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((held, pixels)) = &*last()
+            && *held == key
+        {
+            return Ok(pixels.clone());
+        }
+        let pixels = Arc::new(self.read_chunk(level, 0, key[2] as u32)?);
+        *last() = Some((key, pixels.clone()));
+        Ok(pixels)
+    }
+}
+
+impl ImageInput for TiffInput {
+    fn format_name(&self) -> &'static str {
+        "tiff"
+    }
+
+    fn images(&self) -> usize {
+        self.images.len()
+    }
+
+    fn levels(&self, image: usize) -> usize {
+        self.images.get(image).map_or(0, Vec::len)
+    }
+
+    fn spec(&self, image: usize, level: usize) -> Option<&ImageSpec> {
+        Some(&self.images.get(image)?.get(level)?.spec)
+    }
+
+    fn read_rows(&self, image: usize, level: usize, y0: u32, y1: u32) -> Result<Pixels> {
+        let l = self.level(image, level)?;
+        let spec = &l.spec;
+        if y0 > y1 || y1 > spec.height {
+            return Err(self.source.misuse(format!("rows {y0} to {y1} of an image with {}", spec.height)));
+        }
+        let bytes = self.limits.check_read(self.source.path(), spec, spec.width, y1 - y0)?;
+        if spec.is_tiled() {
+            // The result is allocated before the tiles are read: be sure that they can be there.
+            l.table(&self.source)?;
+            return rows_from_tiles(spec, y0, y1, |tx, ty| self.read_chunk(l, tx, ty));
+        }
+        let row = spec.width as usize * spec.nchannels();
+        let strip_rows = l.chunk.1;
+        let mut out: Option<Pixels> = None;
+        let mut y = y0;
+        while y < y1 {
+            let number = y / strip_rows;
+            let top = number * strip_rows;
+            let take = ((top.saturating_add(strip_rows)).min(y1) - y) as usize;
+            let strip = self.strip([image, level, number as usize], l)?;
+            let out =
+                out.get_or_insert_with(|| Pixels::zeros(spec.pixel_type, bytes / spec.pixel_type.bytes()));
+            out.copy_from((y - y0) as usize * row, &strip, (y - top) as usize * row, take * row);
+            y += take as u32;
+        }
+        Ok(out.unwrap_or_else(|| Pixels::zeros(spec.pixel_type, 0)))
+    }
+
+    fn read_tile(&self, image: usize, level: usize, tx: u32, ty: u32) -> Result<Pixels> {
+        let l = self.level(image, level)?;
+        let (across, down) = l.spec.tiles();
+        if tx >= across || ty >= down {
+            let what = if l.spec.is_tiled() {
+                format!("there is no tile ({tx}, {ty}) among {across} x {down}")
+            } else {
+                "a tile of an image stored in strips".to_owned()
+            };
+            return Err(self.source.misuse(what));
+        }
+        self.read_chunk(l, tx, ty)
+    }
+
+    fn bytes_read(&self) -> u64 {
+        self.source.bytes_read()
+    }
+}
+
+/// Whether floats of this type are written with floating-point prediction.
+pub(crate) fn is_float(pixel_type: PixelType) -> bool {
+    matches!(pixel_type, PixelType::Half | PixelType::Float)
+}

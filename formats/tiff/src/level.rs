@@ -1,0 +1,291 @@
+//! One directory understood: what its pixels are and how they are stored.
+
+use crate::codec::Compression;
+use crate::directory::Directory;
+use crate::tags;
+use granita_base::{BaseType, Param, ParamData, ParamType};
+use granita_image::{FileSource, ImageSpec, Limits, PixelType, Result};
+use std::sync::OnceLock;
+
+/// Where the strips or tiles of a level are, one after the other.
+#[derive(Debug)]
+pub(crate) struct ChunkTable {
+    pub(crate) offsets: Vec<u64>,
+    pub(crate) counts: Vec<u64>,
+}
+
+/// One directory of a file as an image.
+#[derive(Debug)]
+pub(crate) struct Level {
+    pub(crate) spec: ImageSpec,
+    pub(crate) compression: Compression,
+    /// 1, 2 or 3 (see [`crate::codec`]).
+    pub(crate) predictor: u64,
+    /// Each channel in strips or tiles of its own.
+    pub(crate) separate: bool,
+    /// 0 is white.
+    pub(crate) invert: bool,
+    /// Bits of one stored sample: 1, 2, 4, 8, 16 or 32.
+    pub(crate) bits: u64,
+    /// Colours of the indices that are stored, if they are.
+    pub(crate) palette: Option<Vec<[u8; 3]>>,
+    /// Size of a tile, or of a strip (the last may have fewer rows).
+    pub(crate) chunk: (u32, u32),
+    /// The writer called it a smaller version of another image.
+    pub(crate) reduced: bool,
+    pub(crate) directory: Directory,
+    pub(crate) table: OnceLock<ChunkTable>,
+}
+
+/// Reads the tags of one directory.
+pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Limits) -> Result<Level> {
+    let number = |tag, default| directory.number(source, tag, default);
+    let side = |tag, what: &str| -> Result<u32> {
+        let n = number(tag, 0)?;
+        u32::try_from(n).map_err(|_| source.malformed(format!("{what} is {n}")))
+    };
+    let (width, height) = (side(tags::IMAGE_WIDTH, "width")?, side(tags::IMAGE_LENGTH, "height")?);
+    let samples = number(tags::SAMPLES_PER_PIXEL, 1)?;
+    limits.within(source.path(), "number of channels", samples, u64::from(limits.channels))?;
+
+    let compression = Compression::from_code(number(tags::COMPRESSION, 1)?)
+        .map_err(|name| source.unsupported(format!("TIFF compression {name} is not supported")))?;
+    let (pixel_type, bits) = sample_type(source, &directory, samples)?;
+
+    let photometric = number(tags::PHOTOMETRIC, if samples >= 3 { 2 } else { 1 })?;
+    let palette = match photometric {
+        0..=2 => None,
+        3 if samples == 1 && bits <= 8 => Some(read_palette(source, &directory, bits)?),
+        3 => return Err(source.malformed(format!("colour map with {samples} channels of {bits} bits"))),
+        5 => None,
+        6 => return Err(source.unsupported("TIFF in YCbCr colours is not supported")),
+        8 => return Err(source.unsupported("TIFF in CIE L*a*b* colours is not supported")),
+        32844 | 32845 => return Err(source.unsupported("TIFF in LogLuv colours is not supported")),
+        _ => None,
+    };
+    if bits < 8 && number(tags::FILL_ORDER, 1)? != 1 {
+        return Err(source.unsupported("TIFF with reversed bits is not supported"));
+    }
+
+    let predictor = number(tags::PREDICTOR, 1)?;
+    let fits = match predictor {
+        1 => true,
+        2 => bits >= 8,
+        3 => matches!(pixel_type, PixelType::Half | PixelType::Float),
+        _ => false,
+    };
+    if !fits {
+        return Err(source.unsupported(format!("TIFF predictor {predictor} on {bits} bits is not supported")));
+    }
+
+    let mut spec = ImageSpec::new(width, height, 1, pixel_type);
+    spec.channels = channel_names(source, &directory, photometric, samples as usize)?;
+    let tiled = directory.entry(tags::TILE_WIDTH).is_some() || directory.entry(tags::TILE_OFFSETS).is_some();
+    let chunk = if tiled {
+        let (w, h) = (side(tags::TILE_WIDTH, "tile width")?, side(tags::TILE_LENGTH, "tile height")?);
+        if w == 0 || h == 0 {
+            return Err(source.malformed(format!("tiles of {w} x {h} pixels")));
+        }
+        (spec.tile_width, spec.tile_height) = (w, h);
+        (w, h)
+    } else {
+        let rows = number(tags::ROWS_PER_STRIP, u64::from(u32::MAX))?;
+        (width, rows.clamp(1, u64::from(height.max(1))) as u32)
+    };
+    limits.check(source.path(), "TIFF", &spec)?;
+    let separate = number(tags::PLANAR_CONFIG, 1)? == 2;
+    metadata(source, &directory, &mut spec)?;
+    let word = |name: &str, value: &str| Param {
+        name: name.into(),
+        ty: ParamType::of(BaseType::String),
+        data: value.into(),
+    };
+    spec.attributes.set(word("compression", compression.word()));
+    spec.attributes.set(word("planarconfig", if separate { "separate" } else { "contig" }));
+    if !tiled {
+        let (ty, data) = (ParamType::of(BaseType::Int), ParamData::from(chunk.1 as i32));
+        spec.attributes.set(Param { name: "rowsperstrip".into(), ty, data });
+    }
+    Ok(Level {
+        spec,
+        compression,
+        predictor,
+        separate: separate && samples > 1,
+        invert: photometric == 0,
+        bits,
+        palette,
+        chunk,
+        reduced: number(tags::NEW_SUBFILE_TYPE, 0)? & 1 == 1,
+        directory,
+        table: OnceLock::new(),
+    })
+}
+
+/// The type that values are given out in, and the bits of one stored value.
+fn sample_type(source: &FileSource, directory: &Directory, samples: u64) -> Result<(PixelType, u64)> {
+    let all_same = |tag, default: u64, what: &str| -> Result<u64> {
+        let list = directory.numbers(source, tag, samples)?;
+        let first = list.first().copied().unwrap_or(default);
+        if list.iter().any(|n| *n != first) {
+            return Err(source.unsupported(format!("TIFF channels of different {what} are not supported")));
+        }
+        Ok(first)
+    };
+    let bits = all_same(tags::BITS_PER_SAMPLE, 1, "bit depths")?;
+    let kind = match all_same(tags::SAMPLE_FORMAT, 1, "types")? {
+        // Undefined data is taken for unsigned, as by everybody else.
+        1 | 4 => "unsigned integer",
+        2 => "signed integer",
+        3 => "float",
+        _ => "complex",
+    };
+    Ok(match (kind, bits) {
+        ("unsigned integer", 1 | 2 | 4 | 8) => (PixelType::U8, bits),
+        ("unsigned integer", 16) => (PixelType::U16, bits),
+        ("unsigned integer", 32) => (PixelType::U32, bits),
+        ("float", 16) => (PixelType::Half, bits),
+        ("float", 32) => (PixelType::Float, bits),
+        _ => return Err(source.unsupported(format!("TIFF of {bits}-bit {kind} values is not supported"))),
+    })
+}
+
+/// The colours of a palette image, as bytes.
+fn read_palette(source: &FileSource, directory: &Directory, bits: u64) -> Result<Vec<[u8; 3]>> {
+    let n = 1usize << bits;
+    let map = directory.numbers(source, tags::COLOR_MAP, 3 * n as u64)?;
+    if map.len() < 3 * n {
+        return Err(source.malformed(format!("colour map of {} values, {} needed", map.len(), 3 * n)));
+    }
+    // Some old programs wrote 8-bit values where 16 bits are due.
+    let shift = if map.iter().any(|v| *v > 255) { 8 } else { 0 };
+    let byte = |v: u64| (v >> shift) as u8;
+    Ok((0..n).map(|i| [byte(map[i]), byte(map[n + i]), byte(map[2 * n + i])]).collect())
+}
+
+/// Names of the channels. One further channel beside grey or RGB is taken for alpha, whether or not the
+/// file says so; of several only the one that is declared as alpha.
+fn channel_names(
+    source: &FileSource,
+    directory: &Directory,
+    photometric: u64,
+    samples: usize,
+) -> Result<Vec<String>> {
+    let colors: &[&str] = match photometric {
+        3 => return Ok(ImageSpec::default_channels(3)),
+        5 => &["C", "M", "Y", "K"],
+        2 => &["R", "G", "B"],
+        _ if samples >= 3 => &["R", "G", "B"],
+        _ => &["Y"],
+    };
+    let kinds = directory.numbers(source, tags::EXTRA_SAMPLES, samples as u64)?;
+    let extras = samples.saturating_sub(colors.len());
+    let declared = kinds.iter().position(|k| matches!(k, 1 | 2));
+    let alpha = if extras == 1 { Some(0) } else { declared.filter(|_| extras > 0) };
+    let mut names: Vec<String> = colors.iter().take(samples).map(|s| (*s).to_owned()).collect();
+    for i in names.len()..samples {
+        names.push(if alpha == Some(i - colors.len()) { "A".to_owned() } else { format!("channel{i}") });
+    }
+    if samples == 1 && directory.text(source, tags::TEXTURE_FORMAT)?.is_some_and(|t| t.ends_with("Shadow")) {
+        names = vec!["Z".to_owned()];
+    }
+    Ok(names)
+}
+
+/// Windows and attributes.
+fn metadata(source: &FileSource, directory: &Directory, spec: &mut ImageSpec) -> Result<()> {
+    for (tag, name) in tags::STRINGS {
+        if let Some(text) = directory.text(source, tag)? {
+            let ty = ParamType::of(BaseType::String);
+            spec.attributes.set(Param { name: name.into(), ty, data: text.as_str().into() });
+        }
+    }
+    for (tag, name) in tags::MATRICES {
+        let m = directory.floats(source, tag, 16)?;
+        if m.len() == 16 {
+            let ty = ParamType::of(BaseType::Matrix);
+            spec.attributes.set(Param { name: name.into(), ty, data: m[..].into() });
+        }
+    }
+    if let Some(&cot) = directory.floats(source, tags::FOV_COT, 1)?.first() {
+        spec.attributes.set(Param {
+            name: "fovcot".into(),
+            ty: ParamType::of(BaseType::Float),
+            data: cot.into(),
+        });
+    }
+    let orientation = directory.number(source, tags::ORIENTATION, 1)?;
+    if orientation != 1 {
+        let (ty, data) = (ParamType::of(BaseType::Int), ParamData::from(orientation as i32));
+        spec.attributes.set(Param { name: "orientation".into(), ty, data });
+    }
+    let full = |tag| -> Result<Option<u32>> {
+        Ok(u32::try_from(directory.number(source, tag, 0)?).ok().filter(|n| *n > 0))
+    };
+    let (full_width, full_height) = (full(tags::FULL_WIDTH)?, full(tags::FULL_LENGTH)?);
+    spec.full_width = full_width.unwrap_or(spec.width);
+    spec.full_height = full_height.unwrap_or(spec.height);
+    // A position without a full size is where a scanner or a page layout put the picture: no crop.
+    if full_width.is_some() && full_height.is_some() {
+        let place = |position, resolution| -> Result<i32> {
+            let p = directory.floats(source, position, 1)?.first().copied().unwrap_or(0.0);
+            let r = directory.floats(source, resolution, 1)?.first().copied().unwrap_or(1.0);
+            Ok((p * r).round() as i32)
+        };
+        spec.x = place(tags::X_POSITION, tags::X_RESOLUTION)?;
+        spec.y = place(tags::Y_POSITION, tags::Y_RESOLUTION)?;
+    }
+    Ok(())
+}
+
+impl Level {
+    /// Channels as stored: 1 for a palette.
+    pub(crate) fn samples(&self) -> usize {
+        if self.palette.is_some() { 1 } else { self.spec.nchannels() }
+    }
+
+    /// Strips or tiles across and down one plane.
+    pub(crate) fn chunks(&self) -> (u32, u32) {
+        (self.spec.width.div_ceil(self.chunk.0), self.spec.height.div_ceil(self.chunk.1))
+    }
+
+    /// Whether `next` is the MIP level that follows this one (`first` is level 0): the same kind of
+    /// pixels, and either half the size or, in a texture file, merely not larger (reference 9.2.1,
+    /// 9.2.7: mosaics of small faces are padded and do not halve).
+    pub(crate) fn is_followed_by(&self, next: &Self, first: &Self) -> bool {
+        let halves = |a: u32, b: u32| b == (a / 2).max(1) || b == a.div_ceil(2);
+        let (a, b) = (&self.spec, &next.spec);
+        let alike = a.channels == b.channels
+            && a.pixel_type == b.pixel_type
+            && a.is_tiled() == b.is_tiled()
+            && b.width <= a.width
+            && b.height <= a.height;
+        let texture = first.spec.string("textureformat").is_some();
+        let smaller = halves(a.width, b.width) && halves(a.height, b.height);
+        alike && (texture || smaller && (a.is_tiled() || next.reduced))
+    }
+
+    /// Where the strips or tiles are; read from the file the first time.
+    pub(crate) fn table(&self, source: &FileSource) -> Result<&ChunkTable> {
+        if let Some(table) = self.table.get() {
+            return Ok(table);
+        }
+        let (across, down) = self.chunks();
+        let planes = if self.separate { self.samples() as u64 } else { 1 };
+        let needed = u64::from(across) * u64::from(down) * planes;
+        let list = |tile_tag, strip_tag, what: &str| -> Result<Vec<u64>> {
+            // A few files call the table of their tiles that of strips.
+            let tag = match self.directory.entry(tile_tag) {
+                Some(_) if self.spec.is_tiled() => tile_tag,
+                _ => strip_tag,
+            };
+            let held = self.directory.entry(tag).map_or(0, |e| e.count);
+            if held < needed {
+                return Err(source.malformed(format!("{held} {what} of strips or tiles, {needed} needed")));
+            }
+            self.directory.numbers(source, tag, needed)
+        };
+        let offsets = list(tags::TILE_OFFSETS, tags::STRIP_OFFSETS, "positions")?;
+        let counts = list(tags::TILE_BYTE_COUNTS, tags::STRIP_BYTE_COUNTS, "lengths")?;
+        Ok(self.table.get_or_init(|| ChunkTable { offsets, counts }))
+    }
+}

@@ -1,0 +1,461 @@
+//! Writing: strips or tiles as they come, all directories at the end.
+
+use crate::codec::{Compression, apply_floating, apply_horizontal};
+use crate::input::is_float;
+use crate::tags;
+use granita_image::{
+    AtomicFile, CreateOptions, ImageError, ImageOutput, ImageSpec, PixelType, Pixels, Result, TileRows,
+};
+use std::io::{Seek, SeekFrom, Write};
+use std::path::Path;
+
+/// A TIFF file being written, little-endian; with 64-bit offsets if it may exceed 4 GiB.
+#[derive(Debug)]
+pub struct TiffOutput {
+    file: AtomicFile,
+    /// Where the next byte goes.
+    position: u64,
+    big_tiff: bool,
+    /// Options of the first level, for later ones that do not have their own.
+    first: Settings,
+    finished: Vec<Vec<Field>>,
+    current: Writing,
+}
+
+/// The level being written.
+#[derive(Debug)]
+struct Writing {
+    spec: ImageSpec,
+    settings: Settings,
+    /// Position and length of every strip or tile, all of one plane after the other.
+    chunks: Vec<Option<(u64, u64)>>,
+    rows: Rows,
+}
+
+/// Rows that do not fill a strip or a row of tiles yet.
+#[derive(Debug)]
+enum Rows {
+    Strip { pixels: Pixels, filled: usize, next_y: u32 },
+    Tiles(Option<TileRows>),
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Settings {
+    compression: Compression,
+    separate: bool,
+    rows_per_strip: u32,
+}
+
+/// An entry of a directory to be written.
+#[derive(Debug)]
+struct Field {
+    tag: u16,
+    kind: u16,
+    count: u64,
+    bytes: Vec<u8>,
+}
+
+impl Field {
+    fn shorts(tag: u16, values: &[u16]) -> Self {
+        let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        Self { tag, kind: 3, count: values.len() as u64, bytes }
+    }
+
+    fn long(tag: u16, value: u32) -> Self {
+        Self { tag, kind: 4, count: 1, bytes: value.to_le_bytes().to_vec() }
+    }
+
+    /// Positions and lengths in the file: 64 bits only where the file has them.
+    fn places(tag: u16, values: impl ExactSizeIterator<Item = u64>, big_tiff: bool) -> Self {
+        let count = values.len() as u64;
+        let bytes = if big_tiff {
+            values.flat_map(u64::to_le_bytes).collect()
+        } else {
+            values.flat_map(|v| (v as u32).to_le_bytes()).collect()
+        };
+        Self { tag, kind: if big_tiff { 16 } else { 4 }, count, bytes }
+    }
+
+    fn text(tag: u16, text: &str) -> Self {
+        // The format ends strings at a NUL.
+        let mut bytes = text.split('\0').next().unwrap_or_default().as_bytes().to_vec();
+        bytes.push(0);
+        Self { tag, kind: 2, count: bytes.len() as u64, bytes }
+    }
+
+    fn floats(tag: u16, values: &[f32]) -> Self {
+        let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        Self { tag, kind: 11, count: values.len() as u64, bytes }
+    }
+
+    /// A whole number where the format wants a fraction.
+    fn rational(tag: u16, value: u32) -> Self {
+        Self { tag, kind: 5, count: 1, bytes: [value.to_le_bytes(), 1u32.to_le_bytes()].concat() }
+    }
+}
+
+impl Settings {
+    fn of(path: &Path, spec: &ImageSpec, inherited: Option<Self>) -> Result<Self> {
+        let unsupported = |what: String| ImageError::Unsupported { path: path.to_owned(), what };
+        let compression = match spec.string("compression") {
+            Some(word) => Compression::from_word(word)
+                .ok_or_else(|| unsupported(format!("TIFF compression \"{word}\" is not supported")))?,
+            None => inherited.map_or(Compression::Deflate, |s| s.compression),
+        };
+        let separate = match spec.string("planarconfig") {
+            Some("separate") => true,
+            Some("contig") => false,
+            Some(word) => return Err(unsupported(format!("\"{word}\" is no planar configuration"))),
+            None => inherited.is_some_and(|s| s.separate),
+        };
+        let rows = spec.attributes.int("rowsperstrip").filter(|n| *n > 0);
+        let rows = rows.map_or(inherited.map_or(32, |s| s.rows_per_strip), |n| n as u32);
+        Ok(Self { compression, separate: separate && spec.nchannels() > 1, rows_per_strip: rows })
+    }
+}
+
+impl Writing {
+    fn new(path: &Path, spec: &ImageSpec, inherited: Option<Settings>) -> Result<Self> {
+        let misuse = |what: String| ImageError::Misuse { path: path.to_owned(), what };
+        if spec.width == 0 || spec.height == 0 || spec.nchannels() == 0 {
+            let (w, h, n) = (spec.width, spec.height, spec.nchannels());
+            return Err(misuse(format!("an image of {w} x {h} pixels with {n} channels")));
+        }
+        if spec.nchannels() > usize::from(u16::MAX) {
+            return Err(misuse(format!("{} channels, {} at most", spec.nchannels(), u16::MAX)));
+        }
+        if spec.is_tiled() && spec.tile_height == 0 {
+            return Err(misuse(format!("tiles of {} x 0 pixels", spec.tile_width)));
+        }
+        let mut settings = Settings::of(path, spec, inherited)?;
+        settings.rows_per_strip = settings.rows_per_strip.min(spec.height);
+        let planes = if settings.separate { spec.nchannels() as u64 } else { 1 };
+        let per_plane = if spec.is_tiled() {
+            let (across, down) = spec.tiles();
+            u64::from(across) * u64::from(down)
+        } else {
+            u64::from(spec.height.div_ceil(settings.rows_per_strip))
+        };
+        let rows = if spec.is_tiled() {
+            Rows::Tiles(None)
+        } else {
+            let n = spec.width as usize * settings.rows_per_strip as usize * spec.nchannels();
+            Rows::Strip { pixels: Pixels::zeros(spec.pixel_type, n), filled: 0, next_y: 0 }
+        };
+        let chunks = vec![None; (per_plane * planes) as usize];
+        Ok(Self { spec: spec.clone(), settings, chunks, rows })
+    }
+
+    fn misuse(&self, file: &AtomicFile, what: String) -> ImageError {
+        ImageError::Misuse { path: file.path().to_owned(), what }
+    }
+}
+
+impl TiffOutput {
+    /// Begins a file; nothing is visible under its name before `close`.
+    pub fn create(path: &Path, options: &CreateOptions<'_>) -> Result<Self> {
+        let current = Writing::new(path, options.spec, None)?;
+        // All levels together are less than twice the first; compression may lengthen a little.
+        let tiles = options.spec.tiles();
+        let padded = (u64::from(tiles.0) * u64::from(options.spec.tile_width))
+            .saturating_mul(u64::from(tiles.1) * u64::from(options.spec.tile_height))
+            .saturating_mul((options.spec.nchannels() * options.spec.pixel_type.bytes()) as u64);
+        let first = options.spec.bytes().unwrap_or(u64::MAX).max(padded);
+        let all = if options.levels > 1 { first.saturating_mul(2) } else { first };
+        let big_tiff = all.saturating_add(all / 16) > u64::from(u32::MAX) - (1 << 20);
+        let mut file = AtomicFile::create(path)?;
+        let header: &[u8] =
+            if big_tiff { b"II\x2b\0\x08\0\0\0\0\0\0\0\0\0\0\0" } else { b"II\x2a\0\0\0\0\0" };
+        file.write_all(header).map_err(|e| file.io_error(e))?;
+        let position = header.len() as u64;
+        let first = current.settings;
+        Ok(Self { file, position, big_tiff, first, finished: Vec::new(), current })
+    }
+
+    /// Appends bytes, at an even position as the format demands; returns where they are.
+    fn append(&mut self, bytes: &[u8]) -> Result<u64> {
+        if self.position % 2 == 1 {
+            self.file.write_all(&[0]).map_err(|e| self.file.io_error(e))?;
+            self.position += 1;
+        }
+        let at = self.position;
+        let end = at + bytes.len() as u64;
+        if !self.big_tiff && end > u64::from(u32::MAX) {
+            return Err(ImageError::Limit {
+                path: self.file.path().to_owned(),
+                what: "size of a TIFF file with 32-bit offsets",
+                asked: end,
+                max: u64::from(u32::MAX),
+            });
+        }
+        self.file.write_all(bytes).map_err(|e| self.file.io_error(e))?;
+        self.position = end;
+        Ok(at)
+    }
+
+    /// Compresses and writes one strip or tile with all its channels. `index` counts within a plane.
+    fn write_chunk(&mut self, index: usize, width: usize, pixels: &Pixels) -> Result<()> {
+        let n = self.current.spec.nchannels();
+        let compression = self.current.settings.compression;
+        let planes = if self.current.settings.separate { n } else { 1 };
+        let per_plane = self.current.chunks.len() / planes;
+        for plane in 0..planes {
+            let slot = plane * per_plane + index;
+            if self.current.chunks[slot].is_some() {
+                return Err(self.current.misuse(&self.file, format!("tile {index} is written twice")));
+            }
+            let only;
+            let (pixels, samples) = if planes > 1 {
+                only = pixels.plane(plane, n);
+                (&only, 1)
+            } else {
+                (pixels, n)
+            };
+            let bytes =
+                pack(pixels, width * samples, samples, compression).map_err(|e| self.file.io_error(e))?;
+            let at = self.append(&bytes)?;
+            self.current.chunks[slot] = Some((at, bytes.len() as u64));
+        }
+        Ok(())
+    }
+
+    fn check_type(&self, pixels: &Pixels) -> Result<()> {
+        let (got, wanted) = (pixels.pixel_type(), self.current.spec.pixel_type);
+        if got == wanted {
+            return Ok(());
+        }
+        Err(self.current.misuse(&self.file, format!("pixels of type {got:?} for a file of {wanted:?}")))
+    }
+
+    /// Closes the current level: all of it must be there.
+    fn finish_level(&mut self) -> Result<()> {
+        let missing = self.current.chunks.iter().filter(|c| c.is_none()).count();
+        if missing > 0 {
+            let level = self.finished.len();
+            let total = self.current.chunks.len();
+            let what =
+                format!("level {level} is incomplete: {missing} of {total} strips or tiles are missing");
+            return Err(self.current.misuse(&self.file, what));
+        }
+        self.finished.push(self.fields());
+        Ok(())
+    }
+
+    /// The directory of the current level, sorted by tag.
+    fn fields(&self) -> Vec<Field> {
+        let Writing { spec, settings, chunks, .. } = &self.current;
+        let n = spec.nchannels();
+        let colors = if n >= 3 { 3 } else { 1 };
+        let predictor = match settings.compression {
+            Compression::None | Compression::PackBits => 1,
+            _ if is_float(spec.pixel_type) => 3,
+            _ => 2,
+        };
+        let mut fields = vec![
+            Field::long(tags::NEW_SUBFILE_TYPE, u32::from(!self.finished.is_empty())),
+            Field::long(tags::IMAGE_WIDTH, spec.width),
+            Field::long(tags::IMAGE_LENGTH, spec.height),
+            Field::shorts(tags::BITS_PER_SAMPLE, &vec![8 * spec.pixel_type.bytes() as u16; n]),
+            Field::shorts(tags::COMPRESSION, &[settings.compression.code()]),
+            Field::shorts(tags::PHOTOMETRIC, &[if n >= 3 { 2 } else { 1 }]),
+            Field::shorts(tags::SAMPLES_PER_PIXEL, &[n as u16]),
+            Field::rational(tags::X_RESOLUTION, 1),
+            Field::rational(tags::Y_RESOLUTION, 1),
+            Field::shorts(tags::PLANAR_CONFIG, &[if settings.separate { 2 } else { 1 }]),
+            Field::shorts(tags::RESOLUTION_UNIT, &[1]),
+            Field::shorts(tags::SAMPLE_FORMAT, &vec![if is_float(spec.pixel_type) { 3 } else { 1 }; n]),
+        ];
+        if predictor != 1 {
+            fields.push(Field::shorts(tags::PREDICTOR, &[predictor]));
+        }
+        if n > colors {
+            // Pixels of a renderer have the alpha multiplied in.
+            let kind = |i| u16::from(spec.alpha_channel() == Some(i));
+            fields.push(Field::shorts(tags::EXTRA_SAMPLES, &(colors..n).map(kind).collect::<Vec<_>>()));
+        }
+        let written = || chunks.iter().map(|c| c.unwrap_or_default());
+        let list = |part: fn((u64, u64)) -> u64| written().map(part).collect::<Vec<_>>().into_iter();
+        let places = |tag, part| Field::places(tag, list(part), self.big_tiff);
+        if spec.is_tiled() {
+            fields.push(Field::long(tags::TILE_WIDTH, spec.tile_width));
+            fields.push(Field::long(tags::TILE_LENGTH, spec.tile_height));
+            fields.push(places(tags::TILE_OFFSETS, |c| c.0));
+            fields.push(places(tags::TILE_BYTE_COUNTS, |c| c.1));
+        } else {
+            fields.push(Field::long(tags::ROWS_PER_STRIP, settings.rows_per_strip));
+            fields.push(places(tags::STRIP_OFFSETS, |c| c.0));
+            fields.push(places(tags::STRIP_BYTE_COUNTS, |c| c.1));
+        }
+        // The windows: relative to the upper left of the display window, which is all that TIFF has.
+        let (x, y) = (i64::from(spec.x) - i64::from(spec.full_x), i64::from(spec.y) - i64::from(spec.full_y));
+        let (x, y) = (x.clamp(0, i64::from(u32::MAX)) as u32, y.clamp(0, i64::from(u32::MAX)) as u32);
+        let cube = spec.string("textureformat").is_some_and(|t| t.starts_with("CubeFace"));
+        if cube || (spec.full_width, spec.full_height) != (spec.width, spec.height) || (x, y) != (0, 0) {
+            fields.push(Field::long(tags::FULL_WIDTH, spec.full_width));
+            fields.push(Field::long(tags::FULL_LENGTH, spec.full_height));
+            fields.push(Field::rational(tags::X_POSITION, x));
+            fields.push(Field::rational(tags::Y_POSITION, y));
+        }
+        for (tag, name) in tags::STRINGS {
+            let given = spec.attributes.iter().rev().find(|p| p.name.eq_ignore_ascii_case(name));
+            if let Some(text) = given.and_then(|p| spec.string(&p.name)) {
+                fields.push(Field::text(tag, text));
+            } else if tag == tags::SOFTWARE {
+                fields.push(Field::text(tag, &format!("Granita {}", granita_base::VERSION)));
+            }
+        }
+        for (tag, name) in tags::MATRICES {
+            if let Some(matrix) = spec.matrix(name) {
+                fields.push(Field::floats(tag, &matrix));
+            }
+        }
+        if let Some(cot) = spec.attributes.float("fovcot") {
+            fields.push(Field::floats(tags::FOV_COT, &[cot]));
+        }
+        fields.sort_by_key(|f| f.tag);
+        fields
+    }
+
+    /// Writes a directory and the values that do not fit in it; returns where it is, and where in it
+    /// the position of the next one stands.
+    fn write_directory(&mut self, fields: &[Field]) -> Result<(u64, u64)> {
+        let inline = if self.big_tiff { 8 } else { 4 };
+        let mut bytes = Vec::new();
+        /// Appends a number of as many bytes as the file's offsets have.
+        fn number(bytes: &mut Vec<u8>, n: u64, width: usize) {
+            bytes.extend_from_slice(&n.to_le_bytes()[..width]);
+        }
+        number(&mut bytes, fields.len() as u64, if self.big_tiff { 8 } else { 2 });
+        for field in fields {
+            bytes.extend(field.tag.to_le_bytes());
+            bytes.extend(field.kind.to_le_bytes());
+            number(&mut bytes, field.count, inline);
+            if field.bytes.len() <= inline {
+                bytes.extend_from_slice(&field.bytes);
+                bytes.resize(bytes.len() + inline - field.bytes.len(), 0);
+            } else {
+                let at = self.append(&field.bytes)?;
+                number(&mut bytes, at, inline);
+            }
+        }
+        number(&mut bytes, 0, inline);
+        let at = self.append(&bytes)?;
+        Ok((at, at + (bytes.len() - inline) as u64))
+    }
+}
+
+/// The bytes of a strip or tile: predicted, little-endian, compressed.
+fn pack(pixels: &Pixels, width: usize, step: usize, compression: Compression) -> std::io::Result<Vec<u8>> {
+    let size = pixels.pixel_type().bytes();
+    let predict = matches!(compression, Compression::Lzw | Compression::Deflate);
+    let mut bytes = Vec::with_capacity(pixels.len() * size);
+    match pixels.pixel_type() {
+        PixelType::U8 | PixelType::U16 | PixelType::U32 if predict => {
+            let mut differences = pixels.clone();
+            apply_horizontal(&mut differences, width, step);
+            differences.append_le_bytes(&mut bytes);
+        }
+        PixelType::Half | PixelType::Float if predict => {
+            pixels.append_le_bytes(&mut bytes);
+            apply_floating(&mut bytes, width, step, size);
+        }
+        _ => pixels.append_le_bytes(&mut bytes),
+    }
+    if compression == Compression::None { Ok(bytes) } else { compression.encode(&bytes, width * size) }
+}
+
+impl ImageOutput for TiffOutput {
+    fn write_rows(&mut self, pixels: &Pixels) -> Result<()> {
+        self.check_type(pixels)?;
+        let spec = &self.current.spec;
+        let row = spec.width as usize * spec.nchannels();
+        let count = pixels.len() / row;
+        let next_y = match &self.current.rows {
+            Rows::Strip { next_y, .. } => *next_y,
+            Rows::Tiles(rows) => rows.as_ref().map_or(0, TileRows::next_y),
+        };
+        if pixels.len() % row != 0 || count > (spec.height - next_y) as usize {
+            let what = format!(
+                "{} values are no whole rows of {row}, or more than the {} rows left",
+                pixels.len(),
+                spec.height - next_y
+            );
+            return Err(self.current.misuse(&self.file, what));
+        }
+        if let Rows::Tiles(rows) = &mut self.current.rows {
+            let mut tiles = rows.take().unwrap_or_else(|| TileRows::new(&self.current.spec));
+            let spec = self.current.spec.clone();
+            tiles.push(&spec, pixels, |tx, ty, tile| self.write_tile(tx, ty, tile))?;
+            self.current.rows = Rows::Tiles(Some(tiles));
+            return Ok(());
+        }
+        let (width, height) = (spec.width as usize, spec.height);
+        let per_strip = self.current.settings.rows_per_strip;
+        let mut done = 0;
+        while done < count {
+            let Rows::Strip { pixels: strip, filled, next_y } = &mut self.current.rows else { break };
+            let number = *next_y / per_strip;
+            let in_strip = per_strip.min(height - number * per_strip) as usize;
+            let take = (in_strip - *filled).min(count - done);
+            strip.copy_from(*filled * row, pixels, done * row, take * row);
+            *filled += take;
+            *next_y += take as u32;
+            done += take;
+            if *filled == in_strip {
+                *filled = 0;
+                let mut full = std::mem::replace(strip, Pixels::zeros(strip.pixel_type(), 0));
+                let len = full.len();
+                if in_strip * row < len {
+                    full.truncate(in_strip * row);
+                }
+                self.write_chunk(number as usize, width, &full)?;
+                if let Rows::Strip { pixels: strip, .. } = &mut self.current.rows {
+                    *strip = if full.len() == len { full } else { Pixels::zeros(full.pixel_type(), len) };
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn write_tile(&mut self, tx: u32, ty: u32, pixels: &Pixels) -> Result<()> {
+        self.check_type(pixels)?;
+        let spec = &self.current.spec;
+        let (across, down) = spec.tiles();
+        let n = spec.tile_width as usize * spec.tile_height as usize * spec.nchannels();
+        if tx >= across || ty >= down || pixels.len() != n {
+            let what = format!(
+                "tile ({tx}, {ty}) with {} values, in an image of {across} x {down} tiles of {n}",
+                pixels.len()
+            );
+            return Err(self.current.misuse(&self.file, what));
+        }
+        let width = spec.tile_width as usize;
+        self.write_chunk(ty as usize * across as usize + tx as usize, width, pixels)
+    }
+
+    fn next_level(&mut self, spec: &ImageSpec) -> Result<()> {
+        let next = Writing::new(self.file.path(), spec, Some(self.first))?;
+        self.finish_level()?;
+        self.current = next;
+        Ok(())
+    }
+
+    fn close(mut self: Box<Self>) -> Result<()> {
+        self.finish_level()?;
+        // All directories together at the end: readers get them in one go.
+        let mut link = if self.big_tiff { 8 } else { 4 };
+        let width = if self.big_tiff { 8 } else { 4 };
+        let mut links = Vec::new();
+        for fields in std::mem::take(&mut self.finished) {
+            let (at, next) = self.write_directory(&fields)?;
+            links.push((link, at));
+            link = next;
+        }
+        for (link, at) in links {
+            let bytes = &at.to_le_bytes()[..width];
+            let io = |f: &mut AtomicFile| f.seek(SeekFrom::Start(link)).and_then(|_| f.write_all(bytes));
+            io(&mut self.file).map_err(|e| self.file.io_error(e))?;
+        }
+        self.file.commit()
+    }
+}
