@@ -1,1 +1,158 @@
+//! Light sources of a frame: linked once, run by the grids that ask.
 
+use crate::object::{LinkedShaders, Linker};
+use granita_base::Vec3;
+use granita_scene::{AttributeSet, Light, ShaderUsage};
+use granita_shade::{IlluminateQuery, Lane3, Lanes3, LightInfo, LightResult};
+use std::sync::Arc;
+
+/// A light source, ready to run.
+#[derive(Debug)]
+pub(crate) struct LightState {
+    /// Its `lightid`.
+    pub(crate) name: Arc<str>,
+    /// Its shaders.
+    pub(crate) shaders: LinkedShaders,
+    /// What is known without running it.
+    pub(crate) info: LightInfo,
+    /// Attribute state of the `Light` call.
+    pub(crate) attributes: Arc<AttributeSet>,
+    /// "shadow:bias" of that state.
+    pub(crate) shadow_bias: f32,
+}
+
+impl LightState {
+    /// Links a light; `None`, already reported, when its shader cannot be used: it stays dark.
+    pub(crate) fn new(light: &Light, linker: Linker<'_>) -> Option<Self> {
+        let shaders = linker.link(&light.group, ShaderUsage::Light, &light.name)?;
+        let info = LightInfo {
+            ambient: !shaders.group.has_emit(),
+            category: shaders.group.param_string("__category").unwrap_or_else(|| "".into()),
+        };
+        if shaders.group.param_string("geometry").is_some_and(|g| !g.is_empty()) {
+            linker.reporter.once(
+                "unsupported area lights",
+                granita_base::Severity::Warning,
+                &granita_base::Location::default(),
+                format!(
+                    "light \"{}\": area lights (parameter \"geometry\") are not supported yet; it shines as its shader says without them",
+                    light.name
+                ),
+            );
+        }
+        Some(Self {
+            name: light.name.clone(),
+            shaders,
+            info,
+            attributes: light.attributes.clone(),
+            shadow_bias: light.attributes.float("shadow:bias").max(0.0),
+        })
+    }
+}
+
+/// What one light sent to one query.
+struct Remembered {
+    light: usize,
+    active: Vec<u32>,
+    ps: Lanes3,
+    ns: Lanes3,
+    result: Arc<LightResult>,
+}
+
+/// Results of lights within one run of a surface or volume shader: `diffuse` and `specular` of one shader
+/// ask the same question, often with the same normal.
+#[derive(Default)]
+pub(crate) struct LightMemory {
+    kept: Vec<Remembered>,
+}
+
+impl LightMemory {
+    /// More different questions than this in one run push the oldest out.
+    const MOST: usize = 64;
+
+    /// What was kept for this question: the same positions and axes, to the bit, on at least its lanes.
+    pub(crate) fn find(&self, light: usize, query: &IlluminateQuery<'_>) -> Option<Arc<LightResult>> {
+        let holds = |kept: &&Remembered| {
+            kept.light == light
+                && same_on(&kept.ps, &query.ps, query.batch.active)
+                && same_on(&kept.ns, &query.ns, query.batch.active)
+                && is_subset(query.batch.active, &kept.active)
+        };
+        self.kept.iter().find(holds).map(|kept| kept.result.clone())
+    }
+
+    /// Keeps an answer.
+    pub(crate) fn keep(&mut self, light: usize, query: &IlluminateQuery<'_>, result: &Arc<LightResult>) {
+        if self.kept.len() == Self::MOST {
+            self.kept.remove(0);
+        }
+        let copy = |lanes: &Lane3<'_>| {
+            let mut own = Lanes3::zeros(query.batch.lanes);
+            for &i in query.batch.active {
+                own.set(i as usize, lanes.get(i as usize));
+            }
+            own
+        };
+        self.kept.push(Remembered {
+            light,
+            active: query.batch.active.to_vec(),
+            ps: copy(&query.ps),
+            ns: copy(&query.ns),
+            result: result.clone(),
+        });
+    }
+
+    /// Forgets everything, for the next run.
+    pub(crate) fn clear(&mut self) {
+        self.kept.clear();
+    }
+}
+
+/// Equality to the bit, so that NaN equals itself and no rounding blurs the answer.
+fn same_on(kept: &Lanes3, asked: &Lane3<'_>, active: &[u32]) -> bool {
+    let bits = |v: Vec3| v.to_array().map(f32::to_bits);
+    active.iter().all(|&i| bits(kept.get(i as usize)) == bits(asked.get(i as usize)))
+}
+
+/// Whether all of `part` (increasing) are in `whole` (increasing).
+fn is_subset(part: &[u32], whole: &[u32]) -> bool {
+    let mut rest = whole.iter();
+    part.iter().all(|p| rest.any(|w| w == p))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use granita_shade::Batch;
+
+    #[test]
+    fn subsets() {
+        assert!(is_subset(&[], &[]) && is_subset(&[1, 3], &[0, 1, 2, 3]) && is_subset(&[2], &[2]));
+        assert!(!is_subset(&[1], &[]) && !is_subset(&[1, 4], &[1, 2, 3]));
+    }
+
+    #[test]
+    fn memory_answers_the_same_question_only() {
+        let ps = Lanes3::from_points(&[Vec3::X, Vec3::Y, Vec3::Z]);
+        let mut ns = Lanes3::from_points(&[Vec3::ONE; 3]);
+        let all = Batch { lanes: 3, active: &[0, 1, 2], layer: 0 };
+        let some = Batch { lanes: 3, active: &[0, 2], layer: 0 };
+        let mut memory = LightMemory::default();
+        let result = Arc::new(LightResult::default());
+        memory.keep(
+            4,
+            &IlluminateQuery { batch: all, ps: Lane3::over(&ps), ns: Lane3::over(&ns) },
+            &result,
+        );
+        let ask = |memory: &LightMemory, light, batch, ns: &Lanes3| {
+            memory.find(light, &IlluminateQuery { batch, ps: Lane3::over(&ps), ns: Lane3::over(ns) }).is_some()
+        };
+        assert!(ask(&memory, 4, all, &ns) && ask(&memory, 4, some, &ns));
+        assert!(!ask(&memory, 3, all, &ns));
+        // A lane that is not asked for may differ.
+        ns.set(1, Vec3::ZERO);
+        assert!(ask(&memory, 4, some, &ns) && !ask(&memory, 4, all, &ns));
+        memory.clear();
+        assert!(!ask(&memory, 4, some, &ns));
+    }
+}

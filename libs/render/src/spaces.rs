@@ -1,1 +1,180 @@
+//! Named spaces and units, as shaders and attributes name them (reference 5.2.3, 5.8.3, 8.5).
 
+use crate::CameraView;
+use granita_base::{MotionTransform, Transform};
+use granita_scene::{AttributeSet, Scene};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The spaces of a frame that do not depend on an object.
+#[derive(Clone, Debug)]
+pub(crate) struct Spaces {
+    camera: CameraView,
+    /// World to camera of all cameras, by their names.
+    cameras: BTreeMap<Arc<str>, MotionTransform>,
+    /// Spaces named by `SaveAttributes`, to world.
+    named: BTreeMap<Arc<str>, MotionTransform>,
+}
+
+impl Spaces {
+    /// Of a scene seen by a camera.
+    pub(crate) fn new(scene: &Scene, camera: &CameraView) -> Self {
+        Self {
+            camera: camera.clone(),
+            cameras: scene.cameras.iter().map(|c| (c.name.clone(), c.world_to_camera.clone())).collect(),
+            named: scene.coordinate_systems.clone(),
+        }
+    }
+
+    /// When the frame shades.
+    pub(crate) fn shading_time(&self) -> f32 {
+        self.camera.shading_time()
+    }
+
+    /// The matrix from a named space to "common" (= world) at a time; `None` for unknown names, for
+    /// "object" and "shader", and for a space without an inverse.
+    ///
+    /// A name given by `SaveAttributes` counts before a camera's name.
+    pub(crate) fn to_common(&self, name: &str, time: f32) -> Option<Transform> {
+        if let "common" | "world" = name {
+            return Some(Transform::IDENTITY);
+        }
+        if let Some(world_to) = self.camera.world_to(name, time) {
+            return world_to.try_inverse();
+        }
+        if let Some(to_world) = self.named.get(name) {
+            return Some(to_world.at(time));
+        }
+        self.cameras.get(name)?.at(time).try_inverse()
+    }
+
+    /// As [`Spaces::to_common`], where "object" (and, outside of shaders, "shader") is the object's.
+    pub(crate) fn of_object(&self, name: &str, attributes: &AttributeSet, time: f32) -> Option<Transform> {
+        match name {
+            "object" | "shader" => Some(attributes.to_world.at(time)),
+            _ => self.to_common(name, time),
+        }
+    }
+}
+
+/// What a unit measures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Measure {
+    /// So many metres.
+    Length(f64),
+    /// So many seconds.
+    Time(f64),
+    /// "common": whatever the other side measures.
+    Common,
+}
+
+/// Units of "common" space (reference 4.3.2).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Units {
+    /// Metres of a common length unit; `None` when the scene does not say.
+    length_m: Option<f64>,
+    /// Seconds of a common time unit; `None` when the scene does not say.
+    time_s: Option<f64>,
+    fps: f64,
+}
+
+impl Units {
+    /// From "units:length", "units:lengthscale", "units:time", "units:timescale" and "units:fps".
+    ///
+    /// A common unit is `lengthscale` times the named unit, as in the examples of reference 4.3.2 and 8.5.1.
+    pub(crate) fn new(scene: &Scene) -> Self {
+        let positive = |name: &str, or: f64| match f64::from(scene.float(name)) {
+            v if v > 0.0 && v.is_finite() => v,
+            _ => or,
+        };
+        let fps = positive("units:fps", 24.0);
+        let time_s = match &*scene.string("units:time") {
+            "s" => Some(positive("units:timescale", 1.0)),
+            "frames" => Some(positive("units:timescale", 1.0) / fps),
+            _ => None,
+        };
+        let length_m = metres(&scene.string("units:length")).map(|m| m * positive("units:lengthscale", 1.0));
+        Self { length_m, time_s, fps }
+    }
+
+    fn measure(&self, name: &str) -> Option<Measure> {
+        Some(match name {
+            "common" => Measure::Common,
+            "s" => Measure::Time(1.0),
+            "frames" => Measure::Time(1.0 / self.fps),
+            _ => Measure::Length(metres(name)?),
+        })
+    }
+
+    /// Factor that turns a number of `from` units into a number of `to` units. `None` when a name is no
+    /// unit, when one is a length and the other a time, or when the scene does not declare what a common
+    /// unit is.
+    pub(crate) fn scale(&self, from: &str, to: &str) -> Option<f32> {
+        let ratio = match (self.measure(from)?, self.measure(to)?) {
+            (Measure::Common, Measure::Common) => 1.0,
+            (Measure::Length(a), Measure::Length(b)) | (Measure::Time(a), Measure::Time(b)) => a / b,
+            (Measure::Length(a), Measure::Common) => a / self.length_m?,
+            (Measure::Common, Measure::Length(b)) => self.length_m? / b,
+            (Measure::Time(a), Measure::Common) => a / self.time_s?,
+            (Measure::Common, Measure::Time(b)) => self.time_s? / b,
+            (Measure::Length(_), Measure::Time(_)) | (Measure::Time(_), Measure::Length(_)) => return None,
+        };
+        Some(ratio as f32)
+    }
+}
+
+/// Metres of a unit of length.
+fn metres(unit: &str) -> Option<f64> {
+    Some(match unit {
+        "mm" => 0.001,
+        "cm" => 0.01,
+        "m" => 1.0,
+        "km" => 1000.0,
+        "in" => 0.0254,
+        "ft" => 0.3048,
+        "mi" => 1609.344,
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use granita_base::Param;
+
+    fn declared(values: &[Param]) -> Scene {
+        let mut scene = Scene::default();
+        for v in values {
+            scene.globals.insert(v.name.clone(), v.clone());
+        }
+        scene
+    }
+
+    #[test]
+    fn units_convert_as_in_the_examples() {
+        let scene = declared(&[
+            Param::declared("string units:length", "cm").unwrap(),
+            Param::declared("float units:lengthscale", 0.5).unwrap(),
+            Param::declared("string units:time", "frames").unwrap(),
+            Param::declared("float units:fps", 25.0).unwrap(),
+        ]);
+        let u = Units::new(&scene);
+        let near = |a: Option<f32>, b: f32| assert!((a.unwrap() - b).abs() < 1e-5 * b, "{a:?} {b}");
+        near(u.scale("common", "cm"), 0.5);
+        near(u.scale("cm", "common"), 2.0);
+        near(u.scale("in", "cm"), 2.54);
+        near(u.scale("mi", "km"), 1.609_344);
+        near(u.scale("common", "s"), 0.04);
+        near(u.scale("s", "frames"), 25.0);
+        near(u.scale("common", "common"), 1.0);
+        assert_eq!(u.scale("m", "s"), None);
+        assert_eq!(u.scale("furlong", "m"), None);
+    }
+
+    #[test]
+    fn undeclared_units_convert_among_themselves_only() {
+        let u = Units::new(&Scene::default());
+        assert!(u.scale("m", "common").is_none() && u.scale("common", "s").is_none());
+        assert_eq!(u.scale("m", "mm"), Some(1000.0));
+    }
+}
