@@ -4,11 +4,12 @@
 //! evaluated at the hit. Only what displacement shaders move is diced finely. Everything is in world
 //! space at the time of shading; positions have further keys when rays see motion.
 
-use crate::CameraView;
+use crate::dicing::{self, DiceSettings, GridView, Leaf, Measure, Placement, Viewer, Viewpoint};
 use crate::object::ObjectState;
 use crate::shading::ShaderThread;
-use granita_base::{BaseType, Reporter, Severity, Transform, Vec3};
-use granita_geom::{Dice, DiceData, DicePrimvar, Piece, ShapeKey, SplitDirection};
+use crate::CameraView;
+use granita_base::{MotionTransform, Severity, Vec3};
+use granita_geom::{Dice, Piece, ShapeKey, SplitDirection, Surface};
 use granita_scene::Primitive;
 use granita_shade::{Grid, Primvar, PrimvarData, RayKind, Topology};
 use granita_trace::TriangleMesh;
@@ -257,15 +258,16 @@ pub(crate) fn set_surface_color(grid: &mut Grid, object: &ObjectState) {
     }
 }
 
-/// Tessellates a primitive for rays. `None` for one without surface, or that cannot be built (reported).
+/// Tessellates a primitive for rays, with motion keys when `motion`. `None` for one without surface, or
+/// that cannot be built (reported).
 pub(crate) fn tessellate(
     primitive: &Arc<Primitive>,
     object: &Arc<ObjectState>,
-    camera: &CameraView,
     motion: bool,
     thread: &mut ShaderThread<'_>,
-    reporter: &Reporter,
 ) -> Option<(RayMesh, TriangleMesh)> {
+    let frame = thread.frame();
+    let (camera, reporter) = (&frame.camera, &frame.reporter);
     let attributes = &primitive.attributes;
     let keys: Vec<ShapeKey<'_>> =
         primitive.keys.iter().map(|k| ShapeKey { time: k.time, params: &k.params }).collect();
@@ -280,26 +282,16 @@ pub(crate) fn tessellate(
             return None;
         }
     };
-    let time = camera.shading_time();
-    let mut times = vec![time];
-    if motion && camera.has_motion_blur() {
-        let [open, close] = camera.shutter;
-        let transform_keys = attributes.to_world.keys().iter().map(|k| k.0);
-        let shape_keys = primitive.keys.iter().map(|k| k.time);
-        let moves = attributes.to_world.is_moving() || primitive.keys.len() > 1;
-        if moves {
-            times.extend(transform_keys.chain(shape_keys).filter(|t| *t > open && *t < close));
-            times.push(close);
-            times.sort_by(f32::total_cmp);
-            times.dedup();
-        }
-    }
+    let shape_times: Vec<f32> = primitive.keys.iter().map(|k| k.time).collect();
+    let shutter = if motion { camera.shutter } else { [camera.shading_time(); 2] };
+    let still: [&MotionTransform; 0] = [];
+    let placement = Placement::new(&attributes.to_world, &shape_times, &still, shutter);
+    let times = placement.times().to_vec();
+    let displaced = object.displaces_rays();
     let mut build = Builder {
-        primitive,
         object,
         camera,
-        flat: matches!(primitive.shape, granita_base::ShapeDesc::Mesh { subdivide: false, .. }),
-        to_world: times.iter().map(|t| attributes.to_world.at(*t)).collect(),
+        placement: &placement,
         mesh: RayMesh {
             primitive: primitive.clone(),
             object: object.clone(),
@@ -320,8 +312,20 @@ pub(crate) fn tessellate(
         },
         pieces: 0,
     };
-    for piece in pieces {
-        build.refine(piece, 0, thread);
+    let leaves = if displaced {
+        // What moves must be sampled as finely as for the camera.
+        let settings = DiceSettings::new(attributes, frame.scene.int("limits:gridsize"), camera);
+        dicing::tessellate(pieces, &placement, &Measure::by_distance(camera), &settings)
+    } else {
+        let flat = matches!(primitive.shape, granita_base::ShapeDesc::Mesh { subdivide: false, .. });
+        let mut leaves = Vec::new();
+        for piece in pieces {
+            build.refine(piece, flat, 0, &mut leaves);
+        }
+        leaves
+    };
+    for leaf in leaves {
+        build.add(&leaf, displaced, thread);
     }
     let Builder { mesh, triangles, .. } = build;
     (!triangles.triangles.is_empty()).then_some((mesh, triangles))
@@ -329,67 +333,61 @@ pub(crate) fn tessellate(
 
 /// A tessellation in the making.
 struct Builder<'a> {
-    primitive: &'a Arc<Primitive>,
     object: &'a Arc<ObjectState>,
     camera: &'a CameraView,
-    /// Polygons: pieces are flat.
-    flat: bool,
-    /// At each of the mesh's times.
-    to_world: Vec<Transform>,
+    placement: &'a Placement,
     mesh: RayMesh,
     triangles: TriangleMesh,
     pieces: u32,
 }
 
 impl Builder<'_> {
-    /// Splits until a piece is small enough, then dices it.
-    fn refine(&mut self, piece: Piece, depth: u32, thread: &mut ShaderThread<'_>) {
-        let displaced = self.object.displaces_rays();
-        let (nu, nv, direction) = if self.flat && !displaced {
-            (1, 1, SplitDirection::U)
-        } else {
-            let mut lattice = Vec::new();
-            piece.positions(0, LATTICE, LATTICE, &mut lattice);
-            for p in &mut lattice {
-                *p = self.to_world[0].point(*p);
-            }
-            let (u, v) = self.segments(&lattice, displaced);
-            (u, v, if u >= v { SplitDirection::U } else { SplitDirection::V })
-        };
-        let too_long = nu > MAX_SEGMENTS || nv > MAX_SEGMENTS;
-        if depth < MAX_SPLITS && (piece.must_split() || too_long && piece.is_splittable()) {
+    /// Splits until a piece is small enough; the leaves come in the order of the surface.
+    fn refine(&self, piece: Piece, flat: bool, depth: u32, leaves: &mut Vec<Leaf>) {
+        // Rates of a piece that must be split mean nothing.
+        let [nu, nv] = if flat || piece.must_split() { [1, 1] } else { self.segments(&*piece) };
+        let direction = if nu >= nv { SplitDirection::U } else { SplitDirection::V };
+        let too_long = nu.max(nv) > MAX_SEGMENTS;
+        if depth < MAX_SPLITS && piece.is_splittable() && (piece.must_split() || too_long) {
             for part in piece.split(direction) {
-                self.refine(part, depth + 1, thread);
+                self.refine(part, flat, depth + 1, leaves);
             }
             return;
         }
         // Powers of two: neighbouring pieces meet in shared points more often.
         let points = |n: usize| n.min(MAX_SEGMENTS).next_power_of_two() + 1;
-        let dice = piece.dice(points(nu), points(nv));
-        self.add(&dice, piece.key_times(), thread);
+        leaves.push(Leaf { piece, nu: points(nu), nv: points(nv) });
     }
 
     /// Segments along u and v that keep the tessellation within the flatness.
-    fn segments(&self, lattice: &[Vec3], displaced: bool) -> (usize, usize) {
+    fn segments(&self, piece: &dyn Surface) -> [usize; 2] {
+        let mut lattice = Vec::with_capacity(LATTICE * LATTICE);
+        if piece.is_facing() {
+            let viewer = Viewer::new(self.camera, self.placement, piece.key_times());
+            piece.positions_towards(0, LATTICE, LATTICE, &|k, p| viewer.view(k, p), &mut lattice);
+        } else {
+            piece.positions(0, LATTICE, LATTICE, &mut lattice);
+        }
+        let to_world = self.placement.to_world.at(self.placement.times()[0]);
+        for p in &mut lattice {
+            *p = to_world.point(*p);
+        }
         let at = |i: usize, j: usize| lattice[j * LATTICE + i];
+        let eye = self.camera.position_world();
         let pixels_per_unit = |p: Vec3| {
-            let distance = self.camera.position_world().distance(p).max(self.camera.near);
-            self.camera.raster_scale(distance).abs().max_element()
+            self.camera.raster_scale(eye.distance(p).max(self.camera.near)).abs().max_element()
         };
         // An arc of length l that turns by t deviates by l t / (8 n^2) from n equal chords.
-        let needed = |points: &mut dyn Iterator<Item = Vec3>| {
-            let points: Vec<Vec3> = points.collect();
+        let needed = |points: [Vec3; LATTICE]| {
             let length: f32 =
                 points.windows(2).map(|w| w[0].distance(w[1]) * pixels_per_unit((w[0] + w[1]) * 0.5)).sum();
-            let turn: f32 =
-                points.windows(3).map(|w| angle_between(w[1] - w[0], w[2] - w[1])).sum();
-            let by_shape = (length * turn / (8.0 * FLATNESS_PX)).sqrt().max(turn.to_degrees() / 10.0);
-            if displaced { by_shape.max(length * self.object.shading_quality.max(0.05)) } else { by_shape }
+            let turn: f32 = points.windows(3).map(|w| angle_between(w[1] - w[0], w[2] - w[1])).sum();
+            (length * turn / (8.0 * FLATNESS_PX)).sqrt().max(turn.to_degrees() / 10.0)
         };
         let (mut u, mut v) = (1.0_f32, 1.0_f32);
         for k in 0..LATTICE {
-            u = u.max(needed(&mut (0..LATTICE).map(|i| at(i, k))));
-            v = v.max(needed(&mut (0..LATTICE).map(|j| at(k, j))));
+            u = u.max(needed(std::array::from_fn(|i| at(i, k))));
+            v = v.max(needed(std::array::from_fn(|j| at(k, j))));
         }
         // A twisted square deviates by a quarter of its twist from two triangles.
         let last = LATTICE - 1;
@@ -398,45 +396,53 @@ impl Builder<'_> {
         let by_twist = (twist / (4.0 * FLATNESS_PX)).sqrt();
         // Not a number (positions that are not finite) becomes one segment.
         let whole = |x: f32| if x.is_finite() { x.ceil().clamp(1.0, 1e6) as usize } else { 1 };
-        (whole(u.max(by_twist)), whole(v.max(by_twist)))
+        [whole(u.max(by_twist)), whole(v.max(by_twist))]
     }
 
-    fn add(&mut self, dice: &Dice, key_times: &[f32], thread: &mut ShaderThread<'_>) {
+    fn add(&mut self, leaf: &Leaf, displaced: bool, thread: &mut ShaderThread<'_>) {
+        let key_times = leaf.piece.key_times();
+        let dice: Dice = leaf.dice(&Viewer::new(self.camera, self.placement, key_times));
         let (nu, nv) = (dice.nu, dice.nv);
         if nu < 2 || nv < 2 {
             return;
         }
-        let time = self.triangles.times[0];
-        let mut grid = world_grid(dice, key_times, self.object, self.primitive.id, &self.to_world[0], time);
+        let view = GridView {
+            viewpoint: Viewpoint::From(self.camera.position_world()),
+            time: self.triangles.times[0],
+            dtime: 0.0,
+            ray: RayKind::default(),
+        };
+        let mut grid = dicing::make_grid(&dice, key_times, &self.mesh.primitive, self.placement, &view);
         let before = grid.p.clone();
-        if self.object.displaces_rays() {
+        if displaced {
             thread.displace(self.object, &mut grid);
         }
-        let first = u32::try_from(self.mesh.p.len()).unwrap_or(u32::MAX);
+        let first = self.mesh.p.len();
         let count = nu * nv;
-        for (k, m) in self.to_world.iter().enumerate() {
-            let object_p = at_time(&dice.p, key_times, self.triangles.times[k]);
-            let out = &mut self.triangles.positions[k];
-            out.extend((0..count).map(|i| m.point(object_p(i)) + (grid.p.get(i) - before.get(i))));
+        for (time, out) in self.triangles.times.iter().zip(&mut self.triangles.positions) {
+            let to_world = self.placement.to_world.at(*time);
+            let points = dicing::points_at(&dice.p, key_times, *time, &to_world);
+            out.extend(points.iter().enumerate().map(|(i, p)| *p + (grid.p.get(i) - before.get(i))));
         }
         let mesh = &mut self.mesh;
         for i in 0..count {
             mesh.p.push(grid.p.get(i));
-            mesh.n.push(grid.n.get(i));
-            mesh.ng.push(grid.ng.get(i));
+            // Lengths of normals mean nothing, but would weigh them in the interpolation.
+            mesh.n.push(grid.n.get(i).normalize_or_zero());
+            mesh.ng.push(grid.ng.get(i).normalize_or_zero());
             mesh.dpdu.push(grid.dpdu.get(i));
             mesh.dpdv.push(grid.dpdv.get(i));
             mesh.uv.push([grid.u[i], grid.v[i]]);
         }
         let strings = add_primvars(mesh, &grid, self.pieces);
         mesh.string_set.push(strings);
+        let kept_value = &*self.object.attributes.string("trimcurve:sense") != "outside";
         for j in 0..nv - 1 {
             for i in 0..nu - 1 {
-                if dice.mask.as_ref().is_some_and(|m| !m[j * (nu - 1) + i]) {
+                if dice.mask.as_ref().is_some_and(|m| m[j * (nu - 1) + i] != kept_value) {
                     continue;
                 }
-                let corner = first + (j * nu + i) as u32;
-                let stride = nu as u32;
+                let (corner, stride) = ((first + j * nu + i) as u32, nu as u32);
                 mesh.quads.push(Quad { corner, stride, piece: self.pieces });
                 self.triangles.triangles.push([corner, corner + 1, corner + stride]);
                 self.triangles.triangles.push([corner + stride + 1, corner + stride, corner + 1]);
@@ -514,72 +520,3 @@ fn angle_between(a: Vec3, b: Vec3) -> f32 {
     if sin == 0.0 && cos == 0.0 { 0.0 } else { sin.atan2(cos) }
 }
 
-/// Positions of a dice at a time, between its keys; they stand still outside.
-fn at_time<'a>(keys: &'a [Vec<Vec3>], times: &'a [f32], time: f32) -> impl Fn(usize) -> Vec3 + 'a {
-    let next = times.partition_point(|t| *t <= time);
-    let (a, b) = (next.saturating_sub(1), next.min(keys.len() - 1));
-    let alpha = if a == b { 0.0 } else { ((time - times[a]) / (times[b] - times[a])).clamp(0.0, 1.0) };
-    move |i| if alpha == 0.0 { keys[a][i] } else { keys[a][i].lerp(keys[b][i], alpha) }
-}
-
-/// A diced piece in world space at a time, ready for its displacement shader.
-fn world_grid(
-    dice: &Dice,
-    key_times: &[f32],
-    object: &ObjectState,
-    primitive: u32,
-    to_world: &Transform,
-    time: f32,
-) -> Grid {
-    let mut grid = Grid::new(Topology::Rect { nu: dice.nu, nv: dice.nv });
-    let normals = to_world.normal_matrix();
-    let flip = object.attributes.flip_normals;
-    let p = at_time(&dice.p, key_times, time);
-    for i in 0..grid.len() {
-        let (du, dv) = (to_world.vector(dice.dpdu[i]), to_world.vector(dice.dpdv[i]));
-        let ng = if flip { dv.cross(du) } else { du.cross(dv) };
-        grid.p.set(i, to_world.point(p(i)));
-        grid.dpdu.set(i, du);
-        grid.dpdv.set(i, dv);
-        grid.ng.set(i, ng);
-        grid.n.set(i, dice.n.as_ref().map_or(ng, |n| normals.vector(n[i])));
-    }
-    grid.u.clone_from(&dice.u);
-    grid.v.clone_from(&dice.v);
-    grid.time = time;
-    grid.flip_normals = flip;
-    let corner = [dice.u.first(), dice.v.first()].map(|x| x.map_or(0, |x| x.to_bits()));
-    grid.seed = granita_base::hash::words(&[primitive, dice.face, corner[0], corner[1]]);
-    grid.object = object.name.clone();
-    grid.primvars = dice.primvars.iter().map(|v| to_common(v, to_world, &normals)).collect();
-    set_surface_color(&mut grid, object);
-    grid
-}
-
-/// A primitive variable with its spatial values in world space.
-fn to_common(var: &DicePrimvar, to_world: &Transform, normals: &Transform) -> Primvar {
-    let data = match &var.data {
-        DiceData::Strings(s) => PrimvarData::Strings(s.to_vec()),
-        DiceData::Floats { values, varying } => {
-            let mut values = values.clone();
-            let lanes = if *varying { values.len() / var.ty.width().max(1) } else { 1 };
-            let triple: Option<fn(&Transform, &Transform, Vec3) -> Vec3> = match var.ty.base {
-                BaseType::Point => Some(|m, _, v| m.point(v)),
-                BaseType::Vector => Some(|m, _, v| m.vector(v)),
-                BaseType::Normal => Some(|_, n, v| n.vector(v)),
-                _ => None,
-            };
-            if let Some(apply) = triple {
-                for element in values.chunks_exact_mut(3 * lanes) {
-                    for i in 0..lanes {
-                        let v = Vec3::from_array(std::array::from_fn(|c| element[c * lanes + i]));
-                        let w = apply(to_world, normals, v);
-                        (0..3).for_each(|c| element[c * lanes + i] = w[c]);
-                    }
-                }
-            }
-            PrimvarData::Floats { values, varying: *varying }
-        }
-    };
-    Primvar { name: var.name.clone(), ty: var.ty, data }
-}

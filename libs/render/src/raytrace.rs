@@ -1,1 +1,412 @@
+//! Rays: what they can meet, and what they bring back.
+//!
+//! Geometry sets are names; sets with the same members share one structure. It is built, with all the
+//! dicing and displacing that goes before, by the first ray that needs it; no ray, no structure.
+//!
+//! Rays come in the batches that a shading grid makes. Their hits are gathered by object, made into grids
+//! and shaded by the same executor as everything else. What a batch finds depends on the batch alone, and
+//! batches depend on grids alone: neither threads nor buckets show.
 
+use crate::object::Holdout;
+use crate::raymesh::{self, HitShading, MeshHit, RayMesh};
+use crate::shading::{ShaderThread, ShadingContext};
+use granita_base::{Color, Vec3, hash};
+use granita_scene::Scene;
+use granita_shade::RayKind;
+use granita_trace::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+/// Hits shaded as one grid, at most.
+const GRID_HITS: usize = 128;
+/// Layers of transparent surfaces that a ray passes, at most.
+const MAX_LAYERS: usize = 256;
+/// Length of one hit's step that the next one must exceed, relative to the distance.
+const STEP: f32 = 1.0e-6;
+
+/// Everything that rays can meet in a frame.
+pub(crate) struct RayWorld {
+    /// Geometry sets by name, except those of cameras: index into `scenes`.
+    sets: BTreeMap<Arc<str>, usize>,
+    /// One for each different membership.
+    scenes: Vec<RaySet>,
+    /// Threads that may build.
+    threads: usize,
+    /// Whether some object's rays see motion.
+    motion: bool,
+}
+
+struct RaySet {
+    /// Indices of primitives, increasing.
+    members: Vec<u32>,
+    built: OnceLock<RayScene>,
+}
+
+/// A geometry set, ready for rays.
+pub(crate) struct RayScene {
+    tracer: Tracer,
+    meshes: Vec<RayMesh>,
+    /// Nothing in it lets light through.
+    opaque_to_shadows: bool,
+}
+
+impl RayWorld {
+    /// Learns which primitives are in which sets; builds nothing.
+    pub(crate) fn new(scene: &Scene, threads: usize) -> Self {
+        let mut members: BTreeMap<Arc<str>, Vec<u32>> = BTreeMap::new();
+        let mut motion = false;
+        let mut last = std::ptr::null();
+        for (index, primitive) in scene.primitives.iter().enumerate() {
+            let attributes = &primitive.attributes;
+            if Arc::as_ptr(attributes) != last {
+                motion = motion || attributes.int("ray:motion") != 0;
+                last = Arc::as_ptr(attributes);
+            }
+            for set in attributes.geometry_sets.iter() {
+                // Members of a camera's set alone are not raytraceable (reference 4.4.3).
+                if &**set == "camera" || scene.cameras.iter().any(|c| c.name == *set) {
+                    continue;
+                }
+                match members.get_mut(set) {
+                    Some(list) => list.push(index as u32),
+                    None => _ = members.insert(set.clone(), vec![index as u32]),
+                }
+            }
+        }
+        let mut scenes: Vec<RaySet> = Vec::new();
+        let mut sets = BTreeMap::new();
+        for (name, members) in members {
+            let known = scenes.iter().position(|s| s.members == members);
+            let index = known.unwrap_or_else(|| {
+                scenes.push(RaySet { members, built: OnceLock::new() });
+                scenes.len() - 1
+            });
+            sets.insert(name, index);
+        }
+        Self { sets, scenes, threads, motion }
+    }
+
+    /// Whether the name is that of a geometry set that rays can be traced against.
+    pub(crate) fn is_set(&self, name: &str) -> bool {
+        self.sets.contains_key(name)
+    }
+
+    /// The set of this name, built if it is not yet. `None` for other names.
+    pub(crate) fn scene(&self, name: &str, frame: &ShadingContext) -> Option<&RayScene> {
+        let set = &self.scenes[*self.sets.get(name)?];
+        // Not on the pool that renders buckets: a waiting pool thread could pick up a bucket whose shader
+        // asks for this very set.
+        Some(set.built.get_or_init(|| RayScene::build(&set.members, frame, self.threads, self.motion)))
+    }
+
+    /// How many sets of different membership have been built, and how many there are.
+    pub(crate) fn built(&self) -> (usize, usize) {
+        (self.scenes.iter().filter(|s| s.built.get().is_some()).count(), self.scenes.len())
+    }
+}
+
+impl RayScene {
+    fn build(members: &[u32], frame: &ShadingContext, threads: usize, motion: bool) -> Self {
+        let next = AtomicUsize::new(0);
+        let made: Mutex<Vec<(usize, RayMesh, TriangleMesh)>> = Mutex::default();
+        let work = || {
+            let mut thread = ShaderThread::new(frame);
+            thread.builds_rays = true;
+            loop {
+                let k = next.fetch_add(1, Ordering::Relaxed);
+                let Some(member) = members.get(k) else { break };
+                let primitive = &frame.scene.primitives[*member as usize];
+                let object = frame.object(primitive);
+                if let Some((mesh, triangles)) = raymesh::tessellate(primitive, &object, motion, &mut thread) {
+                    made.lock().unwrap_or_else(PoisonError::into_inner).push((k, mesh, triangles));
+                }
+            }
+        };
+        std::thread::scope(|scope| {
+            for _ in 1..threads.min(members.len()) {
+                scope.spawn(work);
+            }
+            work();
+        });
+        let mut made = made.into_inner().unwrap_or_else(PoisonError::into_inner);
+        made.sort_by_key(|m| m.0);
+        let mut tracer = TracerBuilder::new();
+        let mut meshes = Vec::with_capacity(made.len());
+        for (_, mesh, triangles) in made {
+            tracer.add(triangles);
+            meshes.push(mesh);
+        }
+        Self {
+            opaque_to_shadows: meshes.iter().all(|m| m.object.opaque_to_shadows),
+            tracer: tracer.build(),
+            meshes,
+        }
+    }
+}
+
+/// A ray to be traced. The direction is of length 1, so that distances are world units.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RayRequest {
+    /// Where, which way, how far.
+    pub(crate) ray: Ray,
+    /// Width at the origin.
+    pub(crate) width: f32,
+    /// Growth of the width per unit of distance.
+    pub(crate) spread: f32,
+}
+
+/// Who traces a batch.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RayPurpose {
+    /// Of the shader that traces.
+    pub(crate) parent: RayKind,
+    /// Hits are for indirect illumination.
+    pub(crate) indirect: bool,
+    /// Whether hits are shaded; otherwise only where they are is found.
+    pub(crate) shade: bool,
+    /// Length of time that the shading stands for.
+    pub(crate) dtime: f32,
+    /// Names the batch: hash of the grid and the call.
+    pub(crate) seed: u32,
+}
+
+/// What a ray brings back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Radiance {
+    /// Light of all surfaces on the ray, nearer ones in front.
+    pub(crate) color: Color,
+    /// Their opacity.
+    pub(crate) opacity: Color,
+    /// Distance of the nearest; infinite when nothing was hit.
+    pub(crate) distance: f32,
+    /// Place of the nearest.
+    pub(crate) p: Vec3,
+    /// Its shading normal, of length 1.
+    pub(crate) n: Vec3,
+}
+
+impl Radiance {
+    /// Of a ray that hits nothing.
+    pub(crate) const NOTHING: Self = Self {
+        color: Color::ZERO,
+        opacity: Color::ZERO,
+        distance: f32::INFINITY,
+        p: Vec3::ZERO,
+        n: Vec3::ZERO,
+    };
+}
+
+/// A hit waiting to be shaded.
+#[derive(Clone, Copy)]
+struct Pending {
+    ray: u32,
+    hit: Hit,
+}
+
+impl ShaderThread<'_> {
+    /// Colour and opacity along each ray: hits are shaded front to back until nothing shines through.
+    pub(crate) fn radiance(&mut self, scene: &RayScene, rays: &[RayRequest], why: RayPurpose) -> Vec<Radiance> {
+        let mut out = vec![Radiance::NOTHING; rays.len()];
+        let plain: Vec<Ray> = rays.iter().map(|r| r.ray).collect();
+        let mut hits = vec![Hit::MISS; rays.len()];
+        scene.tracer.closest(&plain, &mut hits);
+        let mut waiting: Vec<Pending> = Vec::with_capacity(rays.len());
+        for (k, hit) in hits.iter().enumerate().filter(|(_, h)| h.is_hit()) {
+            let place = mesh_hit(&rays[k], hit);
+            out[k].distance = hit.t;
+            out[k].p = place.p;
+            out[k].n = scene.meshes[hit.mesh as usize].normal(&place);
+            waiting.push(Pending { ray: k as u32, hit: *hit });
+        }
+        if !why.shade {
+            waiting.iter().for_each(|w| out[w.ray as usize].opacity = Color::ONE);
+            return out;
+        }
+        let limits = self.frame().ray_limits();
+        let kind = RayKind { level: why.parent.level + 1, shadow: false, indirect: why.indirect };
+        let mut layer = 0;
+        while !waiting.is_empty() {
+            let seed = hash::words(&[why.seed, layer]);
+            let shaded = self.shade_hits(scene, rays, &waiting, kind, why.dtime, seed);
+            layer += 1;
+            let mut behind = Vec::new();
+            for (w, (color, opacity)) in waiting.iter().zip(shaded) {
+                let sum = &mut out[w.ray as usize];
+                let through = Color::ONE - sum.opacity;
+                sum.color += through * color;
+                sum.opacity += through * opacity;
+                let blocks = sum.opacity.cmpge(limits.opacity_threshold).all();
+                let holdout = scene.meshes[w.hit.mesh as usize].object.holdout != Holdout::No;
+                if !blocks && !holdout && (layer as usize) < limits.layers {
+                    let next = next_behind(&scene.tracer, &rays[w.ray as usize].ray, w.hit.t);
+                    if next.is_hit() {
+                        behind.push(Pending { ray: w.ray, hit: next });
+                    }
+                }
+            }
+            waiting = behind;
+        }
+        out
+    }
+
+    /// How much light passes along each ray: 1 where nothing is in the way.
+    ///
+    /// Objects known to be opaque to shadows block without being shaded; of the others the opacity is found
+    /// by their shaders, when nothing opaque is in the way anyhow.
+    pub(crate) fn transmission(&mut self, scene: &RayScene, rays: &[RayRequest], why: RayPurpose) -> Vec<Color> {
+        let plain: Vec<Ray> = rays.iter().map(|r| r.ray).collect();
+        if scene.opaque_to_shadows {
+            let mut blocked = vec![false; rays.len()];
+            scene.tracer.any(&plain, &mut blocked);
+            return blocked.into_iter().map(|b| if b { Color::ZERO } else { Color::ONE }).collect();
+        }
+        let mut out = vec![Color::ONE; rays.len()];
+        let mut waiting: Vec<Pending> = Vec::new();
+        for (k, ray) in plain.iter().enumerate() {
+            let first = waiting.len();
+            let wall = scene.tracer.closest_where(ray, &mut |hit| {
+                let opaque = scene.meshes[hit.mesh as usize].object.opaque_to_shadows;
+                if !opaque {
+                    waiting.push(Pending { ray: k as u32, hit: *hit });
+                }
+                opaque
+            });
+            if wall.is_hit() {
+                out[k] = Color::ZERO;
+                waiting.truncate(first);
+                continue;
+            }
+            // In an order that does not depend on the structure; a triangle is met once.
+            waiting[first..].sort_by(|a, b| {
+                a.hit.t.total_cmp(&b.hit.t).then((a.hit.mesh, a.hit.triangle).cmp(&(b.hit.mesh, b.hit.triangle)))
+            });
+            // Both triangles of an edge may report one passage.
+            let mut kept = first;
+            for at in first..waiting.len() {
+                let again = kept > first
+                    && waiting[kept - 1].hit.mesh == waiting[at].hit.mesh
+                    && waiting[at].hit.t - waiting[kept - 1].hit.t <= STEP * waiting[at].hit.t;
+                if !again {
+                    waiting[kept] = waiting[at];
+                    kept += 1;
+                }
+            }
+            waiting.truncate(kept);
+        }
+        let kind = RayKind { shadow: true, ..why.parent };
+        let shaded = self.shade_hits(scene, rays, &waiting, kind, why.dtime, why.seed);
+        for (w, (_, opacity)) in waiting.iter().zip(shaded) {
+            out[w.ray as usize] *= Color::ONE - opacity.clamp(Color::ZERO, Color::ONE);
+        }
+        out
+    }
+
+    /// Which rays meet anything.
+    pub(crate) fn blocked(&mut self, scene: &RayScene, rays: &[RayRequest]) -> Vec<bool> {
+        let plain: Vec<Ray> = rays.iter().map(|r| r.ray).collect();
+        let mut blocked = vec![false; rays.len()];
+        scene.tracer.any(&plain, &mut blocked);
+        blocked
+    }
+
+    /// Colour and opacity of hits, in their order.
+    fn shade_hits(
+        &mut self,
+        scene: &RayScene,
+        rays: &[RayRequest],
+        pending: &[Pending],
+        kind: RayKind,
+        dtime: f32,
+        seed: u32,
+    ) -> Vec<(Color, Color)> {
+        let mut out = vec![(Color::ZERO, Color::ONE); pending.len()];
+        // What may share a grid: mesh, strings, time.
+        let mut order: Vec<(u32, u32, u32, usize)> = pending
+            .iter()
+            .enumerate()
+            .map(|(k, w)| {
+                let strings = scene.meshes[w.hit.mesh as usize].strings_of(w.hit.triangle);
+                (w.hit.mesh, strings, rays[w.ray as usize].ray.time.to_bits(), k)
+            })
+            .collect();
+        order.sort_unstable();
+        let same = |a: &(u32, u32, u32, usize), b: &(u32, u32, u32, usize)| (a.0, a.1, a.2) == (b.0, b.1, b.2);
+        for run in order.chunk_by(same) {
+            let mesh = &scene.meshes[run[0].0 as usize];
+            let object = mesh.object.clone();
+            if kind.shadow && object.opaque_to_shadows {
+                continue;
+            }
+            let derivatives = self.frame().wants_derivatives(&object, kind);
+            for part in run.chunks(GRID_HITS) {
+                let hits: Vec<MeshHit> = part
+                    .iter()
+                    .map(|o| {
+                        let w = &pending[o.3];
+                        mesh_hit(&rays[w.ray as usize], &w.hit)
+                    })
+                    .collect();
+                let seed = hash::words(&[seed, mesh.primitive.id, part[0].3 as u32]);
+                let time = f32::from_bits(part[0].2);
+                let mut grid = mesh.grid(&hits, HitShading { ray: kind, time, dtime, seed, derivatives });
+                if object.displacement.is_some() && !object.displaces_rays() {
+                    self.bump(&object, &mut grid);
+                }
+                self.shade(&object, &mut grid, &[]);
+                for (lane, o) in part.iter().enumerate() {
+                    out[o.3] = (grid.c.get(lane), grid.opacity.get(lane));
+                }
+            }
+        }
+        out
+    }
+}
+
+/// What ends a ray (reference 4.3.4).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RayLimits {
+    /// "limits:opacitythreshold".
+    pub(crate) opacity_threshold: Color,
+    /// "limits:transparentlayers" and one more.
+    pub(crate) layers: usize,
+}
+
+impl ShadingContext {
+    fn ray_limits(&self) -> RayLimits {
+        let opacity_threshold = match *self.scene.floats("limits:opacitythreshold") {
+            [r, g, b, ..] => Color::new(r, g, b),
+            _ => Color::ONE,
+        };
+        let layers = usize::try_from(self.scene.int("limits:transparentlayers"));
+        RayLimits { opacity_threshold, layers: layers.map_or(MAX_LAYERS, |n| (n + 1).min(MAX_LAYERS)) }
+    }
+
+    /// Whether anything that runs when this object is hit looks at neighbouring points.
+    fn wants_derivatives(&self, object: &crate::object::ObjectState, kind: RayKind) -> bool {
+        let bumps = object.displacement.as_ref().filter(|_| !object.displaces_rays());
+        let own = [Some(&object.surface), object.volume.as_ref(), bumps];
+        own.into_iter().flatten().any(|s| s.group.needs_derivatives())
+            || !kind.shadow
+                && object.lights.iter().filter_map(|l| self.light(*l)).any(|l| l.shaders.group.needs_derivatives())
+    }
+}
+
+/// A tracer's hit as a place in the world.
+fn mesh_hit(request: &RayRequest, hit: &Hit) -> MeshHit {
+    let i = request.ray.dir * hit.t;
+    MeshHit {
+        triangle: hit.triangle,
+        b1: hit.b1,
+        b2: hit.b2,
+        p: request.ray.origin + i,
+        i,
+        width: request.width + request.spread * hit.t,
+    }
+}
+
+/// The next hit behind distance `t`.
+fn next_behind(tracer: &Tracer, ray: &Ray, t: f32) -> Hit {
+    let past = t + STEP * t.abs();
+    tracer.closest_where(ray, &mut |hit| hit.t > past)
+}

@@ -1,1 +1,296 @@
+//! What running shaders ask of the frame: the renderer's side of [`Services`].
+//!
+//! A [`Run`] serves one run of one shader group over one grid. Rays are in `services/rays.rs`, maps in
+//! `services/maps.rs`; here is the rest.
 
+mod maps;
+mod rays;
+
+use crate::lights::{LightMemory, LightState};
+use crate::object::{LinkedShaders, ObjectState, usage_word};
+use crate::shading::{ShaderThread, ShadingContext};
+use granita_base::{
+    BaseType, Location, MotionTransform, Param, ParamData, ParamType, Severity, Transform, hash,
+};
+use granita_scene::{AttributeSet, LightId, ShaderUsage};
+use granita_shade::{
+    EnvironmentQuery, Grid, IlluminateQuery, Lane, Lanes3, LightInfo, LightResult, LookupResult, RayKind,
+    Services, ShadowQuery, TextureQuery, TraceQuery, TraceResult,
+};
+use std::sync::Arc;
+
+/// One run of one shader group over one grid.
+pub(crate) struct Run<'r, 'f> {
+    thread: &'r mut ShaderThread<'f>,
+    frame: &'f ShadingContext,
+    /// What runs.
+    shaders: &'r LinkedShaders,
+    /// Attributes that the shader sees: the object's, or those of the light.
+    attributes: &'r AttributeSet,
+    /// The object being shaded to world.
+    object_to_world: &'r MotionTransform,
+    /// Name of the object or the light, for messages.
+    owner: Arc<str>,
+    shadow_bias: f32,
+    /// Rays see motion.
+    ray_motion: bool,
+    /// Lights that may be asked for; none inside a light, and none for a ray that wants opacity only.
+    lights: &'r [LightId],
+    /// The grid as the lights see it.
+    lit: Option<Grid>,
+    memory: LightMemory,
+    time: f32,
+    dtime: f32,
+    ray: RayKind,
+    seed: u32,
+    /// Calls that drew random numbers so far: two calls of one shader draw different ones.
+    calls: u32,
+}
+
+impl<'r, 'f> Run<'r, 'f> {
+    /// For surface, displacement and volume shaders of an object.
+    pub(crate) fn for_object(
+        thread: &'r mut ShaderThread<'f>,
+        object: &'r ObjectState,
+        shaders: &'r LinkedShaders,
+        grid: &Grid,
+    ) -> Self {
+        let gathers = shaders.usage != ShaderUsage::Displacement && !grid.ray.shadow;
+        let lights: &[LightId] = if gathers { &object.lights } else { &[] };
+        Self {
+            frame: thread.frame(),
+            thread,
+            shaders,
+            attributes: &object.attributes,
+            object_to_world: &object.attributes.to_world,
+            owner: object.name.clone(),
+            shadow_bias: object.shadow_bias,
+            ray_motion: object.ray_motion,
+            lights,
+            lit: (!lights.is_empty()).then(|| without_variables(grid)),
+            memory: LightMemory::default(),
+            time: grid.time,
+            dtime: grid.dtime,
+            ray: grid.ray,
+            seed: grid.seed,
+            calls: 0,
+        }
+    }
+
+    /// For a light that shines on the grid of `surface`.
+    fn for_light(surface: &'r mut Run<'_, 'f>, id: LightId, light: &'r LightState) -> Self {
+        Self {
+            frame: surface.frame,
+            thread: surface.thread,
+            shaders: &light.shaders,
+            attributes: &light.attributes,
+            object_to_world: surface.object_to_world,
+            owner: light.name.clone(),
+            shadow_bias: light.shadow_bias,
+            ray_motion: surface.ray_motion,
+            lights: &[],
+            lit: None,
+            memory: LightMemory::default(),
+            time: surface.time,
+            dtime: surface.dtime,
+            ray: surface.ray,
+            seed: hash::words(&[surface.seed, id.0, surface.calls]),
+            calls: 0,
+        }
+    }
+
+    /// Seed of a lane for the next random call.
+    fn lane_seed(&self, call: u32, lane: u32) -> u32 {
+        hash::words(&[self.seed, call, lane])
+    }
+
+    /// Numbers the calls that draw random numbers.
+    fn next_call(&mut self) -> u32 {
+        self.calls += 1;
+        self.calls
+    }
+
+    /// A bias option: below 0 or absent means the attribute.
+    fn bias(&self, option: Option<Lane<'_>>, lane: usize) -> f32 {
+        match option.map(|b| b.get(lane)) {
+            Some(b) if b >= 0.0 => b,
+            _ => self.shadow_bias,
+        }
+    }
+
+    /// Layer names of the running shader, for messages.
+    fn layer_name(&self, layer: usize) -> &str {
+        self.shaders.names.get(layer).or(self.shaders.names.first()).map_or("", |n| n)
+    }
+
+    fn camera_attribute(&self, name: &str) -> Option<Param> {
+        let camera = self.frame.scene.cameras.iter().find(|c| c.name == self.frame.camera.name)?;
+        camera.params.get(name).cloned()
+    }
+}
+
+/// A copy of a grid without its variables and messages: what a light shader sees of a surface.
+fn without_variables(grid: &Grid) -> Grid {
+    Grid {
+        topology: grid.topology,
+        p: grid.p.clone(),
+        n: grid.n.clone(),
+        ng: grid.ng.clone(),
+        i: grid.i.clone(),
+        dpdu: grid.dpdu.clone(),
+        dpdv: grid.dpdv.clone(),
+        dpdtime: grid.dpdtime.clone(),
+        u: grid.u.clone(),
+        v: grid.v.clone(),
+        time: grid.time,
+        dtime: grid.dtime,
+        c: grid.c.clone(),
+        opacity: grid.opacity.clone(),
+        primvars: Vec::new(),
+        flip_normals: grid.flip_normals,
+        seed: grid.seed,
+        ray: grid.ray,
+        object: grid.object.clone(),
+        messages: Vec::new(),
+    }
+}
+
+/// A float option of a lane, or its default.
+fn option(value: Option<Lane<'_>>, lane: usize, default: f32) -> f32 {
+    value.map_or(default, |v| v.get(lane))
+}
+
+/// A count option of a lane: at least 1, at most 65536.
+fn count(value: Option<Lane<'_>>, lane: usize) -> u32 {
+    let n = option(value, lane, 1.0);
+    if n >= 1.0 { n.min(65536.0) as u32 } else { 1 }
+}
+
+impl Services for Run<'_, '_> {
+    fn to_common(&mut self, space: &str, layer: usize) -> Option<Transform> {
+        match space {
+            "object" => Some(self.object_to_world.at(self.time)),
+            "shader" => Some(self.shaders.to_world.get(layer)?.at(self.time)),
+            _ => self.frame.spaces.to_common(space, self.time),
+        }
+    }
+
+    fn unit_scale(&mut self, from: &str, to: &str) -> Option<f32> {
+        self.frame.units.scale(from, to)
+    }
+
+    fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult) {
+        maps::texture(self.frame, query, out);
+    }
+
+    fn environment(&mut self, query: &EnvironmentQuery<'_>, out: &mut LookupResult) {
+        if self.frame.rays.is_set(query.name) {
+            rays::environment(self, query, out);
+        } else {
+            let space = query.options.space.and_then(|s| self.to_common(s, query.batch.layer));
+            maps::environment(self.frame, query, space, out);
+        }
+    }
+
+    fn shadow(&mut self, query: &ShadowQuery<'_>, out: &mut Lanes3) {
+        if self.frame.rays.is_set(query.name) {
+            rays::shadow(self, query, out);
+            return;
+        }
+        let call = self.next_call();
+        let seeds = |lane: u32| self.lane_seed(call, lane);
+        maps::shadow(self.frame, query, &seeds, &|lane| self.bias(query.options.bias, lane), out);
+    }
+
+    fn light_count(&mut self) -> usize {
+        self.lights.len()
+    }
+
+    fn light_info(&mut self, index: usize) -> LightInfo {
+        let light = self.lights.get(index).and_then(|id| self.frame.light(*id));
+        light.map(|l| l.info.clone()).unwrap_or_default()
+    }
+
+    fn illuminate(&mut self, index: usize, query: &IlluminateQuery<'_>) -> Arc<LightResult> {
+        if let Some(known) = self.memory.find(index, query) {
+            return known;
+        }
+        let dark = Arc::new(LightResult::default());
+        let Some(&id) = self.lights.get(index) else { return dark };
+        let Some(light) = self.frame.light(id) else { return dark };
+        // The grid is lent to the light: nobody else asks for it while the light runs.
+        let Some(grid) = self.lit.take() else { return dark };
+        self.calls += 1;
+        let mut executor = self.thread.take_executor();
+        let result = {
+            let mut services = Run::for_light(self, id, light);
+            executor.run_light(&light.shaders.group, &grid, query, &mut services)
+        };
+        self.thread.put_executor(executor);
+        self.lit = Some(grid);
+        let result = Arc::new(result);
+        self.memory.keep(index, query, &result);
+        result
+    }
+
+    fn trace(&mut self, query: &TraceQuery<'_>, out: &mut TraceResult) {
+        rays::trace(self, query, out);
+    }
+
+    fn occlusion(&mut self, query: &TraceQuery<'_>, out: &mut [f32], unoccluded: &mut Lanes3) {
+        rays::occlusion(self, query, out, unoccluded);
+    }
+
+    fn indirect(&mut self, query: &TraceQuery<'_>, out: &mut Lanes3) {
+        rays::indirect(self, query, out);
+    }
+
+    fn attribute(&mut self, name: &str) -> Option<Param> {
+        let value = |ty: ParamType, data: ParamData| Some(Param { name: name.into(), ty, data });
+        match name {
+            "transform" => {
+                let matrix = self.object_to_world.at(self.frame.camera.shading_time());
+                return value(ParamType::of(BaseType::Matrix), matrix.to_rows()[..].into());
+            }
+            "geometryset" => {
+                let names: Vec<&str> = self.attributes.geometry_sets.iter().map(|s| &**s).collect();
+                return value(ParamType::of(BaseType::String), (&*names.join(",")).into());
+            }
+            _ => (),
+        }
+        if let Some(own) = self.attributes.values.get(name).or_else(|| self.frame.scene.globals.get(name)) {
+            return Some(own.clone());
+        }
+        if name.starts_with("user:") {
+            return None;
+        }
+        self.camera_attribute(name).or_else(|| granita_scene::attribute_default(name))
+    }
+
+    fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {
+        self.frame.textures.info(texture, name)
+    }
+
+    fn say(&mut self, severity: Severity, text: &str) {
+        let reporter = &self.frame.reporter;
+        if severity == Severity::Message {
+            reporter.say(severity, &Location::default(), text);
+            return;
+        }
+        let usage = usage_word(self.shaders.usage);
+        let shader = self.layer_name(self.shaders.names.len().saturating_sub(1));
+        let owner = match (self.shaders.usage, &*self.owner) {
+            (ShaderUsage::Light, name) => format!("light \"{name}\": "),
+            (_, "") => String::new(),
+            (_, name) => format!("object \"{name}\": "),
+        };
+        // Once per shader and text: the second grid has nothing to add.
+        let cause = format!("{usage} {shader}: {text}");
+        let text = format!("{owner}{usage} shader \"{shader}\": {text}");
+        reporter.once(&cause, severity, &Location::default(), text);
+    }
+
+    fn unsupported(&mut self, feature: &str) {
+        self.frame.unsupported(feature);
+    }
+}

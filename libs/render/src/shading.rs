@@ -1,1 +1,314 @@
+//! A frame as shaders see it, and the threads that run them.
+//!
+//! [`ShadingContext`] is made once per frame and shared: lights are linked at once, object states when they
+//! are first asked for, structures for rays when the first ray needs them. A [`ShaderThread`] holds what
+//! one thread writes to while it shades.
 
+use crate::lights::LightState;
+use crate::object::{Holdout, LinkedShaders, Linker, ObjectState, StateShaders};
+use crate::raytrace::RayWorld;
+use crate::services::Run;
+use crate::spaces::{Spaces, Units};
+use crate::{CameraView, RenderEnvironment, ShaderLibrary};
+use granita_base::{Color, Location, Reporter, Severity, Vec3};
+use granita_gsl::ir::{Global, ValueType};
+use granita_scene::{AttributeSet, LightId, Primitive, Scene, ShaderGroup, ShaderUsage};
+use granita_shade::{Executor, Grid, Lanes3, Topology};
+use granita_texture::{CacheOptions, TextureCache};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What shading needs of a frame. Shared by its threads.
+pub(crate) struct ShadingContext {
+    /// The scene.
+    pub(crate) scene: Arc<Scene>,
+    /// The camera that dices and shades: the first one.
+    pub(crate) camera: CameraView,
+    /// Receives messages.
+    pub(crate) reporter: Reporter,
+    /// Named spaces.
+    pub(crate) spaces: Spaces,
+    /// Units of "common" space.
+    pub(crate) units: Units,
+    /// Texture files.
+    pub(crate) textures: TextureCache,
+    /// By [`LightId`]; `None` for lights that stay dark.
+    pub(crate) lights: Vec<Option<LightState>>,
+    /// What rays meet.
+    pub(crate) rays: RayWorld,
+    library: Arc<dyn ShaderLibrary>,
+    states: Mutex<States>,
+}
+
+/// What was already made, by the address of what it was made of: the scene keeps all of that alive, so an
+/// address names one thing for the whole frame.
+#[derive(Default)]
+struct States {
+    /// By attribute set and whether the primitive has an "opacity" of its own.
+    objects: HashMap<(usize, bool), Arc<ObjectState>>,
+    groups: HashMap<(usize, ShaderUsage), Option<Arc<LinkedShaders>>>,
+    default_surface: Option<Arc<LinkedShaders>>,
+}
+
+impl ShadingContext {
+    /// Links the lights and gets ready for the rest. Loads no surface, opens no texture, builds nothing for
+    /// rays.
+    pub(crate) fn new(scene: &Arc<Scene>, camera: &CameraView, environment: &RenderEnvironment) -> Self {
+        let reporter = environment.reporter.clone();
+        let linker = Linker { library: &*environment.shaders, reporter: &reporter };
+        let lights = scene.lights.iter().map(|light| LightState::new(light, linker)).collect();
+        let named = |name: &str| Some(scene.string(name).to_string()).filter(|s| !s.is_empty());
+        let options = CacheOptions {
+            memory_bytes: u64::try_from(scene.int("limits:texturememory")).map_or(0, |kb| kb * 1024).max(1 << 20),
+            max_files: usize::try_from(scene.int("limits:texturefiles")).unwrap_or(0).max(1),
+            automipmap: scene.int("texture:automipmap") != 0,
+            substitute_texture: named("texture:substtexture"),
+            substitute_environment: named("texture:substenv"),
+        };
+        let textures = TextureCache::new(
+            environment.registry.clone(),
+            environment.texture_path.clone(),
+            options,
+            reporter.clone(),
+        );
+        let threads = match environment.threads {
+            0 => usize::try_from(scene.int("limits:threads")).unwrap_or(1).max(1),
+            n => n,
+        };
+        Self {
+            spaces: Spaces::new(scene, camera),
+            units: Units::new(scene),
+            rays: RayWorld::new(scene, threads),
+            scene: scene.clone(),
+            camera: camera.clone(),
+            textures,
+            lights,
+            library: environment.shaders.clone(),
+            states: Mutex::default(),
+            reporter,
+        }
+    }
+
+    /// The state of a primitive's object; made on first use, the same for all primitives that share an
+    /// attribute set.
+    pub(crate) fn object(&self, primitive: &Primitive) -> Arc<ObjectState> {
+        let attributes = &primitive.attributes;
+        let own_opacity = primitive.keys.first().is_some_and(|key| key.params.get("opacity").is_some());
+        let key = (Arc::as_ptr(attributes) as usize, own_opacity);
+        let mut states = self.states.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = states.objects.get(&key) {
+            return known.clone();
+        }
+        let name = attributes.name();
+        let mut group = |shaders: &Option<Arc<ShaderGroup>>, usage| {
+            self.group(&mut states, shaders.as_ref()?, usage, &name)
+        };
+        let surface = group(&attributes.surface, ShaderUsage::Surface);
+        let displacement = group(&attributes.displacement, ShaderUsage::Displacement);
+        let volume = group(&attributes.volume, ShaderUsage::Volume);
+        let surface = surface.unwrap_or_else(|| self.default_surface(&mut states, attributes));
+        let shaders = StateShaders { surface, displacement, volume };
+        let mut state = ObjectState::new(attributes, shaders, own_opacity, &self.spaces);
+        let shines = |id: &LightId| self.light(*id).is_some();
+        state.lights = attributes.lights.iter().copied().filter(shines).collect();
+        let state = Arc::new(state);
+        states.objects.insert(key, state.clone());
+        state
+    }
+
+    /// A light that shines.
+    pub(crate) fn light(&self, id: LightId) -> Option<&LightState> {
+        self.lights.get(id.0 as usize)?.as_ref()
+    }
+
+    fn group(
+        &self,
+        states: &mut States,
+        shaders: &Arc<ShaderGroup>,
+        usage: ShaderUsage,
+        owner: &str,
+    ) -> Option<Arc<LinkedShaders>> {
+        let key = (Arc::as_ptr(shaders) as usize, usage);
+        if let Some(known) = states.groups.get(&key) {
+            return known.clone();
+        }
+        let linker = Linker { library: &*self.library, reporter: &self.reporter };
+        let linked = linker.link(shaders, usage, owner).map(Arc::new);
+        states.groups.insert(key, linked.clone());
+        linked
+    }
+
+    /// The default surface has no parameter in "shader" space, so all objects share the one of the first.
+    fn default_surface(&self, states: &mut States, attributes: &AttributeSet) -> Arc<LinkedShaders> {
+        let linker = Linker { library: &*self.library, reporter: &self.reporter };
+        let make = || Arc::new(linker.default_surface(&attributes.to_world));
+        states.default_surface.get_or_insert_with(make).clone()
+    }
+
+    /// A warning that is said once per name of a feature.
+    pub(crate) fn unsupported(&self, feature: &str) {
+        self.reporter.once(
+            &format!("unsupported {feature}"),
+            Severity::Warning,
+            &Location::default(),
+            format!("{feature} is not supported yet"),
+        );
+    }
+}
+
+/// Runs shaders on one thread; its memory is kept from grid to grid.
+pub(crate) struct ShaderThread<'f> {
+    frame: &'f ShadingContext,
+    /// Executors that are not running: one is in use for each nested shader (surface, its light, the surface
+    /// that a ray of the light hits, ...).
+    idle: Vec<Executor>,
+    /// Structures for rays are being built by this thread: its shaders see no rays.
+    pub(crate) builds_rays: bool,
+}
+
+impl<'f> ShaderThread<'f> {
+    /// With no memory yet.
+    pub(crate) fn new(frame: &'f ShadingContext) -> Self {
+        Self { frame, idle: Vec::new(), builds_rays: false }
+    }
+
+    /// The frame.
+    pub(crate) fn frame(&self) -> &'f ShadingContext {
+        self.frame
+    }
+
+    /// An executor that nobody uses; give it back with [`ShaderThread::put_executor`].
+    pub(crate) fn take_executor(&mut self) -> Executor {
+        self.idle.pop().unwrap_or_default()
+    }
+
+    /// Gives an executor back.
+    pub(crate) fn put_executor(&mut self, executor: Executor) {
+        self.idle.push(executor);
+    }
+
+    /// Runs the displacement shaders, if any: moves `p`, `n`, and with them `ng`, `dpdu`, `dpdv` and `i`.
+    pub(crate) fn displace(&mut self, object: &ObjectState, grid: &mut Grid) {
+        let Some(shaders) = &object.displacement else { return };
+        let moves = shaders.group.writes(Global::P);
+        let before = moves.then(|| grid.p.clone());
+        self.run(object, shaders, grid, &[]);
+        if let Some(before) = before {
+            follow_displacement(grid, &before);
+        }
+    }
+
+    /// As [`ShaderThread::displace`], but points stay in place: only `n` changes.
+    pub(crate) fn bump(&mut self, object: &ObjectState, grid: &mut Grid) {
+        let Some(shaders) = &object.displacement else { return };
+        let p = grid.p.clone();
+        self.run(object, shaders, grid, &[]);
+        grid.p = p;
+    }
+
+    /// Runs the surface shaders, then the volume shaders: sets `c` and `opacity`. Returns the wanted
+    /// variables, component by component; `None` for those that no shader has.
+    ///
+    /// A holdout matte becomes black and clear without a shader being run.
+    pub(crate) fn shade(
+        &mut self,
+        object: &ObjectState,
+        grid: &mut Grid,
+        wanted: &[(Arc<str>, ValueType)],
+    ) -> Vec<Option<Vec<f32>>> {
+        if object.holdout == Holdout::Matte {
+            grid.c = Lanes3::splat(Color::ZERO, grid.len());
+            grid.opacity = Lanes3::splat(Color::ZERO, grid.len());
+            return vec![None; wanted.len()];
+        }
+        let names: Vec<(&str, ValueType)> = wanted.iter().map(|(name, ty)| (&**name, *ty)).collect();
+        let mut found = self.run(object, &object.surface, grid, &names);
+        if let Some(volume) = &object.volume {
+            let more = self.run(object, volume, grid, &names);
+            for (have, new) in found.iter_mut().zip(more) {
+                // The volume shader runs last; C and opacity are what it left.
+                if have.is_none() || new.is_some() {
+                    *have = new;
+                }
+            }
+        }
+        found
+    }
+
+    fn run(
+        &mut self,
+        object: &ObjectState,
+        shaders: &LinkedShaders,
+        grid: &mut Grid,
+        wanted: &[(&str, ValueType)],
+    ) -> Vec<Option<Vec<f32>>> {
+        let mut executor = self.take_executor();
+        let mut services = Run::for_object(self, object, shaders, grid);
+        let found = executor.run(&shaders.group, grid, &mut services, wanted);
+        self.put_executor(executor);
+        found
+    }
+}
+
+/// Makes the rest of a grid follow points that a displacement shader moved from `before`.
+///
+/// Tangents gain the change of the displacement across the grid, the geometric normal is their cross
+/// product, and the view direction moves along. Where tangents vanish, the old normal stays.
+fn follow_displacement(grid: &mut Grid, before: &Lanes3) {
+    let Topology::Rect { nu, nv } = grid.topology else { return };
+    let offset = |g: &Grid, i: usize| g.p.get(i) - before.get(i);
+    let sign = if grid.flip_normals { -1.0 } else { 1.0 };
+    for j in 0..nv {
+        for i in 0..nu {
+            let at = j * nu + i;
+            let slope = |g: &Grid, a: usize, b: usize, parameter: &[f32]| {
+                let step = parameter[b] - parameter[a];
+                if step == 0.0 { Vec3::ZERO } else { (offset(g, b) - offset(g, a)) / step }
+            };
+            let (i0, i1) = (i.saturating_sub(1), (i + 1).min(nu - 1));
+            let (j0, j1) = (j.saturating_sub(1), (j + 1).min(nv - 1));
+            let du = grid.dpdu.get(at) + slope(grid, j * nu + i0, j * nu + i1, &grid.u);
+            let dv = grid.dpdv.get(at) + slope(grid, j0 * nu + i, j1 * nu + i, &grid.v);
+            let ng = du.cross(dv) * sign;
+            grid.dpdu.set(at, du);
+            grid.dpdv.set(at, dv);
+            if ng.is_finite() && ng.length_squared() > 1e-30 {
+                grid.ng.set(at, ng);
+            }
+        }
+    }
+    if grid.ray.level == 0 {
+        for i in 0..grid.len() {
+            grid.i.set(i, grid.i.get(i) + offset(grid, i));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normals_follow_a_tilted_displacement() {
+        // The square z = 0 becomes the plane z = u.
+        let mut grid = Grid::new(Topology::Rect { nu: 3, nv: 3 });
+        for at in 0..9 {
+            let (u, v) = ((at % 3) as f32 * 0.5, (at / 3) as f32 * 0.5);
+            (grid.u[at], grid.v[at]) = (u, v);
+            grid.p.set(at, Vec3::new(u, v, 0.0));
+        }
+        grid.dpdu = Lanes3::splat(Vec3::X, 9);
+        grid.dpdv = Lanes3::splat(Vec3::Y, 9);
+        grid.ng = Lanes3::splat(Vec3::Z, 9);
+        let before = grid.p.clone();
+        for at in 0..9 {
+            grid.p.xyz[2][at] = grid.u[at];
+        }
+        follow_displacement(&mut grid, &before);
+        for at in 0..9 {
+            assert!((grid.ng.get(at) - Vec3::new(-1.0, 0.0, 1.0)).length() < 1e-6);
+            assert!((grid.dpdu.get(at) - Vec3::new(1.0, 0.0, 1.0)).length() < 1e-6);
+        }
+        assert_eq!(grid.i.get(2), Vec3::new(0.0, 0.0, 1.0));
+    }
+}

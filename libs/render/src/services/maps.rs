@@ -1,0 +1,189 @@
+//! Lookups in texture, environment and shadow files.
+
+use super::{count, option};
+use crate::shading::ShadingContext;
+use granita_base::{Transform, Vec3};
+use granita_shade::{Batch, EnvironmentQuery, LookupResult, Lanes3, ShadowQuery, TextureQuery};
+use granita_texture::{EnvLookup, Lookup, ShadowLookup, Up, Use, Wrap};
+
+/// Most channels that one lookup returns, alpha included.
+const CHANNELS: usize = 4;
+
+/// Makes room for a result; what is there of other lanes stays.
+pub(super) fn prepare(batch: Batch<'_>, channels: usize, out: &mut LookupResult) {
+    out.value.resize(channels, Vec::new());
+    for channel in &mut out.value {
+        channel.resize(batch.lanes, 0.0);
+    }
+    out.alpha.resize(batch.lanes, 0.0);
+    out.hitdist.clear();
+    out.p_hit = Lanes3::default();
+    out.n_hit = Lanes3::default();
+}
+
+/// Puts `values` (channels, then alpha) into a lane.
+fn store(out: &mut LookupResult, lane: usize, values: &[f32]) {
+    for (channel, value) in out.value.iter_mut().zip(values) {
+        channel[lane] = *value;
+    }
+    out.alpha[lane] = values[out.value.len()];
+}
+
+/// First channel of a lane: negative and broken numbers mean 0.
+fn first_channel(value: Option<granita_shade::Lane<'_>>, lane: usize) -> u32 {
+    option(value, lane, 0.0).clamp(0.0, 65536.0) as u32
+}
+
+/// `texture ()`. A file that cannot be used gives `fill` and alpha 0.
+pub(super) fn texture(frame: &ShadingContext, query: &TextureQuery<'_>, out: &mut LookupResult) {
+    prepare(query.batch, query.channels, out);
+    let o = &query.options;
+    let id = frame.textures.find_for(query.name, Use::Texture);
+    let (swrap, twrap) = (o.swrap.and_then(Wrap::from_word), o.twrap.and_then(Wrap::from_word));
+    let wanted = (query.channels + 1).min(CHANNELS);
+    for &lane in query.batch.active {
+        let i = lane as usize;
+        let fill = option(o.fill, i, 0.0);
+        let mut values = [fill; CHANNELS];
+        match id {
+            Some(id) => {
+                let lookup = Lookup {
+                    s: query.s.get(i),
+                    t: query.t.get(i),
+                    dsdx: query.dsdx.get(i),
+                    dtdx: query.dtdx.get(i),
+                    dsdy: query.dsdy.get(i),
+                    dtdy: query.dtdy.get(i),
+                    sblur: option(o.sblur, i, 0.0),
+                    tblur: option(o.tblur, i, 0.0),
+                    swidth: option(o.swidth, i, 1.0),
+                    twidth: option(o.twidth, i, 1.0),
+                    swrap,
+                    twrap,
+                    first_channel: first_channel(o.firstchannel, i),
+                    fill,
+                };
+                frame.textures.texture(id, &lookup, &mut values[..wanted]);
+            }
+            None => values[wanted - 1] = 0.0,
+        }
+        store(out, i, &values[..wanted]);
+    }
+}
+
+/// `environment ()` in a map; `space` leads from the map's space to "common", `None` when it is that.
+pub(super) fn environment(
+    frame: &ShadingContext,
+    query: &EnvironmentQuery<'_>,
+    space: Option<Transform>,
+    out: &mut LookupResult,
+) {
+    prepare(query.batch, query.channels, out);
+    let o = &query.options;
+    let id = frame.textures.find_for(query.name, Use::Environment);
+    let to_map = space.map_or(Transform::IDENTITY, |m| m.inverse());
+    let up = o.up.and_then(Up::from_word);
+    let wanted = (query.channels + 1).min(CHANNELS);
+    for &lane in query.batch.active {
+        let i = lane as usize;
+        let fill = option(o.fill, i, 0.0);
+        let mut values = [fill; CHANNELS];
+        match id {
+            Some(id) => {
+                let (p, r) = (query.p.get(i), query.r.get(i));
+                let radius = option(o.radius, i, 0.0);
+                let seen = |p: Vec3, r: Vec3| {
+                    let r = to_map.vector(r);
+                    if radius > 0.0 { on_sphere(to_map.point(p), r, radius) } else { r }
+                };
+                let along = seen(p, r);
+                let lookup = EnvLookup {
+                    r: along,
+                    drdx: seen(p + query.dpdx.get(i), r + query.drdx.get(i)) - along,
+                    drdy: seen(p + query.dpdy.get(i), r + query.drdy.get(i)) - along,
+                    angle: o.angle.map(|a| a.get(i)),
+                    sblur: option(o.sblur, i, 0.0),
+                    tblur: option(o.tblur, i, 0.0),
+                    swidth: option(o.swidth, i, 1.0),
+                    twidth: option(o.twidth, i, 1.0),
+                    up,
+                    first_channel: first_channel(o.firstchannel, i),
+                    fill,
+                };
+                frame.textures.environment(id, &lookup, &mut values[..wanted]);
+            }
+            None => values[wanted - 1] = 0.0,
+        }
+        store(out, i, &values[..wanted]);
+    }
+}
+
+/// Where the line from `p` along `r` leaves the sphere around the origin: the direction in which a map of
+/// that radius is seen from its centre. `r` itself when the line misses the sphere.
+fn on_sphere(p: Vec3, r: Vec3, radius: f32) -> Vec3 {
+    let Some(d) = r.try_normalize() else { return r };
+    let b = p.dot(d);
+    let discriminant = b * b - (p.length_squared() - radius * radius);
+    if discriminant < 0.0 {
+        return r;
+    }
+    let far = -b + discriminant.sqrt();
+    if far > 0.0 { p + d * far } else { r }
+}
+
+/// `shadow ()` in a map: the same in all three channels. A file that cannot be used gives no shadow.
+pub(super) fn shadow(
+    frame: &ShadingContext,
+    query: &ShadowQuery<'_>,
+    seed: &dyn Fn(u32) -> u32,
+    bias: &dyn Fn(usize) -> f32,
+    out: &mut Lanes3,
+) {
+    fit(out, query.batch.lanes);
+    let id = frame.textures.find_for(query.name, Use::Shadow);
+    let o = &query.options;
+    for &lane in query.batch.active {
+        let i = lane as usize;
+        let blocked = id.map_or(0.0, |id| {
+            let lookup = ShadowLookup {
+                p: query.p.get(i),
+                dpdx: query.dpdx.get(i),
+                dpdy: query.dpdy.get(i),
+                sblur: option(o.sblur, i, 0.0),
+                tblur: option(o.tblur, i, 0.0),
+                swidth: option(o.swidth, i, 1.0),
+                twidth: option(o.twidth, i, 1.0),
+                samples: count(o.samples, i),
+                bias: bias(i),
+                seed: seed(lane),
+            };
+            frame.textures.shadow(id, &lookup)
+        });
+        out.set(i, Vec3::splat(blocked));
+    }
+}
+
+/// Makes room for `lanes` triples.
+pub(super) fn fit(out: &mut Lanes3, lanes: usize) {
+    for c in &mut out.xyz {
+        c.resize(lanes, 0.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parallax_meets_the_sphere() {
+        // From the centre, the direction is kept; off centre, it bends towards the near wall.
+        let r = on_sphere(Vec3::ZERO, Vec3::X * 3.0, 2.0);
+        assert!((r - Vec3::X * 2.0).length() < 1e-6);
+        let r = on_sphere(Vec3::new(0.0, 1.0, 0.0), Vec3::X, 2.0);
+        assert!((r - Vec3::new(3.0_f32.sqrt(), 1.0, 0.0)).length() < 1e-6);
+        // Outside and looking away, or past: nothing to meet.
+        assert_eq!(on_sphere(Vec3::X * 5.0, Vec3::X, 2.0), Vec3::X);
+        assert_eq!(on_sphere(Vec3::Y * 5.0, Vec3::X, 2.0), Vec3::X);
+        assert_eq!(on_sphere(Vec3::ZERO, Vec3::ZERO, 2.0), Vec3::ZERO);
+    }
+}

@@ -1,0 +1,398 @@
+//! Rays that shaders ask for: reflections, shadows, `trace`, occlusion, indirect light.
+
+use super::maps::{fit, prepare};
+use super::{Run, count, option};
+use crate::raytrace::{RayPurpose, RayRequest};
+use crate::sampling::{Distribution, in_cone};
+use granita_base::{Color, Vec3, hash, sample};
+use granita_shade::{EnvironmentQuery, Lane, LookupResult, Lanes3, ShadowQuery, TraceQuery, TraceResult};
+use granita_trace::Ray;
+use std::f32::consts::FRAC_PI_4;
+
+/// "hitdist" of `environment ()` when nothing is hit (reference 5.8.10).
+const NO_HIT: f32 = 1.0e38;
+/// "hitdist" of `trace` when nothing is hit (reference 5.5.5).
+const NO_TRACE_HIT: f32 = 1.0e30;
+/// Smallest distance of a hit relative to the coordinates of the ray's origin: single precision does not
+/// know the origin better.
+const PRECISION: f32 = 4.0e-6;
+
+// Dimensions of random numbers of one ray.
+const DIRECTION: u32 = 1;
+const FOOTPRINT: u32 = 2;
+const TIME: u32 = 3;
+
+/// Origin, direction and reach of a ray.
+struct Aim {
+    p: Vec3,
+    /// Of length 1.
+    dir: Vec3,
+    bias: f32,
+    tmax: f32,
+    time: f32,
+}
+
+impl Aim {
+    fn ray(self) -> Ray {
+        let tmin = self.bias.max(PRECISION * self.p.abs().max_element());
+        Ray { origin: self.p, tmin, dir: self.dir, tmax: self.tmax, time: self.time }
+    }
+}
+
+impl Run<'_, '_> {
+    /// Time of sample `index` of the `n` of a lane: spread over the shutter when the object's rays see
+    /// motion, else that of the grid.
+    fn ray_time(&self, index: u32, seed: u32) -> f32 {
+        let [open, close] = self.frame.camera.shutter;
+        if self.ray_motion && close > open {
+            open + (close - open) * sample::line(index, hash::words(&[seed, TIME]))
+        } else {
+            self.time
+        }
+    }
+
+    /// "maxhitdist": none when absent or not positive.
+    fn reach(option: Option<Lane<'_>>, lane: usize) -> f32 {
+        match option.map(|d| d.get(lane)) {
+            Some(d) if d > 0.0 => d,
+            _ => f32::INFINITY,
+        }
+    }
+
+    /// Whether rays may be traced: not by shaders that run while the structures are being built.
+    fn may_trace(&mut self) -> bool {
+        if self.thread.builds_rays {
+            self.frame.unsupported("tracing rays from a displacement shader of an object that rays see");
+        }
+        !self.thread.builds_rays
+    }
+
+    /// Whether a shader at this ray level may spawn rays that shade (reference 4.3.5).
+    fn is_too_deep(&self) -> bool {
+        i64::from(self.ray.level) >= i64::from(self.frame.scene.int("ray:maxdepth"))
+    }
+
+    fn purpose(&self, call: u32) -> RayPurpose {
+        RayPurpose {
+            parent: self.ray,
+            indirect: self.ray.indirect,
+            shade: true,
+            dtime: self.dtime,
+            seed: hash::words(&[self.seed, call]),
+        }
+    }
+
+    fn max_depth_color(&self) -> Color {
+        match *self.frame.scene.floats("ray:maxdepthcolor") {
+            [r, g, b, ..] => Color::new(r, g, b),
+            _ => Color::ZERO,
+        }
+    }
+}
+
+/// A place in the footprint, from -0.5 to 0.5 in both directions; its middle for the only sample.
+fn in_footprint(index: u32, samples: u32, seed: u32) -> (f32, f32) {
+    if samples <= 1 {
+        return (0.0, 0.0);
+    }
+    let (x, y) = sample::square(index, hash::words(&[seed, FOOTPRINT]));
+    (x - 0.5, y - 0.5)
+}
+
+/// `environment ()` with the name of a geometry set (reference 10.2.2).
+///
+/// `samples` rays spread over the cone of "angle" (or "blur") and, when there are several, over the
+/// footprint between neighbouring points; colour and opacity are their means.
+pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, out: &mut LookupResult) {
+    let lanes = query.batch.lanes;
+    prepare(query.batch, query.channels, out);
+    out.hitdist = vec![NO_HIT; lanes];
+    out.p_hit = Lanes3::zeros(lanes);
+    out.n_hit = Lanes3::zeros(lanes);
+    let o = &query.options;
+    let mut spread_over: Vec<(u32, u32)> = Vec::new();
+    let mut rays = Vec::new();
+    let traces = !run.is_too_deep() && run.may_trace();
+    let call = run.next_call();
+    for &lane in query.batch.active {
+        let i = lane as usize;
+        let value = if traces { Color::ZERO } else { run.max_depth_color() };
+        (0..query.channels).for_each(|c| out.value[c][i] = if query.channels == 1 { value.x } else { value[c] });
+        out.alpha[i] = 0.0;
+        // "Kr" 0: whatever comes back will be multiplied by nothing.
+        let Some(r) = query.r.get(i).try_normalize().filter(|_| traces && option(o.kr, i, 1.0) != 0.0) else {
+            continue;
+        };
+        let length = query.r.get(i).length();
+        let blur = 0.5 * (option(o.sblur, i, 0.0) + option(o.tblur, i, 0.0));
+        let half_angle = o.angle.map_or(blur * FRAC_PI_4, |a| a.get(i));
+        let width = 0.5 * (option(o.swidth, i, 1.0) + option(o.twidth, i, 1.0));
+        let (dpdx, dpdy) = (query.dpdx.get(i) * width, query.dpdy.get(i) * width);
+        let (drdx, drdy) = (query.drdx.get(i) * (width / length), query.drdy.get(i) * (width / length));
+        let samples = count(o.samples, i);
+        let per_ray = 1.0 / (samples as f32).sqrt();
+        let seed = run.lane_seed(call, lane);
+        for index in 0..samples {
+            let (x, y) = in_footprint(index, samples, seed);
+            let axis = (r + drdx * x + drdy * y).normalize_or(r);
+            let dir =
+                in_cone(axis, half_angle, Distribution::Uniform, index, hash::words(&[seed, DIRECTION]));
+            let aim = Aim {
+                p: query.p.get(i) + dpdx * x + dpdy * y,
+                dir,
+                bias: run.bias(o.bias, i),
+                tmax: Run::reach(o.maxhitdist, i),
+                time: run.ray_time(index, seed),
+            };
+            rays.push(RayRequest {
+                ray: aim.ray(),
+                width: dpdx.length().max(dpdy.length()) * per_ray,
+                spread: (drdx.length().max(drdy.length()) + 2.0 * half_angle.max(0.0)) * per_ray,
+            });
+        }
+        spread_over.push((lane, samples));
+    }
+    let Some(scene) = run.frame.rays.scene(query.name, run.frame).filter(|_| !rays.is_empty()) else { return };
+    let shade = o.shade.is_none_or(|s| query.batch.active.iter().any(|l| s.get(*l as usize) != 0.0));
+    let purpose = RayPurpose { shade, ..run.purpose(call) };
+    let found = run.thread.radiance(scene, &rays, purpose);
+    let mut rest = &found[..];
+    for (lane, samples) in spread_over {
+        let (own, others) = rest.split_at(samples as usize);
+        rest = others;
+        let i = lane as usize;
+        let share = 1.0 / samples as f32;
+        let color = own.iter().fold(Color::ZERO, |sum, r| sum + r.color) * share;
+        let opacity = own.iter().fold(Color::ZERO, |sum, r| sum + r.opacity) * share;
+        (0..query.channels).for_each(|c| out.value[c][i] = color[c.min(2)]);
+        out.alpha[i] = (opacity.x + opacity.y + opacity.z) / 3.0;
+        let hits: Vec<_> = own.iter().filter(|r| r.distance.is_finite()).collect();
+        if !hits.is_empty() {
+            let mean = 1.0 / hits.len() as f32;
+            out.hitdist[i] = hits.iter().map(|r| r.distance).sum::<f32>() * mean;
+            out.p_hit.set(i, hits.iter().fold(Vec3::ZERO, |sum, r| sum + r.p) * mean);
+            out.n_hit.set(i, hits.iter().fold(Vec3::ZERO, |sum, r| sum + r.n) * mean);
+        }
+    }
+}
+
+/// `shadow ()` with the name of a geometry set (reference 10.1.6): rays from the points to the light.
+///
+/// "blur" 1 is a light of 90 degrees. Several samples also spread over the footprint.
+pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut Lanes3) {
+    fit(out, query.batch.lanes);
+    let o = &query.options;
+    let traces = run.may_trace();
+    let call = run.next_call();
+    let mut spread_over: Vec<(u32, u32)> = Vec::new();
+    let mut rays = Vec::new();
+    for &lane in query.batch.active {
+        let i = lane as usize;
+        out.set(i, Vec3::ZERO);
+        let to_light = query.to_light.get(i);
+        let Some(axis) = to_light.try_normalize().filter(|_| traces) else { continue };
+        let half_angle = 0.5 * (option(o.sblur, i, 0.0) + option(o.tblur, i, 0.0)) * FRAC_PI_4;
+        let width = 0.5 * (option(o.swidth, i, 1.0) + option(o.twidth, i, 1.0));
+        let samples = count(o.samples, i);
+        let seed = run.lane_seed(call, lane);
+        for index in 0..samples {
+            let (x, y) = in_footprint(index, samples, seed);
+            let p = query.p.get(i) + (query.dpdx.get(i) * x + query.dpdy.get(i) * y) * width;
+            // Towards the light as seen from the moved point.
+            let (axis, distance) = if query.light_infinite {
+                (axis, f32::INFINITY)
+            } else {
+                let to = query.p.get(i) + to_light - p;
+                (to.normalize_or(axis), to.length())
+            };
+            let seed_direction = hash::words(&[seed, DIRECTION]);
+            let dir = in_cone(axis, half_angle, Distribution::Uniform, index, seed_direction);
+            let bias = run.bias(o.bias, i);
+            let aim = Aim { p, dir, bias, tmax: distance, time: run.ray_time(index, seed) };
+            let footprint = query.dpdx.get(i).length().max(query.dpdy.get(i).length());
+            rays.push(RayRequest { ray: aim.ray(), width: footprint, spread: 2.0 * half_angle });
+        }
+        spread_over.push((lane, samples));
+    }
+    let Some(scene) = run.frame.rays.scene(query.name, run.frame).filter(|_| !rays.is_empty()) else { return };
+    let purpose = run.purpose(call);
+    let passed = run.thread.transmission(scene, &rays, purpose);
+    let mut rest = &passed[..];
+    for (lane, samples) in spread_over {
+        let (own, others) = rest.split_at(samples as usize);
+        rest = others;
+        let mean = own.iter().fold(Color::ZERO, |sum, t| sum + *t) / samples as f32;
+        out.set(lane as usize, Color::ONE - mean);
+    }
+}
+
+/// Rays of one sample of each active lane of a `trace` loop or a probe, and their lanes.
+fn probe(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, call: u32, index: u32) -> (Vec<u32>, Vec<RayRequest>) {
+    let distribution = Distribution::from_word(query.distribution);
+    let mut lanes = Vec::new();
+    let mut rays = Vec::new();
+    for &lane in query.batch.active {
+        let i = lane as usize;
+        let samples = count(Some(query.samples), i);
+        let Some(axis) = query.axis.get(i).try_normalize().filter(|_| index < samples) else { continue };
+        let seed = run.lane_seed(call, lane);
+        let angle = query.angle.get(i);
+        let aim = Aim {
+            p: query.p.get(i),
+            dir: in_cone(axis, angle, distribution, index, hash::words(&[seed, DIRECTION])),
+            bias: run.bias(query.options.bias, i),
+            tmax: Run::reach(query.options.maxhitdist, i),
+            time: run.ray_time(index, seed),
+        };
+        lanes.push(lane);
+        let spread = 2.0 * angle.max(0.0) / (samples as f32).sqrt();
+        rays.push(RayRequest { ray: aim.ray(), width: 0.0, spread });
+    }
+    (lanes, rays)
+}
+
+/// `trace`: one ray per lane.
+pub(super) fn trace(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut TraceResult) {
+    let n = query.batch.lanes;
+    out.hit.resize(n, false);
+    out.hitdist.resize(n, NO_TRACE_HIT);
+    for lanes in [&mut out.l, &mut out.ps, &mut out.cl, &mut out.ol, &mut out.p] {
+        fit(lanes, n);
+    }
+    for &lane in query.batch.active {
+        let i = lane as usize;
+        out.hit[i] = false;
+        out.hitdist[i] = NO_TRACE_HIT;
+        out.l.set(i, query.axis.get(i));
+        out.ps.set(i, query.p.get(i));
+        out.cl.set(i, Color::ZERO);
+        out.ol.set(i, Color::ZERO);
+    }
+    let traces = run.may_trace();
+    // The same call for all iterations of a loop: its samples form one sequence.
+    if query.sample == 0 {
+        run.next_call();
+    }
+    let call = run.calls;
+    let (lanes, rays) = probe(run, query, call, query.sample);
+    for (lane, request) in lanes.iter().zip(&rays) {
+        out.l.set(*lane as usize, request.ray.dir);
+    }
+    if !run.frame.rays.is_set(query.set) {
+        unknown_set(run, query.set);
+        return;
+    }
+    let Some(scene) = run.frame.rays.scene(query.set, run.frame).filter(|_| traces && !rays.is_empty()) else {
+        return;
+    };
+    let wants = query.options.shade.is_none_or(|s| lanes.iter().any(|l| s.get(*l as usize) != 0.0));
+    let too_deep = run.is_too_deep();
+    let seed = hash::words(&[run.seed, call, query.sample]);
+    let purpose = RayPurpose { shade: wants && !too_deep, seed, ..run.purpose(call) };
+    let found = run.thread.radiance(scene, &rays, purpose);
+    let beyond = run.max_depth_color();
+    for (lane, r) in lanes.iter().zip(found) {
+        let i = *lane as usize;
+        if r.distance.is_finite() {
+            out.hit[i] = true;
+            out.hitdist[i] = r.distance;
+            out.p.set(i, r.p);
+            out.cl.set(i, if wants && too_deep { beyond } else { r.color });
+            out.ol.set(i, r.opacity);
+        }
+    }
+}
+
+fn unknown_set(run: &Run<'_, '_>, set: &str) {
+    run.frame.reporter.once(
+        &format!("no geometry set {set}"),
+        granita_base::Severity::Warning,
+        &granita_base::Location::default(),
+        format!("no object is in the geometry set \"{set}\": its rays hit nothing"),
+    );
+}
+
+/// Rays that one probing call traces at once.
+const PROBE_RAYS: usize = 1 << 14;
+
+/// Most samples of any lane.
+fn most_samples(query: &TraceQuery<'_>) -> u32 {
+    query.batch.active.iter().map(|l| count(Some(query.samples), *l as usize)).max().unwrap_or(0)
+}
+
+/// `occlusion ()`: the share of rays that hit anything, and the mean direction of the others (the axis when
+/// none is left).
+///
+/// Every call samples fully: nothing is cached or interpolated yet.
+pub(super) fn occlusion(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut [f32], unoccluded: &mut Lanes3) {
+    fit(unoccluded, query.batch.lanes);
+    let mut blocked = vec![0.0_f32; query.batch.lanes];
+    let mut open = vec![Vec3::ZERO; query.batch.lanes];
+    let mut traced = vec![0.0_f32; query.batch.lanes];
+    let call = run.next_call();
+    if !run.frame.rays.is_set(query.set) {
+        unknown_set(run, query.set);
+    } else if run.may_trace() {
+        run.frame.unsupported("interpolation of occlusion between points (every point is sampled fully)");
+        for index in 0..most_samples(query) {
+            let (lanes, rays) = probe(run, query, call, index);
+            let Some(scene) = run.frame.rays.scene(query.set, run.frame).filter(|_| !rays.is_empty()) else { break };
+            let hits = run.thread.blocked(scene, &rays);
+            for ((lane, request), hit) in lanes.iter().zip(&rays).zip(hits) {
+                let i = *lane as usize;
+                traced[i] += 1.0;
+                if hit { blocked[i] += 1.0 } else { open[i] += request.ray.dir }
+            }
+        }
+    }
+    for &lane in query.batch.active {
+        let i = lane as usize;
+        out[i] = if traced[i] > 0.0 { blocked[i] / traced[i] } else { 0.0 };
+        unoccluded.set(i, open[i].try_normalize().unwrap_or_else(|| query.axis.get(i).normalize_or_zero()));
+    }
+}
+
+/// `indirect ()`: mean colour seen by cosine-distributed rays over the hemisphere around the axis, that is,
+/// irradiance in the units in which a light of colour `Cl` that faces the surface gives `Cl`.
+///
+/// Rays of indirect light do not spawn others: one bounce. Every call samples fully: nothing is cached or
+/// interpolated yet.
+pub(super) fn indirect(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut Lanes3) {
+    fit(out, query.batch.lanes);
+    for &lane in query.batch.active {
+        out.set(lane as usize, Color::ZERO);
+    }
+    let call = run.next_call();
+    if run.ray.indirect || run.is_too_deep() || !run.may_trace() {
+        return;
+    }
+    if !run.frame.rays.is_set(query.set) {
+        unknown_set(run, query.set);
+        return;
+    }
+    run.frame.unsupported("interpolation of indirect light between points (every point is sampled fully)");
+    let most = most_samples(query);
+    let mut sums = vec![Color::ZERO; query.batch.lanes];
+    let together = (PROBE_RAYS / query.batch.active.len().max(1)).max(1) as u32;
+    let mut first = 0;
+    while first < most {
+        let mut lanes = Vec::new();
+        let mut rays = Vec::new();
+        for index in first..most.min(first + together) {
+            let (l, r) = probe(run, query, call, index);
+            lanes.extend(l);
+            rays.extend(r);
+        }
+        let Some(scene) = run.frame.rays.scene(query.set, run.frame) else { break };
+        let purpose =
+            RayPurpose { indirect: true, seed: hash::words(&[run.seed, call, first]), ..run.purpose(call) };
+        for (lane, r) in lanes.iter().zip(run.thread.radiance(scene, &rays, purpose)) {
+            sums[*lane as usize] += r.color;
+        }
+        first += together;
+    }
+    for &lane in query.batch.active {
+        let i = lane as usize;
+        out.set(i, sums[i] / count(Some(query.samples), i) as f32);
+    }
+}
