@@ -6,7 +6,9 @@
 use crate::ShaderLibrary;
 use crate::spaces::Spaces;
 use granita_base::{Color, Location, MotionTransform, Reporter, Severity, Vec3};
-use granita_gsl::ir::{Global, Module, Op, OpCode, ShaderKind, SourcePos, Stmt, Symbol, SymbolId, SymbolKind, SymbolType};
+use granita_gsl::ir::{
+    Global, Module, Op, OpCode, ShaderKind, SourcePos, Stmt, Symbol, SymbolId, SymbolKind, SymbolType,
+};
 use granita_scene::{AttributeSet, LightId, ShaderGroup, ShaderUsage};
 use granita_shade::{ConnectionSource, Group, LayerSource};
 use std::sync::Arc;
@@ -39,16 +41,33 @@ pub(crate) struct Linker<'a> {
 impl Linker<'_> {
     /// Loads and links the layers of a group. Layers whose shader is missing, or may not be used so, are
     /// left out with one warning that names `owner` and the substitute; `None` when no layer is left.
-    pub(crate) fn link(&self, shaders: &ShaderGroup, usage: ShaderUsage, owner: &str) -> Option<LinkedShaders> {
+    pub(crate) fn link(
+        &self,
+        shaders: &ShaderGroup,
+        usage: ShaderUsage,
+        owner: &str,
+    ) -> Option<LinkedShaders> {
         let mut modules = Vec::with_capacity(shaders.layers.len());
         for layer in &shaders.layers {
             let name = &layer.shader;
             let Some(module) = self.library.load(name) else {
-                self.once(usage, owner, name, &layer.at, &format!("\"{name}\" is missing; {}", substitute(usage)));
+                self.once(
+                    usage,
+                    owner,
+                    name,
+                    &layer.at,
+                    &format!("\"{name}\" is missing; {}", substitute(usage)),
+                );
                 continue;
             };
             if let Err(reason) = may_be_used(&module, usage) {
-                self.once(usage, owner, name, &layer.at, &format!("\"{name}\" {reason}; {}", substitute(usage)));
+                self.once(
+                    usage,
+                    owner,
+                    name,
+                    &layer.at,
+                    &format!("\"{name}\" {reason}; {}", substitute(usage)),
+                );
                 continue;
             }
             modules.push((module, layer));

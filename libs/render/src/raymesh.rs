@@ -4,10 +4,10 @@
 //! evaluated at the hit. Only what displacement shaders move is diced finely. Everything is in world
 //! space at the time of shading; positions have further keys when rays see motion.
 
+use crate::CameraView;
 use crate::dicing::{self, DiceSettings, GridView, Leaf, Measure, Placement, Viewer, Viewpoint};
 use crate::object::ObjectState;
 use crate::shading::ShaderThread;
-use crate::CameraView;
 use granita_base::{MotionTransform, Severity, Vec3};
 use granita_geom::{Dice, Piece, ShapeKey, SplitDirection, Surface};
 use granita_scene::Primitive;
@@ -145,8 +145,7 @@ impl RayMesh {
     /// their neighbours at the distance of the ray's width.
     pub(crate) fn grid(&self, hits: &[MeshHit], how: HitShading) -> Grid {
         let n = hits.len();
-        let topology =
-            if how.derivatives { Topology::Triplets { n } } else { Topology::Scattered { n } };
+        let topology = if how.derivatives { Topology::Triplets { n } } else { Topology::Scattered { n } };
         let mut grid = Grid::new(topology);
         let lanes = grid.len();
         grid.time = how.time;
@@ -305,11 +304,7 @@ pub(crate) fn tessellate(
             primvars: Vec::new(),
             string_set: Vec::new(),
         },
-        triangles: TriangleMesh {
-            positions: vec![Vec::new(); times.len()],
-            times,
-            triangles: Vec::new(),
-        },
+        triangles: TriangleMesh { positions: vec![Vec::new(); times.len()], times, triangles: Vec::new() },
         pieces: 0,
     };
     let leaves = if displaced {
@@ -374,9 +369,8 @@ impl Builder<'_> {
         }
         let at = |i: usize, j: usize| lattice[j * LATTICE + i];
         let eye = self.camera.position_world();
-        let pixels_per_unit = |p: Vec3| {
-            self.camera.raster_scale(eye.distance(p).max(self.camera.near)).abs().max_element()
-        };
+        let pixels_per_unit =
+            |p: Vec3| self.camera.raster_scale(eye.distance(p).max(self.camera.near)).abs().max_element();
         // An arc of length l that turns by t deviates by l t / (8 n^2) from n equal chords.
         let needed = |points: [Vec3; LATTICE]| {
             let length: f32 =
@@ -492,10 +486,12 @@ fn add_primvars(mesh: &mut RayMesh, grid: &Grid, piece: u32) -> u32 {
         }
     }
     // Find the combination among those seen; nearly always the last one, or the only one.
-    let string_vars = || mesh.primvars.iter().filter_map(|v| match &v.data {
-        RayData::Strings(sets) => Some(sets),
-        _ => None,
-    });
+    let string_vars = || {
+        mesh.primvars.iter().filter_map(|v| match &v.data {
+            RayData::Strings(sets) => Some(sets),
+            _ => None,
+        })
+    };
     let known = string_vars().map(Vec::len).next().unwrap_or(0);
     if strings.is_empty() {
         return 0;
@@ -519,4 +515,3 @@ fn angle_between(a: Vec3, b: Vec3) -> f32 {
     let (sin, cos) = (a.cross(b).length(), a.dot(b));
     if sin == 0.0 && cos == 0.0 { 0.0 } else { sin.atan2(cos) }
 }
-

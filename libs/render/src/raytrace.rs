@@ -118,7 +118,8 @@ impl RayScene {
                 let Some(member) = members.get(k) else { break };
                 let primitive = &frame.scene.primitives[*member as usize];
                 let object = frame.object(primitive);
-                if let Some((mesh, triangles)) = raymesh::tessellate(primitive, &object, motion, &mut thread) {
+                if let Some((mesh, triangles)) = raymesh::tessellate(primitive, &object, motion, &mut thread)
+                {
                     made.lock().unwrap_or_else(PoisonError::into_inner).push((k, mesh, triangles));
                 }
             }
@@ -206,7 +207,12 @@ struct Pending {
 
 impl ShaderThread<'_> {
     /// Colour and opacity along each ray: hits are shaded front to back until nothing shines through.
-    pub(crate) fn radiance(&mut self, scene: &RayScene, rays: &[RayRequest], why: RayPurpose) -> Vec<Radiance> {
+    pub(crate) fn radiance(
+        &mut self,
+        scene: &RayScene,
+        rays: &[RayRequest],
+        why: RayPurpose,
+    ) -> Vec<Radiance> {
         let mut out = vec![Radiance::NOTHING; rays.len()];
         let plain: Vec<Ray> = rays.iter().map(|r| r.ray).collect();
         let mut hits = vec![Hit::MISS; rays.len()];
@@ -254,7 +260,12 @@ impl ShaderThread<'_> {
     ///
     /// Objects known to be opaque to shadows block without being shaded; of the others the opacity is found
     /// by their shaders, when nothing opaque is in the way anyhow.
-    pub(crate) fn transmission(&mut self, scene: &RayScene, rays: &[RayRequest], why: RayPurpose) -> Vec<Color> {
+    pub(crate) fn transmission(
+        &mut self,
+        scene: &RayScene,
+        rays: &[RayRequest],
+        why: RayPurpose,
+    ) -> Vec<Color> {
         let plain: Vec<Ray> = rays.iter().map(|r| r.ray).collect();
         if scene.opaque_to_shadows {
             let mut blocked = vec![false; rays.len()];
@@ -279,7 +290,10 @@ impl ShaderThread<'_> {
             }
             // In an order that does not depend on the structure; a triangle is met once.
             waiting[first..].sort_by(|a, b| {
-                a.hit.t.total_cmp(&b.hit.t).then((a.hit.mesh, a.hit.triangle).cmp(&(b.hit.mesh, b.hit.triangle)))
+                a.hit
+                    .t
+                    .total_cmp(&b.hit.t)
+                    .then((a.hit.mesh, a.hit.triangle).cmp(&(b.hit.mesh, b.hit.triangle)))
             });
             // Both triangles of an edge may report one passage.
             let mut kept = first;
@@ -331,7 +345,8 @@ impl ShaderThread<'_> {
             })
             .collect();
         order.sort_unstable();
-        let same = |a: &(u32, u32, u32, usize), b: &(u32, u32, u32, usize)| (a.0, a.1, a.2) == (b.0, b.1, b.2);
+        let same =
+            |a: &(u32, u32, u32, usize), b: &(u32, u32, u32, usize)| (a.0, a.1, a.2) == (b.0, b.1, b.2);
         for run in order.chunk_by(same) {
             let mesh = &scene.meshes[run[0].0 as usize];
             let object = mesh.object.clone();
@@ -388,7 +403,11 @@ impl ShadingContext {
         let own = [Some(&object.surface), object.volume.as_ref(), bumps];
         own.into_iter().flatten().any(|s| s.group.needs_derivatives())
             || !kind.shadow
-                && object.lights.iter().filter_map(|l| self.light(*l)).any(|l| l.shaders.group.needs_derivatives())
+                && object
+                    .lights
+                    .iter()
+                    .filter_map(|l| self.light(*l))
+                    .any(|l| l.shaders.group.needs_derivatives())
     }
 }
 

@@ -24,17 +24,20 @@ pub(crate) fn basis(n: Vec3) -> (Vec3, Vec3) {
     let sign = 1.0_f32.copysign(n.z);
     let a = -1.0 / (sign + n.z);
     let b = n.x * n.y * a;
-    (
-        Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x),
-        Vec3::new(b, sign + n.y * n.y * a, -n.y),
-    )
+    (Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), Vec3::new(b, sign + n.y * n.y * a, -n.y))
 }
 
 /// A unit direction within `half_angle` (radians) of the unit vector `axis`; `index` of the samples that
 /// `seed` names. The axis itself when the angle is 0.
 ///
 /// A cosine distribution covers at most the hemisphere.
-pub(crate) fn in_cone(axis: Vec3, half_angle: f32, distribution: Distribution, index: u32, seed: u32) -> Vec3 {
+pub(crate) fn in_cone(
+    axis: Vec3,
+    half_angle: f32,
+    distribution: Distribution,
+    index: u32,
+    seed: u32,
+) -> Vec3 {
     if !(half_angle > 0.0) {
         return axis;
     }

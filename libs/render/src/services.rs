@@ -264,7 +264,7 @@ impl Services for Run<'_, '_> {
         if name.starts_with("user:") {
             return None;
         }
-        self.camera_attribute(name).or_else(|| granita_scene::attribute_default(name))
+        self.camera_attribute(name)
     }
 
     fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {

@@ -59,7 +59,9 @@ impl ShadingContext {
         let lights = scene.lights.iter().map(|light| LightState::new(light, linker)).collect();
         let named = |name: &str| Some(scene.string(name).to_string()).filter(|s| !s.is_empty());
         let options = CacheOptions {
-            memory_bytes: u64::try_from(scene.int("limits:texturememory")).map_or(0, |kb| kb * 1024).max(1 << 20),
+            memory_bytes: u64::try_from(scene.int("limits:texturememory"))
+                .map_or(0, |kb| kb * 1024)
+                .max(1 << 20),
             max_files: usize::try_from(scene.int("limits:texturefiles")).unwrap_or(0).max(1),
             automipmap: scene.int("texture:automipmap") != 0,
             substitute_texture: named("texture:substtexture"),

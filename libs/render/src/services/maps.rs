@@ -3,7 +3,7 @@
 use super::{count, option};
 use crate::shading::ShadingContext;
 use granita_base::{Transform, Vec3};
-use granita_shade::{Batch, EnvironmentQuery, LookupResult, Lanes3, ShadowQuery, TextureQuery};
+use granita_shade::{Batch, EnvironmentQuery, Lanes3, LookupResult, ShadowQuery, TextureQuery};
 use granita_texture::{EnvLookup, Lookup, ShadowLookup, Up, Use, Wrap};
 
 /// Most channels that one lookup returns, alpha included.

@@ -5,7 +5,7 @@ use super::{Run, count, option};
 use crate::raytrace::{RayPurpose, RayRequest};
 use crate::sampling::{Distribution, in_cone};
 use granita_base::{Color, Vec3, hash, sample};
-use granita_shade::{EnvironmentQuery, Lane, LookupResult, Lanes3, ShadowQuery, TraceQuery, TraceResult};
+use granita_shade::{EnvironmentQuery, Lane, Lanes3, LookupResult, ShadowQuery, TraceQuery, TraceResult};
 use granita_trace::Ray;
 use std::f32::consts::FRAC_PI_4;
 
@@ -117,7 +117,8 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
     for &lane in query.batch.active {
         let i = lane as usize;
         let value = if traces { Color::ZERO } else { run.max_depth_color() };
-        (0..query.channels).for_each(|c| out.value[c][i] = if query.channels == 1 { value.x } else { value[c] });
+        (0..query.channels)
+            .for_each(|c| out.value[c][i] = if query.channels == 1 { value.x } else { value[c] });
         out.alpha[i] = 0.0;
         // "Kr" 0: whatever comes back will be multiplied by nothing.
         let Some(r) = query.r.get(i).try_normalize().filter(|_| traces && option(o.kr, i, 1.0) != 0.0) else {
@@ -152,7 +153,9 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
         }
         spread_over.push((lane, samples));
     }
-    let Some(scene) = run.frame.rays.scene(query.name, run.frame).filter(|_| !rays.is_empty()) else { return };
+    let Some(scene) = run.frame.rays.scene(query.name, run.frame).filter(|_| !rays.is_empty()) else {
+        return;
+    };
     let shade = o.shade.is_none_or(|s| query.batch.active.iter().any(|l| s.get(*l as usize) != 0.0));
     let purpose = RayPurpose { shade, ..run.purpose(call) };
     let found = run.thread.radiance(scene, &rays, purpose);
@@ -214,7 +217,9 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
         }
         spread_over.push((lane, samples));
     }
-    let Some(scene) = run.frame.rays.scene(query.name, run.frame).filter(|_| !rays.is_empty()) else { return };
+    let Some(scene) = run.frame.rays.scene(query.name, run.frame).filter(|_| !rays.is_empty()) else {
+        return;
+    };
     let purpose = run.purpose(call);
     let passed = run.thread.transmission(scene, &rays, purpose);
     let mut rest = &passed[..];
@@ -227,7 +232,12 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
 }
 
 /// Rays of one sample of each active lane of a `trace` loop or a probe, and their lanes.
-fn probe(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, call: u32, index: u32) -> (Vec<u32>, Vec<RayRequest>) {
+fn probe(
+    run: &mut Run<'_, '_>,
+    query: &TraceQuery<'_>,
+    call: u32,
+    index: u32,
+) -> (Vec<u32>, Vec<RayRequest>) {
     let distribution = Distribution::from_word(query.distribution);
     let mut lanes = Vec::new();
     let mut rays = Vec::new();
@@ -282,7 +292,8 @@ pub(super) fn trace(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut Tra
         unknown_set(run, query.set);
         return;
     }
-    let Some(scene) = run.frame.rays.scene(query.set, run.frame).filter(|_| traces && !rays.is_empty()) else {
+    let Some(scene) = run.frame.rays.scene(query.set, run.frame).filter(|_| traces && !rays.is_empty())
+    else {
         return;
     };
     let wants = query.options.shade.is_none_or(|s| lanes.iter().any(|l| s.get(*l as usize) != 0.0));
@@ -324,7 +335,12 @@ fn most_samples(query: &TraceQuery<'_>) -> u32 {
 /// none is left).
 ///
 /// Every call samples fully: nothing is cached or interpolated yet.
-pub(super) fn occlusion(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut [f32], unoccluded: &mut Lanes3) {
+pub(super) fn occlusion(
+    run: &mut Run<'_, '_>,
+    query: &TraceQuery<'_>,
+    out: &mut [f32],
+    unoccluded: &mut Lanes3,
+) {
     fit(unoccluded, query.batch.lanes);
     let mut blocked = vec![0.0_f32; query.batch.lanes];
     let mut open = vec![Vec3::ZERO; query.batch.lanes];
@@ -336,7 +352,9 @@ pub(super) fn occlusion(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut
         run.frame.unsupported("interpolation of occlusion between points (every point is sampled fully)");
         for index in 0..most_samples(query) {
             let (lanes, rays) = probe(run, query, call, index);
-            let Some(scene) = run.frame.rays.scene(query.set, run.frame).filter(|_| !rays.is_empty()) else { break };
+            let Some(scene) = run.frame.rays.scene(query.set, run.frame).filter(|_| !rays.is_empty()) else {
+                break;
+            };
             let hits = run.thread.blocked(scene, &rays);
             for ((lane, request), hit) in lanes.iter().zip(&rays).zip(hits) {
                 let i = *lane as usize;
