@@ -98,7 +98,9 @@ impl Linker<'_> {
             let text = self.prefixed(usage, owner, &text);
             self.reporter.once(&text, severity, &first.at, text.clone());
         };
-        let group = match Group::link(&layers, &connections, &mut report) {
+        let linked = Group::link(&layers, &connections, &mut report)
+            .and_then(|mut group| group.attach(kind(usage)).map(|()| group));
+        let group = match linked {
             Ok(group) => group,
             Err(error) => {
                 report(Severity::Error, format!("{error}; {}", substitute(usage)));
@@ -115,7 +117,7 @@ impl Linker<'_> {
 
     /// The surface shader of an object that has none, or whose shaders are all missing: the library's
     /// "defaultsurface", or one that keeps the surface colour.
-    pub(crate) fn default_surface(&self, to_world: &MotionTransform) -> LinkedShaders {
+    pub(crate) fn default_surface(&self) -> LinkedShaders {
         let module = self.library.load(DEFAULT_SURFACE).unwrap_or_else(|| Arc::new(plain_surface()));
         let link = |module: Arc<Module>| {
             let params = granita_base::Params::new();
@@ -128,7 +130,7 @@ impl Linker<'_> {
                 group,
                 usage: ShaderUsage::Surface,
                 names: vec![name],
-                to_world: vec![to_world.clone()],
+                to_world: vec![MotionTransform::default()],
             })
         };
         link(module).unwrap_or_else(|error| {
@@ -163,6 +165,16 @@ pub(crate) fn usage_word(usage: ShaderUsage) -> &'static str {
     }
 }
 
+/// The kind of shader for a usage.
+fn kind(usage: ShaderUsage) -> ShaderKind {
+    match usage {
+        ShaderUsage::Surface => ShaderKind::Surface,
+        ShaderUsage::Displacement => ShaderKind::Displacement,
+        ShaderUsage::Volume => ShaderKind::Volume,
+        ShaderUsage::Light => ShaderKind::Light,
+    }
+}
+
 /// What happens instead of a shader that cannot be used.
 fn substitute(usage: ShaderUsage) -> &'static str {
     match usage {
@@ -175,13 +187,7 @@ fn substitute(usage: ShaderUsage) -> &'static str {
 
 /// Whether a shader may be attached so (reference 2.6, 5.1.2).
 fn may_be_used(module: &Module, usage: ShaderUsage) -> Result<(), String> {
-    let fits = match usage {
-        ShaderUsage::Surface => module.kind == ShaderKind::Surface,
-        ShaderUsage::Displacement => module.kind == ShaderKind::Displacement,
-        ShaderUsage::Volume => module.kind == ShaderKind::Volume,
-        ShaderUsage::Light => module.kind == ShaderKind::Light,
-    };
-    if fits {
+    if module.kind == kind(usage) {
         return Ok(());
     }
     if module.kind != ShaderKind::Generic {

@@ -16,7 +16,7 @@ use granita_trace::TriangleMesh;
 use std::sync::Arc;
 
 /// Largest deviation of a tessellation from the surface, in pixels of the camera.
-const FLATNESS_PX: f32 = 0.1;
+pub(crate) const FLATNESS_PX: f32 = 0.1;
 /// Segments of a diced piece in one direction; longer pieces are split.
 const MAX_SEGMENTS: usize = 64;
 /// Points of the lattice that rates are judged by, in each direction.

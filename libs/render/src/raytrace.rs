@@ -15,7 +15,7 @@ use granita_scene::Scene;
 use granita_shade::RayKind;
 use granita_trace::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Hits shaded as one grid, at most.
@@ -35,6 +35,50 @@ pub(crate) struct RayWorld {
     threads: usize,
     /// Whether some object's rays see motion.
     motion: bool,
+    /// What ends a ray.
+    pub(crate) limits: RayLimits,
+    /// What has been traced so far.
+    pub(crate) counts: RayCounts,
+}
+
+/// What ends a ray (reference 4.3.4, 4.3.5).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RayLimits {
+    /// "limits:opacitythreshold".
+    opacity_threshold: Color,
+    /// Surfaces that a ray may meet: "limits:transparentlayers" and one more.
+    layers: usize,
+    /// "ray:maxdepth".
+    pub(crate) max_depth: u32,
+    /// "ray:maxdepthcolor".
+    pub(crate) max_depth_color: Color,
+}
+
+impl RayLimits {
+    fn new(scene: &Scene) -> Self {
+        let color = |name: &str, or: Color| match *scene.floats(name) {
+            [r, g, b, ..] => Color::new(r, g, b),
+            _ => or,
+        };
+        let layers = usize::try_from(scene.int("limits:transparentlayers"));
+        Self {
+            opacity_threshold: color("limits:opacitythreshold", Color::ONE),
+            layers: layers.map_or(MAX_LAYERS, |n| n.saturating_add(1).min(MAX_LAYERS)),
+            max_depth: u32::try_from(scene.int("ray:maxdepth")).unwrap_or(0),
+            max_depth_color: color("ray:maxdepthcolor", Color::ZERO),
+        }
+    }
+}
+
+/// Numbers of rays, for statistics.
+#[derive(Debug, Default)]
+pub(crate) struct RayCounts {
+    /// Rays that bring back colour, or only what they hit.
+    pub(crate) rays: AtomicU64,
+    /// Shadow rays.
+    pub(crate) shadow_rays: AtomicU64,
+    /// Hits that were shaded.
+    pub(crate) shaded: AtomicU64,
 }
 
 struct RaySet {
@@ -84,7 +128,7 @@ impl RayWorld {
             });
             sets.insert(name, index);
         }
-        Self { sets, scenes, threads, motion }
+        Self { sets, scenes, threads, motion, limits: RayLimits::new(scene), counts: RayCounts::default() }
     }
 
     /// Whether the name is that of a geometry set that rays can be traced against.
@@ -229,7 +273,9 @@ impl ShaderThread<'_> {
             waiting.iter().for_each(|w| out[w.ray as usize].opacity = Color::ONE);
             return out;
         }
-        let limits = self.frame().ray_limits();
+        let rays_of_frame = &self.frame().rays;
+        rays_of_frame.counts.rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
+        let limits = rays_of_frame.limits;
         let kind = RayKind { level: why.parent.level + 1, shadow: false, indirect: why.indirect };
         let mut layer = 0;
         while !waiting.is_empty() {
@@ -267,6 +313,7 @@ impl ShaderThread<'_> {
         why: RayPurpose,
     ) -> Vec<Color> {
         let plain: Vec<Ray> = rays.iter().map(|r| r.ray).collect();
+        self.frame().rays.counts.shadow_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
         if scene.opaque_to_shadows {
             let mut blocked = vec![false; rays.len()];
             scene.tracer.any(&plain, &mut blocked);
@@ -347,6 +394,7 @@ impl ShaderThread<'_> {
         order.sort_unstable();
         let same =
             |a: &(u32, u32, u32, usize), b: &(u32, u32, u32, usize)| (a.0, a.1, a.2) == (b.0, b.1, b.2);
+        self.frame().rays.counts.shaded.fetch_add(pending.len() as u64, Ordering::Relaxed);
         for run in order.chunk_by(same) {
             let mesh = &scene.meshes[run[0].0 as usize];
             let object = mesh.object.clone();
@@ -378,23 +426,12 @@ impl ShaderThread<'_> {
     }
 }
 
-/// What ends a ray (reference 4.3.4).
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct RayLimits {
-    /// "limits:opacitythreshold".
-    pub(crate) opacity_threshold: Color,
-    /// "limits:transparentlayers" and one more.
-    pub(crate) layers: usize,
-}
-
 impl ShadingContext {
-    fn ray_limits(&self) -> RayLimits {
-        let opacity_threshold = match *self.scene.floats("limits:opacitythreshold") {
-            [r, g, b, ..] => Color::new(r, g, b),
-            _ => Color::ONE,
-        };
-        let layers = usize::try_from(self.scene.int("limits:transparentlayers"));
-        RayLimits { opacity_threshold, layers: layers.map_or(MAX_LAYERS, |n| (n + 1).min(MAX_LAYERS)) }
+    /// Distance that a tessellation for rays may be from the surface at `p`, with a margin: nearer hits are
+    /// of the very surface that a ray leaves.
+    pub(crate) fn ray_margin(&self, p: Vec3) -> f32 {
+        let distance = self.camera.position_world().distance(p).max(self.camera.near);
+        3.0 * raymesh::FLATNESS_PX / self.camera.raster_scale(distance).abs().max_element()
     }
 
     /// Whether anything that runs when this object is hit looks at neighbouring points.

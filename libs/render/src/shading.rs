@@ -12,7 +12,7 @@ use crate::spaces::{Spaces, Units};
 use crate::{CameraView, RenderEnvironment, ShaderLibrary};
 use granita_base::{Color, Location, Reporter, Severity, Vec3};
 use granita_gsl::ir::{Global, ValueType};
-use granita_scene::{AttributeSet, LightId, Primitive, Scene, ShaderGroup, ShaderUsage};
+use granita_scene::{LightId, Primitive, Scene, ShaderGroup, ShaderUsage};
 use granita_shade::{Executor, Grid, Lanes3, Topology};
 use granita_texture::{CacheOptions, TextureCache};
 use std::collections::HashMap;
@@ -108,7 +108,7 @@ impl ShadingContext {
         let surface = group(&attributes.surface, ShaderUsage::Surface);
         let displacement = group(&attributes.displacement, ShaderUsage::Displacement);
         let volume = group(&attributes.volume, ShaderUsage::Volume);
-        let surface = surface.unwrap_or_else(|| self.default_surface(&mut states, attributes));
+        let surface = surface.unwrap_or_else(|| self.default_surface(&mut states));
         let shaders = StateShaders { surface, displacement, volume };
         let mut state = ObjectState::new(attributes, shaders, own_opacity, &self.spaces);
         let shines = |id: &LightId| self.light(*id).is_some();
@@ -140,11 +140,10 @@ impl ShadingContext {
         linked
     }
 
-    /// The default surface has no parameter in "shader" space, so all objects share the one of the first.
-    fn default_surface(&self, states: &mut States, attributes: &AttributeSet) -> Arc<LinkedShaders> {
+    /// The default surface is nobody's own: its "shader" space is the world.
+    fn default_surface(&self, states: &mut States) -> Arc<LinkedShaders> {
         let linker = Linker { library: &*self.library, reporter: &self.reporter };
-        let make = || Arc::new(linker.default_surface(&attributes.to_world));
-        states.default_surface.get_or_insert_with(make).clone()
+        states.default_surface.get_or_insert_with(|| Arc::new(linker.default_surface())).clone()
     }
 
     /// A warning that is said once per name of a feature.

@@ -28,13 +28,15 @@ struct Aim {
     /// Of length 1.
     dir: Vec3,
     bias: f32,
+    /// What the tessellation may be off.
+    margin: f32,
     tmax: f32,
     time: f32,
 }
 
 impl Aim {
     fn ray(self) -> Ray {
-        let tmin = self.bias.max(PRECISION * self.p.abs().max_element());
+        let tmin = self.bias.max(self.margin).max(PRECISION * self.p.abs().max_element());
         Ray { origin: self.p, tmin, dir: self.dir, tmax: self.tmax, time: self.time }
     }
 }
@@ -67,9 +69,9 @@ impl Run<'_, '_> {
         !self.thread.builds_rays
     }
 
-    /// Whether a shader at this ray level may spawn rays that shade (reference 4.3.5).
+    /// Whether a shader at this ray level may not spawn rays that shade (reference 4.3.5).
     fn is_too_deep(&self) -> bool {
-        i64::from(self.ray.level) >= i64::from(self.frame.scene.int("ray:maxdepth"))
+        self.ray.level >= self.frame.rays.limits.max_depth
     }
 
     fn purpose(&self, call: u32) -> RayPurpose {
@@ -79,13 +81,6 @@ impl Run<'_, '_> {
             shade: true,
             dtime: self.dtime,
             seed: hash::words(&[self.seed, call]),
-        }
-    }
-
-    fn max_depth_color(&self) -> Color {
-        match *self.frame.scene.floats("ray:maxdepthcolor") {
-            [r, g, b, ..] => Color::new(r, g, b),
-            _ => Color::ZERO,
         }
     }
 }
@@ -116,7 +111,7 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
     let call = run.next_call();
     for &lane in query.batch.active {
         let i = lane as usize;
-        let value = if traces { Color::ZERO } else { run.max_depth_color() };
+        let value = if traces { Color::ZERO } else { run.frame.rays.limits.max_depth_color };
         (0..query.channels)
             .for_each(|c| out.value[c][i] = if query.channels == 1 { value.x } else { value[c] });
         out.alpha[i] = 0.0;
@@ -142,6 +137,7 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
                 p: query.p.get(i) + dpdx * x + dpdy * y,
                 dir,
                 bias: run.bias(o.bias, i),
+                margin: run.frame.ray_margin(query.p.get(i)),
                 tmax: Run::reach(o.maxhitdist, i),
                 time: run.ray_time(index, seed),
             };
@@ -211,7 +207,8 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
             let seed_direction = hash::words(&[seed, DIRECTION]);
             let dir = in_cone(axis, half_angle, Distribution::Uniform, index, seed_direction);
             let bias = run.bias(o.bias, i);
-            let aim = Aim { p, dir, bias, tmax: distance, time: run.ray_time(index, seed) };
+            let margin = run.frame.ray_margin(p);
+            let aim = Aim { p, dir, bias, margin, tmax: distance, time: run.ray_time(index, seed) };
             let footprint = query.dpdx.get(i).length().max(query.dpdy.get(i).length());
             rays.push(RayRequest { ray: aim.ray(), width: footprint, spread: 2.0 * half_angle });
         }
@@ -251,6 +248,7 @@ fn probe(
             p: query.p.get(i),
             dir: in_cone(axis, angle, distribution, index, hash::words(&[seed, DIRECTION])),
             bias: run.bias(query.options.bias, i),
+            margin: run.frame.ray_margin(query.p.get(i)),
             tmax: Run::reach(query.options.maxhitdist, i),
             time: run.ray_time(index, seed),
         };
@@ -301,7 +299,7 @@ pub(super) fn trace(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut Tra
     let seed = hash::words(&[run.seed, call, query.sample]);
     let purpose = RayPurpose { shade: wants && !too_deep, seed, ..run.purpose(call) };
     let found = run.thread.radiance(scene, &rays, purpose);
-    let beyond = run.max_depth_color();
+    let beyond = run.frame.rays.limits.max_depth_color;
     for (lane, r) in lanes.iter().zip(found) {
         let i = *lane as usize;
         if r.distance.is_finite() {
