@@ -1,0 +1,123 @@
+//! The laws of `ARCHITECTURE.md` about who may import whom.
+
+use crate::workspace::{Crate, Workspace};
+use std::path::Path;
+
+/// Floors by folder; a crate imports strictly lower floors only (law 1).
+const FLOORS: [(&str, u8); 24] = [
+    ("libs/base", 0),
+    ("libs/bundled", 0),
+    ("libs/cli", 0),
+    ("libs/gpu", 0),
+    ("libs/image", 1),
+    ("libs/scene", 1),
+    ("libs/gsl", 1),
+    ("libs/geom", 1),
+    ("libs/trace", 2),
+    ("libs/sdb", 2),
+    ("libs/texture", 2),
+    ("libs/shade", 2),
+    ("formats", 2),
+    ("libs/render", 3),
+    ("libs/plugin", 3),
+    ("libs/session", 4),
+    ("tools", 5),
+    ("bindings", 5),
+    ("tests", 6),
+    ("benches", 6),
+    ("fuzz", 6),
+    ("xtask", 6),
+    ("examples", 6),
+    ("docs", 6),
+];
+
+/// Edges inside one floor that are allowed, with the reason that `ARCHITECTURE.md` gives.
+const SAME_FLOOR: [(&str, &str); 1] = [
+    // The command-line crate reports with the words of base.
+    ("granita-cli", "granita-base"),
+];
+
+/// Who may name a format crate (law 2): besides these, nobody.
+const FORMAT_USERS: [(&str, &str); 6] = [
+    ("granita-plugin", ""),
+    ("granita-tests", ""),
+    ("granita-fuzz", ""),
+    ("granita-session", "granita-pyg"),
+    ("topyg", "granita-pyg"),
+    ("iv", "granita-display"),
+];
+
+/// Packages from outside that only some crates may name (law 5).
+const DOORS: [(&str, &[&str]); 3] =
+    [("wgpu", &["granita-gpu", "iv"]), ("libloading", &["granita-plugin"]), ("cc", &["granita-plugin"])];
+
+/// Imports that a room must not have (laws 3 and 4).
+const STRANGERS: [(&str, &[&str]); 3] = [
+    ("granita-shade", &["granita-texture", "granita-trace", "granita-scene", "granita-render"]),
+    ("granita-gsl", &["granita-render", "granita-shade"]),
+    ("granita-geom", &["granita-gsl", "granita-shade", "granita-scene"]),
+];
+
+/// All breaches, one line each.
+pub(crate) fn check(workspace: &Workspace) -> Vec<String> {
+    let mut faults = Vec::new();
+    for from in &workspace.crates {
+        let Some(floor) = floor(&from.folder) else {
+            faults.push(format!(
+                "{}: not in the floor table of xtask and ARCHITECTURE.md",
+                from.folder.display()
+            ));
+            continue;
+        };
+        for dependency in &from.dependencies {
+            let to = workspace.crates.iter().find(|c| c.name == dependency.name);
+            if let Some(to) = to.filter(|_| !dependency.dev) {
+                check_floors(from, floor, to, &mut faults);
+            }
+            check_doors(from, &dependency.name, &mut faults);
+            if let Some(to) = to.filter(|_| !dependency.dev) {
+                check_formats(from, to, &mut faults);
+            }
+            if STRANGERS
+                .iter()
+                .any(|(name, not)| *name == from.name && not.contains(&dependency.name.as_str()))
+            {
+                faults.push(format!("{} must not know {} (laws 3 and 4)", from.name, dependency.name));
+            }
+        }
+    }
+    faults
+}
+
+fn floor(folder: &Path) -> Option<u8> {
+    FLOORS.iter().find(|(prefix, _)| folder.starts_with(prefix)).map(|(_, floor)| *floor)
+}
+
+fn check_floors(from: &Crate, floor_of_from: u8, to: &Crate, faults: &mut Vec<String>) {
+    let Some(to_floor) = floor(&to.folder) else { return };
+    let exempt = SAME_FLOOR.contains(&(from.name.as_str(), to.name.as_str()));
+    if to_floor >= floor_of_from && !exempt {
+        faults.push(format!(
+            "{} (floor {floor_of_from}) imports {} (floor {to_floor}): strictly lower floors only (law 1)",
+            from.name, to.name
+        ));
+    }
+}
+
+fn check_formats(from: &Crate, to: &Crate, faults: &mut Vec<String>) {
+    let allowed = FORMAT_USERS
+        .iter()
+        .any(|(user, format)| *user == from.name && (format.is_empty() || *format == to.name));
+    if to.folder.starts_with("formats") && !allowed {
+        faults.push(format!("{} names the format crate {} (law 2)", from.name, to.name));
+    }
+}
+
+fn check_doors(from: &Crate, dependency: &str, faults: &mut Vec<String>) {
+    let binding = from.folder.starts_with("bindings");
+    for (package, users) in DOORS {
+        if package == dependency && !users.contains(&from.name.as_str()) && !(binding && package == "cc") {
+            faults.push(format!("{} names {package}: only {} may (law 5)", from.name, users.join(", ")));
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! Chores of the workspace, run as `cargo xtask NAME`.
+//!
+//! - `tidy` checks the laws of `ARCHITECTURE.md` and the house rules that a machine can check;
+//! - `ci` does what a change must pass: the README's test command, format, lints, docs, `tidy`;
+//! - `bless [NAME]` accepts what the suite's cases make now as their references;
+//! - `report` leaves an HTML page with reference, result and difference of every picture case.
+
+#![forbid(unsafe_code)]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a tool for a terminal")]
+
+mod ci;
+mod laws;
+mod suite;
+mod texts;
+mod workspace;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+#[derive(Parser)]
+#[command(name = "cargo xtask", about = "Chores of the Granita workspace")]
+struct Arguments {
+    #[command(subcommand)]
+    chore: Chore,
+}
+
+#[derive(Subcommand)]
+enum Chore {
+    /// Check the laws and the house rules.
+    Tidy,
+    /// Everything a change must pass.
+    Ci,
+    /// Accept the present results of suite cases as their references.
+    Bless {
+        /// `AREA/CASE`, or the beginning of it; all cases without.
+        name: Option<String>,
+    },
+    /// Write target/suite-report/index.html.
+    Report,
+}
+
+fn main() -> ExitCode {
+    let done = match Arguments::parse().chore {
+        Chore::Tidy => tidy(),
+        Chore::Ci => ci::run(),
+        Chore::Bless { name } => suite::bless(name.as_deref()),
+        Chore::Report => suite::report(),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(what) => {
+            eprintln!("xtask: {what}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Runs every check and lists all that is wrong, not only the first.
+fn tidy() -> Result<(), String> {
+    let workspace = workspace::Workspace::load()?;
+    let mut faults = laws::check(&workspace);
+    faults.extend(texts::check(&workspace)?);
+    for fault in &faults {
+        eprintln!("tidy: {fault}");
+    }
+    match faults.len() {
+        0 => {
+            println!("tidy: {} crates, nothing to say", workspace.crates.len());
+            Ok(())
+        }
+        n => Err(format!("tidy found {n} faults")),
+    }
+}

@@ -1,0 +1,28 @@
+//! Doors to the suite's runner in `tests/`.
+
+use crate::workspace::{Workspace, cargo};
+use std::process::Command;
+
+/// Runs the suite so that it replaces references.
+pub(crate) fn bless(name: Option<&str>) -> Result<(), String> {
+    suite(&[("GRANITA_BLESS", name.unwrap_or("all"))])
+}
+
+/// Runs the suite so that it leaves a page of pictures.
+pub(crate) fn report() -> Result<(), String> {
+    let root = Workspace::load()?.root;
+    let folder = root.join("target").join("suite-report");
+    std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let outcome = suite(&[("GRANITA_REPORT", &folder.to_string_lossy())]);
+    println!("{}", folder.join("index.html").display());
+    outcome
+}
+
+fn suite(variables: &[(&str, &str)]) -> Result<(), String> {
+    let status = Command::new(cargo())
+        .args(["test", "--package", "granita-tests", "--test", "suite", "--", "--nocapture"])
+        .envs(variables.iter().copied())
+        .status()
+        .map_err(|e| format!("cargo: {e}"))?;
+    if status.success() { Ok(()) } else { Err("the suite failed".to_owned()) }
+}

@@ -1,0 +1,107 @@
+//! What `cargo metadata` and git say about the workspace.
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// One dependency of a crate.
+pub(crate) struct Dependency {
+    /// Package name.
+    pub(crate) name: String,
+    /// For tests and benches only.
+    pub(crate) dev: bool,
+}
+
+/// One crate of the workspace.
+pub(crate) struct Crate {
+    /// Package name.
+    pub(crate) name: String,
+    /// Folder, relative to the root: `libs/base`.
+    pub(crate) folder: PathBuf,
+    /// What its manifest names.
+    pub(crate) dependencies: Vec<Dependency>,
+}
+
+/// The workspace.
+pub(crate) struct Workspace {
+    /// Its root folder.
+    pub(crate) root: PathBuf,
+    /// Sorted by folder.
+    pub(crate) crates: Vec<Crate>,
+}
+
+impl Workspace {
+    /// Asks cargo.
+    pub(crate) fn load() -> Result<Self, String> {
+        let answer = Command::new(cargo())
+            .args(["metadata", "--format-version=1", "--no-deps"])
+            .output()
+            .map_err(|e| format!("cargo metadata: {e}"))?;
+        if !answer.status.success() {
+            return Err(format!("cargo metadata: {}", String::from_utf8_lossy(&answer.stderr)));
+        }
+        let metadata: Value =
+            serde_json::from_slice(&answer.stdout).map_err(|e| format!("cargo metadata: {e}"))?;
+        let root = PathBuf::from(text(&metadata["workspace_root"]));
+        let mut crates: Vec<Crate> = list(&metadata["packages"])
+            .iter()
+            .map(|package| {
+                let manifest = PathBuf::from(text(&package["manifest_path"]));
+                let folder = manifest.parent().unwrap_or(&root);
+                Crate {
+                    name: text(&package["name"]).to_owned(),
+                    folder: folder.strip_prefix(&root).unwrap_or(folder).to_owned(),
+                    dependencies: list(&package["dependencies"])
+                        .iter()
+                        .map(|d| Dependency {
+                            name: text(&d["name"]).to_owned(),
+                            dev: text(&d["kind"]) == "dev",
+                        })
+                        .collect(),
+                }
+            })
+            .collect();
+        crates.sort_by(|a, b| a.folder.cmp(&b.folder));
+        Ok(Self { root, crates })
+    }
+
+    /// Every file that git tracks or would track, relative to the root, sorted.
+    pub(crate) fn files(&self) -> Result<Vec<PathBuf>, String> {
+        let answer = Command::new("git")
+            .current_dir(&self.root)
+            .args(["ls-files", "--cached", "--others", "--exclude-standard", "-z"])
+            .output()
+            .map_err(|e| format!("git ls-files: {e}"))?;
+        if !answer.status.success() {
+            return Err(format!("git ls-files: {}", String::from_utf8_lossy(&answer.stderr)));
+        }
+        let mut files: Vec<PathBuf> = answer
+            .stdout
+            .split(|b| *b == 0)
+            .filter(|name| !name.is_empty())
+            .map(|name| PathBuf::from(String::from_utf8_lossy(name).into_owned()))
+            .filter(|name| self.root.join(name).is_file())
+            .collect();
+        files.sort();
+        files.dedup();
+        Ok(files)
+    }
+
+    /// A file's text; `None` when it is not text.
+    pub(crate) fn text(&self, file: &Path) -> Option<String> {
+        String::from_utf8(std::fs::read(self.root.join(file)).ok()?).ok()
+    }
+}
+
+/// The cargo that runs this chore.
+pub(crate) fn cargo() -> String {
+    std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned())
+}
+
+fn text(value: &Value) -> &str {
+    value.as_str().unwrap_or_default()
+}
+
+fn list(value: &Value) -> &[Value] {
+    value.as_array().map_or(&[], Vec::as_slice)
+}
