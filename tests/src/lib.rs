@@ -1,0 +1,39 @@
+//! The suite: whole tools on small files, one issue a case.
+//!
+//! A case is a folder `tests/suite/AREA/NAME` with a file `case` and its inputs. The runner copies the
+//! folder to an empty place, runs the lines of `case` there with the tools of this build, and compares.
+//! In order of preference a case shows that one scene is another (`same`, `close`), that a number is
+//! right (`pixel`, `mean`), that a text is as kept (`text`), and last that a picture is as kept
+//! (`golden`). References lie in `tests/ref/AREA/NAME.*`; `cargo xtask bless AREA/NAME` replaces them.
+//!
+//! The lines of a `case` (`#` begins a comment):
+//!
+//! | line | meaning |
+//! |---|---|
+//! | `TOOL ARGUMENT ...` | run `gelato`, `maketx`, `gslc`, `gsoinfo` or `topyg`; must exit 0 |
+//! | `exits N TOOL ...` | the same with another exit status |
+//! | `says TEXT` | the last run's standard output or error contains TEXT |
+//! | `silent` | the last run left standard error empty |
+//! | `absent FILE` | there is no such file |
+//! | `same A B` | two pictures have equal pixels, to the bit |
+//! | `differ A B` | they have not |
+//! | `assembled WHOLE PART ...` | crops put together are the whole picture, to the bit |
+//! | `close A B TOLERANCE` | no channel of any pixel differs by more |
+//! | `pixel FILE X Y = V ... TOLERANCE` | the first channels of a pixel |
+//! | `mean FILE X0 Y0 X1 Y1 = V ... TOLERANCE` | means over a box (right and lower side excluded) |
+//! | `varied FILE` | not all pixels are equal |
+//! | `text stdout`, `text stderr`, `text FILE` | equals the kept text |
+//! | `golden FILE TOLERANCE` | equals the kept picture (PNG) within the tolerance |
+
+#![forbid(unsafe_code)]
+
+mod case;
+mod check;
+mod picture;
+mod report;
+mod tools;
+
+pub use case::{Case, Line, Outcome, cases, run};
+pub use picture::Picture;
+pub use report::write_report;
+pub use tools::{Ran, Tools, has_program, repository};

@@ -1,0 +1,166 @@
+//! Pictures to compare: whatever the file held, as floats.
+
+use granita_image::{CreateOptions, ImageSpec, Limits, PixelType, Pixels};
+use std::path::Path;
+
+/// The first level of the first image of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Column of the first pixel in the whole image that it is a part of.
+    pub x: i32,
+    /// Row of the first pixel in the whole image.
+    pub y: i32,
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Values of a pixel.
+    pub channels: usize,
+    /// Rows from the top, channels interleaved.
+    pub values: Vec<f32>,
+}
+
+impl Picture {
+    /// Reads any picture that the suite's own formats read.
+    ///
+    /// # Errors
+    /// What the reader says.
+    pub fn read(path: &Path) -> Result<Self, String> {
+        let input =
+            granita_plugin::bundled_formats(Limits::default()).open(path).map_err(|e| e.to_string())?;
+        let spec = input.spec(0, 0).ok_or_else(|| format!("{}: no image", path.display()))?;
+        let values = input.read_level(0, 0).map_err(|e| e.to_string())?.to_floats();
+        Ok(Self {
+            x: spec.x,
+            y: spec.y,
+            width: spec.width as usize,
+            height: spec.height as usize,
+            channels: spec.channels.len(),
+            values,
+        })
+    }
+
+    /// Writes an 8-bit PNG; more than four channels lose the rest.
+    ///
+    /// # Errors
+    /// What the writer says.
+    pub fn write_png(&self, path: &Path) -> Result<(), String> {
+        let kept = self.channels.min(4);
+        let values: Vec<f32> = self.values.chunks(self.channels).flat_map(|p| &p[..kept]).copied().collect();
+        let spec = ImageSpec::new(self.width as u32, self.height as u32, kept, PixelType::U8);
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        let mut output = registry
+            .create(path, "png", &CreateOptions { spec: &spec, levels: 1 })
+            .map_err(|e| e.to_string())?;
+        output.write_rows(&Pixels::from_floats(PixelType::U8, &values)).map_err(|e| e.to_string())?;
+        output.close().map_err(|e| e.to_string())
+    }
+
+    /// The values of pixel `(x, y)`.
+    pub fn pixel(&self, x: usize, y: usize) -> Option<&[f32]> {
+        let at = (y * self.width + x) * self.channels;
+        (x < self.width).then(|| self.values.get(at..at + self.channels)).flatten()
+    }
+
+    /// Channel means over `x0..x1`, `y0..y1`.
+    pub fn mean(&self, [x0, y0, x1, y1]: [usize; 4]) -> Option<Vec<f32>> {
+        let mut sums = vec![0.0_f64; self.channels];
+        for y in y0..y1 {
+            for x in x0..x1 {
+                for (sum, value) in sums.iter_mut().zip(self.pixel(x, y)?) {
+                    *sum += f64::from(*value);
+                }
+            }
+        }
+        let count = (x1 - x0) as f64 * (y1 - y0) as f64;
+        (count > 0.0).then(|| sums.iter().map(|s| (s / count) as f32).collect())
+    }
+
+    /// Largest difference of any channel, and where; an error when the shapes differ.
+    ///
+    /// A NaN equals a NaN only.
+    pub fn difference(&self, other: &Self) -> Result<(f32, [usize; 3]), String> {
+        let shape = |p: &Self| (p.width, p.height, p.channels);
+        if shape(self) != shape(other) {
+            return Err(format!("shapes differ: {:?} and {:?}", shape(self), shape(other)));
+        }
+        let mut worst = (0.0, [0; 3]);
+        for (i, (a, b)) in self.values.iter().zip(&other.values).enumerate() {
+            let difference = match (a.is_nan(), b.is_nan()) {
+                (true, true) => 0.0,
+                (false, false) if a == b => 0.0,
+                (false, false) => (a - b).abs(),
+                _ => f32::INFINITY,
+            };
+            if difference > worst.0 {
+                let pixel = i / self.channels;
+                worst = (difference, [pixel % self.width, pixel / self.width, i % self.channels]);
+            }
+        }
+        Ok(worst)
+    }
+
+    /// The same to the bit.
+    pub fn identical(&self, other: &Self) -> Result<(), String> {
+        self.difference(other)?;
+        let differing = |(a, b): (&f32, &f32)| a.to_bits() != b.to_bits();
+        match self.values.iter().zip(&other.values).position(differing) {
+            None => Ok(()),
+            Some(i) => {
+                let pixel = i / self.channels;
+                let count = self.values.iter().zip(&other.values).filter(|(a, b)| differing((a, b))).count();
+                Err(format!(
+                    "{count} values differ, the first in pixel {} {} channel {}: {} and {}",
+                    pixel % self.width,
+                    pixel / self.width,
+                    i % self.channels,
+                    self.values[i],
+                    other.values[i]
+                ))
+            }
+        }
+    }
+
+    /// Whether `parts` put together are `self`, to the bit: each pixel is in exactly one part.
+    ///
+    /// # Errors
+    /// A pixel that no part or more than one part has, or that differs.
+    pub fn is_assembled_of(&self, parts: &[Self]) -> Result<(), String> {
+        let mut covered = vec![0_u32; self.width * self.height];
+        for part in parts {
+            for y in 0..part.height {
+                for x in 0..part.width {
+                    let (fx, fy) = (x as i64 + i64::from(part.x), y as i64 + i64::from(part.y));
+                    let inside = fx >= 0 && fy >= 0 && fx < self.width as i64 && fy < self.height as i64;
+                    let whole = inside.then(|| self.pixel(fx as usize, fy as usize)).flatten();
+                    let whole = whole.ok_or_else(|| format!("pixel {fx} {fy} is outside the whole"))?;
+                    covered[fy as usize * self.width + fx as usize] += 1;
+                    let own = part.pixel(x, y).unwrap_or_default();
+                    let bits = |p: &[f32]| p.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+                    if bits(whole) != bits(own) {
+                        return Err(format!("pixel {fx} {fy}: {whole:?} in the whole, {own:?} in the part"));
+                    }
+                }
+            }
+        }
+        match covered.iter().position(|count| *count != 1) {
+            None => Ok(()),
+            Some(i) => Err(format!("pixel {} {} is in {} parts", i % self.width, i / self.width, covered[i])),
+        }
+    }
+
+    /// Whether not all pixels are equal.
+    pub fn is_varied(&self) -> bool {
+        let mut pixels = self.values.chunks(self.channels.max(1));
+        pixels.next().is_some_and(|first| pixels.any(|p| p != first))
+    }
+
+    /// `|a - b|`, eight times as strong, opaque; for the report.
+    pub fn difference_picture(&self, other: &Self) -> Self {
+        let values = self.values.iter().zip(&other.values).enumerate().map(|(i, (a, b))| {
+            let is_alpha = self.channels == 4 && i % 4 == 3;
+            if is_alpha { 1.0 } else { ((a - b).abs() * 8.0).min(1.0) }
+        });
+        Self { values: values.collect(), ..*self }
+    }
+}

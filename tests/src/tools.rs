@@ -1,0 +1,80 @@
+//! Where the tools of this build are, and how to run one.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The binaries of this build.
+#[derive(Clone, Debug)]
+pub struct Tools {
+    folder: PathBuf,
+}
+
+/// What a run left.
+#[derive(Clone, Debug)]
+pub struct Ran {
+    /// Exit status; -1 when a signal ended it.
+    pub status: i32,
+    /// Standard output.
+    pub stdout: String,
+    /// Standard error.
+    pub stderr: String,
+}
+
+impl Tools {
+    /// Names of the tools that a case may run.
+    pub const NAMES: [&'static str; 5] = ["gelato", "maketx", "gslc", "gsoinfo", "topyg"];
+
+    /// Builds the tools in the profile of the running test and finds them.
+    ///
+    /// # Errors
+    /// When cargo cannot build them; what it said.
+    pub fn build() -> Result<Self, String> {
+        let test = std::env::current_exe().map_err(|e| e.to_string())?;
+        // target/PROFILE/deps/suite-0123456789abcdef
+        let folder = test.parent().and_then(Path::parent).ok_or("a test outside a target folder")?.to_owned();
+        let target = folder.parent().ok_or("a test outside a target folder")?;
+        let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
+        let mut command = Command::new(cargo);
+        command.current_dir(repository()).args(["build", "--quiet", "--bins", "--target-dir"]).arg(target);
+        for name in Self::NAMES {
+            command.args(["--package", name]);
+        }
+        if folder.ends_with("release") {
+            command.arg("--release");
+        }
+        let built = command.output().map_err(|e| format!("cargo build: {e}"))?;
+        if built.status.success() {
+            Ok(Self { folder })
+        } else {
+            Err(format!("cargo build: {}", String::from_utf8_lossy(&built.stderr)))
+        }
+    }
+
+    /// Runs a tool in `folder`, with nothing of the suite's own settings in its environment.
+    ///
+    /// # Errors
+    /// When it cannot be started.
+    pub fn run(&self, folder: &Path, name: &str, arguments: &[&str]) -> Result<Ran, String> {
+        let program = self.folder.join(format!("{name}{}", std::env::consts::EXE_SUFFIX));
+        let mut command = Command::new(&program);
+        command.current_dir(folder).args(arguments).env_remove("GELATOHOME");
+        let ran = command.output().map_err(|e| format!("{}: {e}", program.display()))?;
+        Ok(Ran {
+            status: ran.status.code().unwrap_or(-1),
+            stdout: String::from_utf8_lossy(&ran.stdout).into_owned(),
+            stderr: String::from_utf8_lossy(&ran.stderr).into_owned(),
+        })
+    }
+}
+
+/// The root of the checkout.
+pub fn repository() -> PathBuf {
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
+    manifest.parent().unwrap_or(manifest).to_owned()
+}
+
+/// Whether a program of this name can be run.
+pub fn has_program(name: &str) -> bool {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&path).any(|folder| folder.join(name).is_file())
+}
