@@ -22,6 +22,8 @@
 //! assert_eq!(m.point(Vec3::new(1.0, 0.0, 0.0)), Vec3::new(2.0, 0.0, 5.0));
 //! ```
 
+#![forbid(unsafe_code)]
+
 pub mod bound;
 pub mod filter;
 pub mod hash;

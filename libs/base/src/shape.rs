@@ -38,7 +38,7 @@ impl CurveBasis {
     pub fn accepts(self, n: usize) -> bool {
         match self {
             Self::Linear => n >= 2,
-            Self::Bezier => n >= 4 && (n - 4) % 3 == 0,
+            Self::Bezier => n >= 4 && (n - 4).is_multiple_of(3),
             Self::BSpline | Self::CatmullRom => n >= 4,
         }
     }
