@@ -1,0 +1,82 @@
+//! Whole frames: wall clock and peak memory.
+
+#![forbid(unsafe_code)]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
+
+use granita_benches::{measure, release_tool, repository};
+use std::fmt::Write;
+use std::process::{Command, ExitCode};
+
+/// Scene files under `benches/frames` (the last one is made here), and what each is about.
+const FRAMES: [(&str, &str); 3] = [
+    ("teapot.pyg", "32 patches, a floor, traced shadows"),
+    ("displaced.pyg", "a displaced sphere that fills the frame"),
+    ("many.pyg", "8000 moving spheres"),
+];
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(what) => {
+            eprintln!("frames: {what}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<(), String> {
+    let gelato = release_tool("gelato")?;
+    let place = tempfile::tempdir().map_err(|e| e.to_string())?;
+    for (file, _) in &FRAMES[..2] {
+        let source = repository().join("benches").join("frames").join(file);
+        std::fs::copy(&source, place.path().join(file)).map_err(|e| format!("{}: {e}", source.display()))?;
+    }
+    std::fs::write(place.path().join(FRAMES[2].0), many()).map_err(|e| e.to_string())?;
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    println!("{:<15} {:>8} {:>9} {:>9} {:>9}  about", "frame", "1 thread", "all", "speed-up", "peak MiB");
+    for (file, about) in FRAMES {
+        let cost = |threads: usize| {
+            measure(2, || {
+                let mut command = Command::new(&gelato);
+                command
+                    .current_dir(place.path())
+                    .args(["-silent", "-threads", &threads.to_string(), file]);
+                command
+            })
+        };
+        let (one, all) = (cost(1)?, cost(cores)?);
+        let peak = all.peak_bytes.map_or("?".to_owned(), |b| format!("{:.0}", b as f64 / (1 << 20) as f64));
+        println!(
+            "{file:<15} {:>7.2}s {:>8.2}s {:>8.2}x {peak:>9}  {about}",
+            one.wall.as_secs_f64(),
+            all.wall.as_secs_f64(),
+            one.wall.as_secs_f64() / all.wall.as_secs_f64(),
+        );
+    }
+    println!("({cores} cores)");
+    Ok(())
+}
+
+/// A cube of 20 x 20 x 20 small spheres that fall while the shutter is open.
+fn many() -> String {
+    let mut scene = String::from(
+        "Attribute (\"int[2] resolution\", (640, 480))\nAttribute (\"int[2] spatialquality\", (4, 4))\n\
+         Attribute (\"string projection\", \"perspective\")\nAttribute (\"float fov\", 40)\n\
+         Attribute (\"float[2] shutter\", (0, 1))\nTranslate (0, 0, 34)\nRotate (30, 1, 1, 0)\n\
+         Output (\"out.tif\", \"tiff\", \"rgba\", \"camera\")\nWorld ()\n\
+         Light (\"key\", \"distantlight\", \"point from\", (-1, 1, -1), \"point to\", (0, 0, 0))\n\
+         Shader (\"surface\", \"plastic\")\n",
+    );
+    for i in 0..8000 {
+        let at = |n: i32| f64::from(n % 20) - 9.5;
+        let (x, y, z) = (at(i), at(i / 20), at(i / 400));
+        let _ = writeln!(
+            scene,
+            "PushTransform ()\nMotion (0, 1)\nTranslate ({x}, {y}, {z})\nTranslate ({x}, {}, {z})\n\
+             Sphere (0.3, -0.3, 0.3, 360)\nPopTransform ()",
+            y - 0.2
+        );
+    }
+    scene.push_str("Render ()\n");
+    scene
+}

@@ -1,0 +1,15 @@
+//! What the suite costs, kernels and frames apart.
+//!
+//! - `cargo bench -p granita-benches` measures kernels: dicing, closest hits, texture lookups;
+//! - `cargo run --release -p granita-benches --bin frames` renders whole frames in child processes and prints wall
+//!   clock and peak memory, with one thread and with all;
+//! - `cargo run --release -p granita-benches --bin peers` runs our tools and the public ones of the field side by
+//!   side, as ratios, and says which it could not find.
+//!
+//! Numbers worth keeping stand in `docs/performance.md`, with the command that prints them.
+
+#![forbid(unsafe_code)]
+
+mod measure;
+
+pub use measure::{Cost, find_program, measure, release_tool, repository};

@@ -1,0 +1,88 @@
+//! Wall clock and peak memory of a child process.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// What a run cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cost {
+    /// From start to exit.
+    pub wall: Duration,
+    /// Largest resident size that was seen, in bytes; `None` where the system does not tell.
+    pub peak_bytes: Option<u64>,
+}
+
+/// Runs `command` with its output thrown away, `times` times, and keeps the quickest run.
+///
+/// # Errors
+/// When it cannot be started or fails; what it said.
+pub fn measure(times: usize, mut command: impl FnMut() -> Command) -> Result<Cost, String> {
+    let mut best: Option<Cost> = None;
+    for _ in 0..times.max(1) {
+        let cost = once(command())?;
+        best = Some(best.filter(|b| b.wall <= cost.wall).unwrap_or(cost));
+    }
+    best.ok_or_else(|| "no run".to_owned())
+}
+
+fn once(mut command: Command) -> Result<Cost, String> {
+    let start = Instant::now();
+    let mut child = command
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .map_err(|e| format!("{}: {e}", command.get_program().to_string_lossy()))?;
+    let status_file = PathBuf::from(format!("/proc/{}/status", child.id()));
+    let mut peak_bytes = None;
+    loop {
+        // The high-water mark only grows, so the last look before the end is the peak, a few milliseconds short.
+        peak_bytes = high_water(&status_file).max(peak_bytes);
+        if let Some(status) = child.try_wait().map_err(|e| e.to_string())? {
+            let wall = start.elapsed();
+            return match status.success() {
+                true => Ok(Cost { wall, peak_bytes }),
+                false => Err(format!("{command:?}: {status}")),
+            };
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn high_water(status_file: &Path) -> Option<u64> {
+    let text = std::fs::read_to_string(status_file).ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib * 1024)
+}
+
+/// The root of the checkout.
+pub fn repository() -> PathBuf {
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
+    manifest.parent().unwrap_or(manifest).to_owned()
+}
+
+/// Builds one of our tools for release and gives its path.
+///
+/// # Errors
+/// When cargo cannot build it; what it said.
+pub fn release_tool(name: &str) -> Result<PathBuf, String> {
+    let own = std::env::current_exe().map_err(|e| e.to_string())?;
+    let folder = own.parent().ok_or("a program outside a target folder")?;
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
+    let built = Command::new(cargo)
+        .current_dir(repository())
+        .args(["build", "--quiet", "--release", "--package", name, "--bins"])
+        .output()
+        .map_err(|e| format!("cargo build: {e}"))?;
+    match built.status.success() {
+        true => Ok(folder.join(format!("{name}{}", std::env::consts::EXE_SUFFIX))),
+        false => Err(String::from_utf8_lossy(&built.stderr).into_owned()),
+    }
+}
+
+/// A program on the search path.
+pub fn find_program(name: &str) -> Option<PathBuf> {
+    let path = std::env::var_os("PATH")?;
+    std::env::split_paths(&path).map(|folder| folder.join(name)).find(|file| file.is_file())
+}
