@@ -1,6 +1,7 @@
 //! From descriptions to pieces.
 
-use crate::{GeomError, Piece};
+use crate::spline::Spline;
+use crate::{GeomError, Piece, mesh, patch, sphere};
 use granita_base::{Params, Severity, ShapeDesc, TrimDesc};
 
 /// The parameters of a primitive at one motion key.
@@ -15,17 +16,48 @@ pub struct ShapeKey<'a> {
 /// Builds the pieces of a primitive.
 ///
 /// `keys` are the motion keys, times increasing, all with the same parameters; other keys than the first give
-/// positions (and curve widths) only. `trim` applies to patches. Mistakes that leave something to draw (an index out
-/// of range, a primitive variable of a wrong size, `"vertex normal P"`) go to `report` as warnings.
+/// positions (and widths of points and curves) only. `trim` applies to patches. Mistakes that leave something to
+/// draw (an index out of range, a primitive variable of a wrong size, `"vertex normal P"`) go to `report` as
+/// warnings. A primitive with nothing to draw (no faces, no area) has no pieces.
 ///
-/// Errors: [`GeomError`] when nothing can be drawn.
+/// Errors: [`GeomError`] when the primitive cannot be built.
 pub fn build(
     shape: &ShapeDesc,
     keys: &[ShapeKey<'_>],
     trim: Option<&TrimDesc>,
     report: &mut dyn FnMut(Severity, String),
 ) -> Result<Vec<Piece>, GeomError> {
-    let _ = (shape, keys, trim);
-    report(Severity::Warning, format!("{} is not supported yet", shape.call_name()));
-    Ok(Vec::new())
+    let call = shape.call_name();
+    let fail = |what: &str| GeomError::Malformed { call, what: what.into() };
+    if keys.is_empty() {
+        return Err(fail("no motion keys"));
+    }
+    if !keys.iter().all(|k| k.time.is_finite()) || keys.windows(2).any(|w| w[0].time >= w[1].time) {
+        return Err(fail("times of motion keys that do not increase"));
+    }
+    match shape {
+        ShapeDesc::Patch { u, v, nu, nv } => {
+            let splines =
+                [Spline::uniform(call, "along u", *u, *nu)?, Spline::uniform(call, "along v", *v, *nv)?];
+            patch::build(keys, splines, [*nu, *nv], trim, report)
+        }
+        ShapeDesc::Nurbs { u, v } => {
+            let splines = [Spline::nurbs(call, "along u", u)?, Spline::nurbs(call, "along v", v)?];
+            patch::build(keys, splines, [u.n, v.n], trim, report)
+        }
+        ShapeDesc::Mesh { subdivide, nverts, verts } => {
+            if *subdivide {
+                let text = "Mesh \"catmull-clark\" is not supported yet, its faces are drawn flat";
+                report(Severity::Warning, text.into());
+            }
+            mesh::build(keys, nverts, verts, report)
+        }
+        ShapeDesc::Sphere { radius, zmin, zmax, thetamax_deg } => {
+            sphere::build(keys, [*radius, *zmin, *zmax, *thetamax_deg], report)
+        }
+        ShapeDesc::Points { .. } | ShapeDesc::Curves { .. } | ShapeDesc::NurbsCurves { .. } => {
+            report(Severity::Warning, format!("{call} is not supported yet"));
+            Ok(Vec::new())
+        }
+    }
 }

@@ -35,10 +35,21 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod bezier;
 mod build;
 mod dice;
 mod error;
+mod mesh;
+mod net;
+mod order;
+mod patch;
+mod polygon;
+mod range;
+mod sphere;
+mod spline;
 mod surface;
+mod trim;
+mod vars;
 
 pub use build::{ShapeKey, build};
 pub use dice::{Dice, DiceData, DicePrimvar, Facing, View};

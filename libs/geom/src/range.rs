@@ -1,0 +1,134 @@
+//! The range of a parameter that a piece covers, in whole numbers.
+//!
+//! Places in a lattice are rationals of whole numbers, rounded once: whichever piece asks for a place of an edge, in
+//! whichever direction it runs, gets the same two weights.
+
+/// A run of whole segments, or a dyadic part of one segment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Range {
+    /// First segment.
+    first: u32,
+    /// Number of segments; 1 when `level > 0`.
+    count: u32,
+    /// Which part, of `2^level`, of the segment.
+    k: u32,
+    /// How often the segment was halved.
+    level: u8,
+}
+
+/// Beyond this many halvings points can no longer be told apart in single precision.
+const MAX_LEVEL: u8 = 20;
+
+/// A place in a segment: `a + b = 1`, `b = 0` at the start. Exchanging `a` and `b` reverses the segment exactly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Place {
+    /// Segment.
+    pub(crate) segment: u32,
+    /// Distance to the end of the segment.
+    pub(crate) a: f64,
+    /// Distance from the start of the segment.
+    pub(crate) b: f64,
+}
+
+impl Range {
+    /// All of `count` segments.
+    pub(crate) fn whole(count: u32) -> Self {
+        Self { first: 0, count, k: 0, level: 0 }
+    }
+
+    /// Number of segments touched.
+    pub(crate) fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// The segments touched.
+    pub(crate) fn segments(&self) -> std::ops::Range<u32> {
+        self.first..self.first + self.count
+    }
+
+    /// Start and end within the first and last segment.
+    pub(crate) fn ends(&self) -> (f64, f64) {
+        let parts = f64::from(1_u32 << self.level);
+        (f64::from(self.k) / parts, f64::from(self.k + 1) / parts)
+    }
+
+    /// Whether it covers whole segments.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.level == 0
+    }
+
+    /// Point `i` of `n` spread evenly (`n >= 2`).
+    pub(crate) fn place(&self, i: usize, n: usize) -> Place {
+        let steps = (n.max(2) - 1) as u64;
+        let i = (i as u64).min(steps);
+        let den = steps << self.level;
+        let num = (u64::from(self.k) * steps + i) * u64::from(self.count);
+        // The end belongs to the last segment, not to one behind it.
+        let whole = (num / den).min(u64::from(self.count) - 1);
+        let rest = num - whole * den;
+        Place {
+            segment: self.first + whole as u32,
+            a: (den - rest) as f64 / den as f64,
+            b: rest as f64 / den as f64,
+        }
+    }
+
+    /// The two halves; between segments when there are several. `None` when too small.
+    pub(crate) fn halves(&self) -> Option<(Self, Self)> {
+        if self.count > 1 {
+            let left = self.count / 2;
+            return Some((
+                Self { count: left, ..*self },
+                Self { first: self.first + left, count: self.count - left, ..*self },
+            ));
+        }
+        (self.level < MAX_LEVEL).then(|| {
+            let (k, level) = (self.k * 2, self.level + 1);
+            (Self { k, level, ..*self }, Self { k: k + 1, level, ..*self })
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_share_places_with_the_whole() {
+        let whole = Range::whole(1);
+        let (left, right) = whole.halves().unwrap();
+        for i in 0..=6 {
+            assert_eq!(left.place(i, 7), whole.place(i, 13));
+            assert_eq!(right.place(i, 7), whole.place(i + 6, 13));
+        }
+    }
+
+    #[test]
+    fn reversal_is_exact() {
+        let range = Range::whole(3).halves().unwrap().1;
+        for n in 2..20 {
+            for i in 0..n {
+                let (p, q) = (range.place(i, n), range.place(n - 1 - i, n));
+                if p.b != 0.0 && p.a != 0.0 {
+                    assert_eq!((p.a, p.b), (q.b, q.a));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn several_segments() {
+        let range = Range::whole(4);
+        assert_eq!(range.place(0, 5), Place { segment: 0, a: 1.0, b: 0.0 });
+        assert_eq!(range.place(2, 5), Place { segment: 2, a: 1.0, b: 0.0 });
+        assert_eq!(range.place(4, 5), Place { segment: 3, a: 0.0, b: 1.0 });
+        let mut r = range;
+        let mut depth = 0;
+        while let Some((_, right)) = r.halves() {
+            r = right;
+            depth += 1;
+        }
+        assert_eq!(depth, 22);
+        assert_eq!(r.place(1, 2), Place { segment: 3, a: 0.0, b: 1.0 });
+    }
+}
