@@ -108,6 +108,44 @@ pub enum Call {
     },
 }
 
+impl Call {
+    /// The name of the call in the scene interface.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Parameter(_) => "Parameter",
+            Self::Attribute(_) => "Attribute",
+            Self::PushAttributes => "PushAttributes",
+            Self::PopAttributes => "PopAttributes",
+            Self::SaveAttributes { .. } => "SaveAttributes",
+            Self::RestoreAttributes { .. } => "RestoreAttributes",
+            Self::Modify { .. } => "Modify",
+            Self::PushTransform => "PushTransform",
+            Self::PopTransform => "PopTransform",
+            Self::SetTransform(_) => "SetTransform",
+            Self::AppendTransform(_) => "AppendTransform",
+            Self::Translate(_) => "Translate",
+            Self::Rotate { .. } => "Rotate",
+            Self::Scale(_) => "Scale",
+            Self::Motion(_) => "Motion",
+            Self::Camera { .. } => "Camera",
+            Self::Output { .. } => "Output",
+            Self::World => "World",
+            Self::Render { .. } => "Render",
+            Self::Command { .. } => "Command",
+            Self::Comment(_) => "Comment",
+            Self::Shader { .. } => "Shader",
+            Self::ShaderGroupBegin => "ShaderGroupBegin",
+            Self::ShaderGroupEnd => "ShaderGroupEnd",
+            Self::ConnectShaders { .. } => "ConnectShaders",
+            Self::Light { .. } => "Light",
+            Self::LightSwitch { .. } => "LightSwitch",
+            Self::Shape { shape, .. } => shape.call_name(),
+            Self::TrimCurve(_) => "TrimCurve",
+            Self::Input { .. } => "Input",
+        }
+    }
+}
+
 /// Whatever takes a stream of calls: the live state, the Pyg writer, a recorder.
 pub trait SceneSink {
     /// Takes one call made at `at`. Mistakes of the scene are reported by the sink itself and are no

@@ -1,0 +1,341 @@
+//! `Attribute` and `GetAttribute` (reference 2.4), by the attribute table.
+
+use super::current::{orientation, string};
+use super::transforms::hint;
+use super::{Phase, State};
+use crate::attribute::{AttributeRow, Scope, TABLE, attribute_default, attribute_row, suggestion};
+use granita_base::{BaseType, Location, Param, ParamData, ParamType, Severity};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// The parameter with its values converted to `row`'s type, or what is wrong with it.
+pub(super) fn convert(param: &Param, row: &AttributeRow) -> Result<Param, String> {
+    let data = match row.ty.base {
+        BaseType::String => match &param.data {
+            ParamData::String(_) => Some(param.data.clone()),
+            _ => None,
+        },
+        BaseType::Int => param.data.to_ints().map(ParamData::Int),
+        _ => param.data.to_floats().map(ParamData::Float),
+    };
+    let Some(data) = data else {
+        let given = match &param.data {
+            ParamData::String(_) => "a string",
+            _ if row.ty.base == BaseType::String => "a number",
+            _ => "a number out of range",
+        };
+        return Err(format!("\"{}\" wants {}, not {given}", row.name, row.ty));
+    };
+    if data.len() != row.ty.width() {
+        let (got, want) = (data.len(), row.ty.width());
+        return Err(format!("\"{}\" wants {want} values ({}), not {got}", row.name, row.ty));
+    }
+    if let ParamData::Float(v) = &data
+        && v.iter().any(|x| x.is_nan())
+    {
+        return Err(format!("\"{}\" is not a number", row.name));
+    }
+    if let Some(word) = string_of(&data)
+        && !row.words.is_empty()
+        && !row.words.contains(&word)
+    {
+        let hint = hint(suggestion(word, row.words.iter().copied()));
+        return Err(format!("\"{}\" cannot be \"{word}\"{hint}", row.name));
+    }
+    Ok(Param { name: row.name.into(), ty: row.ty, data })
+}
+
+fn string_of(data: &ParamData) -> Option<&str> {
+    match data {
+        ParamData::String(v) => v.first().map(|s| &**s),
+        _ => None,
+    }
+}
+
+/// Names that a misspelled attribute may have meant.
+pub(super) fn attribute_names(scopes: &[Scope]) -> impl Iterator<Item = &'static str> {
+    TABLE.iter().filter(move |r| scopes.contains(&r.scope)).map(|r| r.name)
+}
+
+impl State {
+    /// `Attribute`.
+    pub(super) fn set_attribute(&mut self, param: Param, at: &Location) {
+        if param.name.starts_with("user:") {
+            return self.set_user(param, at);
+        }
+        let Some(row) = attribute_row(&param.name) else {
+            let settable = [Scope::Camera, Scope::Global, Scope::Object, Scope::Writer];
+            let hint = hint(suggestion(&param.name, attribute_names(&settable)));
+            let text = format!("unknown attribute \"{}\"{hint}", param.name);
+            return self.report(Severity::Warning, at, "attribute", text);
+        };
+        let param = match convert(&param, row) {
+            Ok(param) => param,
+            Err(text) => {
+                let text = format!("Attribute: {text}");
+                return self.report_object(Severity::Error, at, "attribute value", text);
+            }
+        };
+        match row.scope {
+            Scope::Object => self.set_object(row, param, at),
+            Scope::Writer => {
+                self.writer_values.insert(param.name.clone(), param);
+            }
+            Scope::ReadOnly => {
+                let text = format!("attribute \"{}\" can be asked for, not set", row.name);
+                self.report(Severity::Error, at, "attribute", text);
+            }
+            Scope::Output => {
+                let text = format!("\"{}\" is a parameter of Output, not an attribute", row.name);
+                self.report(Severity::Warning, at, "attribute", text);
+            }
+            Scope::Camera | Scope::Global if self.phase == Phase::World => {
+                let text = format!("attribute \"{}\" cannot be set after World", row.name);
+                self.report(Severity::Error, at, "attribute", text);
+            }
+            Scope::Camera => {
+                self.camera_values.insert(param.name.clone(), param);
+            }
+            Scope::Global => self.set_global(param),
+        }
+    }
+
+    fn set_user(&mut self, param: Param, at: &Location) {
+        if param.ty.base == BaseType::Unknown {
+            let text = format!("attribute \"{}\" needs a type, as in \"float {}\"", param.name, param.name);
+            return self.report(Severity::Error, at, "attribute", text);
+        }
+        match typed(&param) {
+            Ok(param) => self.edit_sets(|set| {
+                Arc::make_mut(&mut set.values).insert(param.name.clone(), param.clone());
+            }),
+            Err(text) => self.report_object(Severity::Error, at, "attribute", format!("Attribute: {text}")),
+        }
+    }
+
+    fn set_object(&mut self, row: &'static AttributeRow, param: Param, at: &Location) {
+        match row.name {
+            "geometryset" => {
+                let change = string(&param).unwrap_or("").to_owned();
+                self.edit_sets(|set| {
+                    set.geometry_sets = changed_sets(&set.geometry_sets, &change);
+                    let list = set.geometry_sets.join(",");
+                    let value = Param { data: list.as_str().into(), ..param.clone() };
+                    store(set, row, value);
+                });
+            }
+            "orientation" => self.edit_sets(|set| {
+                let word = match string(&param) {
+                    Some("reverse") => match orientation(set) {
+                        "outside" => "inside",
+                        "inside" => "outside",
+                        "lh" => "rh",
+                        _ => "lh",
+                    },
+                    word => word.unwrap_or("outside"),
+                };
+                let value = Param { data: word.into(), ..param.clone() };
+                store(set, row, value);
+            }),
+            _ => {
+                let negative = |p: &Param| p.data.to_floats().is_some_and(|v| v.iter().any(|x| *x < 0.0));
+                if matches!(row.name, "shadingquality" | "displace:maxradius") && negative(&param) {
+                    let text = format!("Attribute: \"{}\" cannot be negative", row.name);
+                    return self.report_object(Severity::Error, at, "attribute", text);
+                }
+                self.edit_sets(|set| store(set, row, param.clone()));
+            }
+        }
+    }
+
+    /// A scene-wide attribute, checked and converted.
+    fn set_global(&mut self, mut param: Param) {
+        let previous = crate::attribute::lookup(&self.globals, &param.name);
+        if param.name.starts_with("path:") {
+            // "&" is the path as it was until now.
+            let old = previous.as_ref().and_then(string).unwrap_or("");
+            let new: Vec<&str> = string(&param)
+                .unwrap_or("")
+                .split(':')
+                .map(|part| if part == "&" { old } else { part })
+                .collect();
+            param.data = new.join(":").as_str().into();
+        } else if param.name.starts_with("spatialdb:") {
+            // Each call names one more database.
+            let mut all: Vec<Arc<str>> = previous.as_ref().map(strings).unwrap_or_default();
+            for name in strings(&param) {
+                if !all.contains(&name) {
+                    all.push(name);
+                }
+            }
+            param.data = ParamData::String(all.into());
+        }
+        self.renderer.attribute(&param);
+        self.globals.insert(param.name.clone(), param);
+    }
+
+    /// `GetAttribute`: `None` when there is no such attribute, or not of the declared type.
+    pub(super) fn get_attribute(&self, declaration: &str) -> Option<Param> {
+        let (ty, name) = ParamType::parse(declaration).ok()?;
+        let row = attribute_row(&name);
+        let name = row.map_or(name.as_str(), |r| r.name);
+        let found = match row.map(|r| r.scope) {
+            None => self.current.set.values.get(name).cloned(),
+            Some(Scope::Object) => crate::attribute::lookup(&self.current.set.values, name),
+            Some(Scope::Global) => crate::attribute::lookup(&self.globals, name),
+            Some(Scope::Writer) => crate::attribute::lookup(&self.writer_values, name),
+            Some(Scope::Camera) => self.camera_value(name),
+            Some(Scope::Output) => attribute_default(name),
+            Some(Scope::ReadOnly) => self.read_only(name),
+        }?;
+        let matches =
+            ty.base == BaseType::Unknown || (ty.base == found.ty.base && ty.array == found.ty.array);
+        matches.then_some(found)
+    }
+
+    /// As set for the next camera before World, of the first camera after it.
+    fn camera_value(&self, name: &str) -> Option<Param> {
+        let camera = self.cameras.first().filter(|_| self.phase != Phase::Options);
+        let set = match camera {
+            Some(camera) => camera.params.get(name).cloned(),
+            None => self.camera_values.get(name).cloned(),
+        };
+        set.or_else(|| attribute_default(name))
+    }
+
+    fn read_only(&self, name: &str) -> Option<Param> {
+        if let Some(known) = self.renderer.query(name) {
+            return Some(known);
+        }
+        let row = attribute_row(name)?;
+        let data = match name {
+            "transform" => {
+                let shutter = self.cameras.first().and_then(|c| c.params.float("shutter")).unwrap_or(0.0);
+                ParamData::from(&self.current.set.to_world.at(shutter).to_rows()[..])
+            }
+            "renderer:versionstring" => ParamData::from(granita_base::VERSION),
+            "renderer:version" => {
+                let mut numbers = [0; 4];
+                for (n, part) in numbers.iter_mut().zip(granita_base::VERSION.split('.')) {
+                    *n = part.parse().unwrap_or(0);
+                }
+                ParamData::from(&numbers[..])
+            }
+            "render:progress" if self.rendered => ParamData::from(1.0),
+            "render:success" if self.rendered => ParamData::from(1),
+            _ => return attribute_default(name),
+        };
+        Some(Param { name: row.name.into(), ty: row.ty, data })
+    }
+}
+
+/// Puts a value into the set, or takes the entry out when it is the default.
+fn store(set: &mut crate::AttributeSet, row: &AttributeRow, value: Param) {
+    let is_default = attribute_default(row.name).is_some_and(|d| d.data == value.data);
+    if is_default {
+        if set.values.contains_key(row.name) {
+            Arc::make_mut(&mut set.values).remove(row.name);
+        }
+    } else if set.values.get(row.name) != Some(&value) {
+        Arc::make_mut(&mut set.values).insert(value.name.clone(), value);
+    }
+}
+
+fn strings(p: &Param) -> Vec<Arc<str>> {
+    match &p.data {
+        ParamData::String(v) => v.to_vec(),
+        _ => Vec::new(),
+    }
+}
+
+/// The list of geometry sets after "geometryset" was set to `change` (reference 4.4.3).
+fn changed_sets(old: &[Arc<str>], change: &str) -> Arc<[Arc<str>]> {
+    let parts = || change.split(',').map(str::trim).filter(|p| !p.is_empty());
+    let replaces = parts().any(|p| !p.starts_with(['+', '-'])) || parts().next().is_none();
+    let mut sets: BTreeSet<Arc<str>> = if replaces { BTreeSet::new() } else { old.iter().cloned().collect() };
+    for part in parts() {
+        match part.split_at(1) {
+            ("-", name) => {
+                sets.remove(name.trim());
+            }
+            ("+", name) => {
+                sets.insert(name.trim().into());
+            }
+            _ => {
+                sets.insert(part.into());
+            }
+        }
+    }
+    sets.into_iter().collect()
+}
+
+/// A parameter whose data agree with its declared type: numbers converted, strings where strings are
+/// declared, a whole number of items.
+pub(super) fn typed(param: &Param) -> Result<Param, String> {
+    let what = || format!("\"{}\"", param.declaration());
+    let data = match (param.ty.base, &param.data) {
+        (BaseType::Unknown, data) => data.clone(),
+        (BaseType::String, ParamData::String(_)) => param.data.clone(),
+        (BaseType::String, _) => return Err(format!("{} is given numbers", what())),
+        (_, ParamData::String(_)) => return Err(format!("{} is given strings", what())),
+        (BaseType::Int, _) => match param.data.to_ints() {
+            Some(v) => ParamData::Int(v),
+            None => return Err(format!("{} is given numbers that are no integers of 32 bits", what())),
+        },
+        _ => ParamData::Float(param.data.to_floats().unwrap_or_default()),
+    };
+    let width = param.ty.width();
+    let constant = param.ty.interp == granita_base::Interp::Constant && param.ty.base != BaseType::Unknown;
+    if constant && data.len() != width {
+        return Err(format!("{} wants {width} values, not {}", what(), data.len()));
+    }
+    if width == 0 || !data.len().is_multiple_of(width) {
+        return Err(format!("{} is given {} values, not a multiple of {width}", what(), data.len()));
+    }
+    Ok(Param { name: param.name.clone(), ty: param.ty, data })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn geometry_set_lists() {
+        let old: Vec<Arc<str>> = vec!["camera".into()];
+        let names = |c: &str| changed_sets(&old, c).join(" ");
+        assert_eq!(names("+reflections"), "camera reflections");
+        assert_eq!(names("-camera"), "");
+        assert_eq!(names("maincam"), "maincam");
+        assert_eq!(names("b, a"), "a b");
+        assert_eq!(names("+b,-camera,+a"), "a b");
+        assert_eq!(names("x,+y"), "x y");
+        assert_eq!(names(""), "");
+    }
+
+    #[test]
+    fn conversion_to_the_declared_type() {
+        let row = attribute_row("resolution").unwrap();
+        let ok = convert(&Param::declared("float[2] resolution", &[640.0, 480.0][..]).unwrap(), row).unwrap();
+        assert_eq!(ok.data, ParamData::from(&[640, 480][..]));
+        assert!(convert(&Param::declared("resolution", 640).unwrap(), row).unwrap_err().contains("2 values"));
+        assert!(
+            convert(&Param::declared("resolution", "a").unwrap(), row).unwrap_err().contains("not a string")
+        );
+        let fov = attribute_row("fov").unwrap();
+        assert!(convert(&Param::declared("fov", f32::NAN).unwrap(), fov).is_err());
+        let order = attribute_row("bucketorder").unwrap();
+        let wrong = convert(&Param::declared("bucketorder", "spirla").unwrap(), order).unwrap_err();
+        assert!(wrong.contains("did you mean \"spiral\"?"), "{wrong}");
+    }
+
+    #[test]
+    fn typed_parameters() {
+        let p = |d: &str, v: &[f32]| typed(&Param::declared(d, v).unwrap());
+        assert!(p("vertex point P", &[0.0; 6]).is_ok());
+        assert!(p("vertex point P", &[0.0; 7]).unwrap_err().contains("multiple of 3"));
+        assert!(p("color c", &[0.0; 6]).unwrap_err().contains("wants 3 values, not 6"));
+        assert!(p("string s", &[0.0]).is_err());
+        assert!(p("float[0] s", &[]).is_err());
+        assert!(p("anything", &[0.0; 5]).is_ok());
+    }
+}

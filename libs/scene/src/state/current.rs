@@ -1,0 +1,88 @@
+//! The current attribute state: edited in place, frozen on demand, shared while it does not change.
+
+use crate::AttributeSet;
+use granita_base::{MotionTransform, Param, Transform};
+use std::sync::Arc;
+
+/// The state that the next primitive takes on.
+#[derive(Clone, Debug)]
+pub(super) struct Current {
+    /// `flip_normals` in here is stale until frozen.
+    pub(super) set: AttributeSet,
+    frozen: Option<Arc<AttributeSet>>,
+}
+
+impl Default for Current {
+    fn default() -> Self {
+        let set = AttributeSet { geometry_sets: [Arc::from("camera")].into(), ..AttributeSet::default() };
+        Self { set, frozen: None }
+    }
+}
+
+impl Current {
+    /// For changing it.
+    pub(super) fn edit(&mut self) -> &mut AttributeSet {
+        self.frozen = None;
+        &mut self.set
+    }
+
+    /// The state as a primitive keeps it; the same `Arc` until something changes.
+    pub(super) fn freeze(&mut self, world_to_camera: Option<&Transform>) -> Arc<AttributeSet> {
+        if let Some(frozen) = &self.frozen {
+            return frozen.clone();
+        }
+        self.set.flip_normals = flips_normals(&self.set, world_to_camera);
+        let frozen = Arc::new(self.set.clone());
+        self.frozen = Some(frozen.clone());
+        frozen
+    }
+}
+
+/// Whether the geometric normal, measured in world coordinates, has to be negated to obey "orientation"
+/// (reference 4.4.4).
+///
+/// "outside" follows the handedness of object space, so normals stay on the same side of an object however
+/// it is mirrored; "lh" and "rh" hold whatever the transformation, as seen from camera space.
+pub(super) fn flips_normals(set: &AttributeSet, world_to_camera: Option<&Transform>) -> bool {
+    let to_world = set.to_world.first();
+    let outside = to_world.flips_handedness();
+    let left_handed = || {
+        let to_camera = match world_to_camera {
+            Some(m) => to_world.then(m),
+            None => *to_world,
+        };
+        if to_camera.flips_handedness() { !outside } else { outside }
+    };
+    match orientation(set) {
+        "inside" => !outside,
+        "lh" => left_handed(),
+        "rh" => !left_handed(),
+        _ => outside,
+    }
+}
+
+/// The "orientation" in force: never "reverse".
+pub(super) fn orientation(set: &AttributeSet) -> &'static str {
+    let word = set.values.get("orientation").and_then(string).unwrap_or("outside");
+    ["inside", "lh", "rh"].into_iter().find(|w| *w == word).unwrap_or("outside")
+}
+
+/// The first string of a parameter.
+pub(super) fn string(p: &Param) -> Option<&str> {
+    match &p.data {
+        granita_base::ParamData::String(v) => v.first().map(|s| &**s),
+        _ => None,
+    }
+}
+
+/// Applies `rebase` after every transformation that the set holds.
+pub(super) fn rebase_set(set: &mut AttributeSet, rebase: &MotionTransform) {
+    set.to_world = set.to_world.then(rebase);
+    for group in [&mut set.surface, &mut set.displacement, &mut set.volume].into_iter().flatten() {
+        let mut new = (**group).clone();
+        for layer in &mut new.layers {
+            Arc::make_mut(layer).to_world = layer.to_world.then(rebase);
+        }
+        *group = Arc::new(new);
+    }
+}

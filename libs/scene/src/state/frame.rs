@@ -1,0 +1,307 @@
+//! Cameras, outputs, `World`, `Render`, commands and inputs (reference 2.3, 2.9).
+
+use super::attributes::{attribute_names, convert, typed};
+use super::current::{Current, rebase_set};
+use super::transforms::hint;
+use super::{MAX_INPUT_DEPTH, Phase, Saved1, State};
+use crate::attribute::{Scope, TABLE, attribute_row, suggestion};
+use crate::{AttributeSet, Camera, Output, Scene, Stop};
+use granita_base::{Location, MotionTransform, Param, Params, Severity};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The commands of reference 4.5.
+const COMMANDS: [&str; 8] =
+    ["exit", "return", "wait", "system", "mkdir", "unlink", "bucketpriority", "fileread"];
+
+impl State {
+    /// `Camera`: placed at the current transformation, looking along +z.
+    pub(super) fn camera(&mut self, name: Arc<str>, params: Params, at: &Location) {
+        let params = self.take_params(params);
+        if self.phase == Phase::World {
+            return self.out_of_place(at, "Camera", "after World");
+        }
+        let to_world = &self.current.set.to_world;
+        if to_world.keys().iter().any(|(_, m)| m.try_inverse().is_none()) {
+            let text = format!("camera \"{name}\" stands in a space that cannot be inverted");
+            self.report(Severity::Error, at, "camera", text);
+        }
+        let world_to_camera = to_world.inverse();
+        let params = self.camera_params(&name, &params, at);
+        let camera = Camera { name: name.clone(), world_to_camera, params };
+        match self.cameras.iter_mut().find(|c| c.name == name) {
+            Some(old) => *old = camera,
+            None => self.cameras.push(camera),
+        }
+        self.edit_sets(|set| {
+            if !set.geometry_sets.contains(&name) {
+                let mut sets = set.geometry_sets.to_vec();
+                sets.push(name.clone());
+                sets.sort();
+                let list = sets.join(",");
+                set.geometry_sets = sets.into();
+                if let Some(row) = attribute_row("geometryset") {
+                    let value = Param { name: row.name.into(), ty: row.ty, data: list.as_str().into() };
+                    Arc::make_mut(&mut set.values).insert(value.name.clone(), value);
+                }
+            }
+        });
+    }
+
+    /// Defaults, then `Attribute`s, then the parameters of the call.
+    fn camera_params(&self, camera: &str, params: &Params, at: &Location) -> Params {
+        let rows = TABLE.iter().filter(|r| r.scope == Scope::Camera);
+        let mut all: Params = rows.filter_map(|r| r.default_param()).collect();
+        for value in self.camera_values.values() {
+            all.set(value.clone());
+        }
+        for param in params {
+            match attribute_row(&param.name).filter(|r| r.scope == Scope::Camera) {
+                Some(row) => match convert(param, row) {
+                    Ok(param) => all.set(param),
+                    Err(text) => {
+                        let text = format!("Camera \"{camera}\": {text}");
+                        self.report(Severity::Error, at, "camera parameter", text);
+                    }
+                },
+                None => {
+                    let hint = hint(suggestion(&param.name, attribute_names(&[Scope::Camera])));
+                    let text = format!("Camera \"{camera}\": unknown parameter \"{}\"{hint}", param.name);
+                    self.report(Severity::Warning, at, "camera parameter", text);
+                }
+            }
+        }
+        all
+    }
+
+    /// `Output`, its pending parameters taken.
+    pub(super) fn output(&mut self, output: Output, at: &Location) {
+        if self.phase == Phase::World {
+            return self.out_of_place(at, "Output", "after World");
+        }
+        let mut params = Params::new();
+        for param in &output.params {
+            let row = attribute_row(&param.name).filter(|r| r.scope == Scope::Output);
+            let checked = match row {
+                Some(row) => convert(param, row),
+                // Anything else is for the image format.
+                None => typed(param),
+            };
+            match checked {
+                Ok(param) => params.set(param),
+                Err(text) => {
+                    let text = format!("Output \"{}\": {text}", output.name);
+                    self.report(Severity::Error, at, "output parameter", text);
+                }
+            }
+        }
+        if &*output.format == "null" || output.format.is_empty() {
+            self.outputs.retain(|o| o.name != output.name);
+            return;
+        }
+        let output = Output { params, ..output };
+        match self.outputs.iter_mut().find(|o| o.name == output.name) {
+            Some(old) => *old = output,
+            None => self.outputs.push(output),
+        }
+    }
+
+    /// `World`.
+    pub(super) fn begin_world(&mut self, at: &Location) {
+        self.leave_modify();
+        if let Some(group) = self.group.take() {
+            self.out_of_place(&group.at, "ShaderGroupBegin", "without ShaderGroupEnd");
+        }
+        match self.phase {
+            Phase::World => return self.out_of_place(at, "World", "after World"),
+            Phase::Rerender => {
+                self.current.edit().to_world = MotionTransform::default();
+                self.phase = Phase::World;
+                return;
+            }
+            _ => {}
+        }
+        if self.cameras.is_empty() {
+            self.implicit_camera(at);
+        }
+        self.current.edit().to_world = MotionTransform::default();
+        self.phase = Phase::World;
+        self.world = Some((self.current.clone(), self.stack.len()));
+    }
+
+    /// Without a `Camera` the frame began in camera space, and the current transformation places the world.
+    fn implicit_camera(&mut self, at: &Location) {
+        let world_to_camera = self.current.set.to_world.clone();
+        if world_to_camera.keys().iter().any(|(_, m)| m.try_inverse().is_none()) {
+            self.report(Severity::Error, at, "World", "the transformation at World cannot be inverted");
+        }
+        // Outputs may have named it already; objects are visible to it as members of "camera".
+        let named = self.outputs.iter().map(|o| &o.camera).find(|c| !c.is_empty());
+        let name: Arc<str> = named.cloned().unwrap_or_else(|| "camera".into());
+        let params = self.camera_params(&name, &Params::new(), at);
+        let rebase = world_to_camera.inverse();
+        self.cameras.push(Camera { name, world_to_camera, params });
+        // What was declared until now was placed relative to the camera.
+        let still = rebase == MotionTransform::default();
+        if still {
+            return;
+        }
+        rebase_set(self.current.edit(), &rebase);
+        for push in &mut self.stack {
+            match &mut push.what {
+                Saved1::Attributes(set) => rebase_set(set.edit(), &rebase),
+                Saved1::Transform(m) => *m = m.then(&rebase),
+            }
+        }
+        self.saved.values_mut().for_each(|s| rebase_set(&mut s.set, &rebase));
+        for light in &mut self.lights {
+            let light = Arc::make_mut(light);
+            for layer in &mut light.group.layers {
+                Arc::make_mut(layer).to_world = layer.to_world.then(&rebase);
+            }
+            let mut attributes: AttributeSet = (*light.attributes).clone();
+            rebase_set(&mut attributes, &rebase);
+            light.attributes = Arc::new(attributes);
+        }
+    }
+
+    /// `Render`: freezes the scene and hands it over.
+    pub(super) fn render(&mut self, camera: Option<&str>, at: &Location) -> Result<(), Stop> {
+        self.leave_modify();
+        if self.phase == Phase::Options {
+            self.out_of_place(at, "Render", "before World");
+            return Ok(());
+        }
+        let bottom = self.world.as_ref().map_or(0, |(_, depth)| *depth);
+        if self.stack.len() > bottom {
+            for push in self.stack.split_off(bottom) {
+                let (name, end) = push.what.names();
+                self.report(Severity::Warning, &push.at, name, format!("{name} without {end}"));
+            }
+        }
+        let camera = camera.filter(|c| !c.is_empty());
+        let wanted = match camera {
+            Some(name) if !self.cameras.iter().any(|c| &*c.name == name) => {
+                let hint = hint(suggestion(name, self.cameras.iter().map(|c| &*c.name)));
+                let text = format!("Render: no camera \"{name}\"{hint}; all cameras are rendered");
+                self.report(Severity::Warning, at, "render camera", text);
+                None
+            }
+            other => other,
+        };
+        let rerender = self.is_rerender();
+        let scene = Arc::new(self.freeze(rerender));
+        let result = self.renderer.render(scene, wanted);
+        self.rendered = true;
+        self.phase = if rerender { Phase::Rerender } else { Phase::Done };
+        if let Some((world, _)) = &self.world {
+            self.current = world.clone();
+        }
+        result
+    }
+
+    /// The finished scene. Unless `keep`, the primitives move into it.
+    fn freeze(&mut self, keep: bool) -> Scene {
+        self.drop_removed_lights();
+        let mut outputs = self.outputs.clone();
+        if let Some(first) = self.cameras.first() {
+            for output in outputs.iter_mut().filter(|o| o.camera.is_empty()) {
+                output.camera = first.name.clone();
+            }
+            if outputs.is_empty() {
+                let name = format!("{}.tif", first.name);
+                outputs.push(Output {
+                    name: name.into(),
+                    format: "tiff".into(),
+                    data: "rgba".into(),
+                    camera: first.name.clone(),
+                    params: Params::new(),
+                });
+            }
+        }
+        for output in &outputs {
+            if !self.cameras.iter().any(|c| c.name == output.camera) {
+                let hint = hint(suggestion(&output.camera, self.cameras.iter().map(|c| &*c.name)));
+                let text = format!("Output \"{}\": no camera \"{}\"{hint}", output.name, output.camera);
+                self.report(Severity::Error, &Location::default(), "output camera", text);
+            }
+        }
+        let spaces = self.saved.iter().filter_map(|(n, s)| Some((n.clone(), s.transform()?.clone())));
+        let spaces: BTreeMap<_, _> = spaces.collect();
+        let primitives = if keep { self.primitives.clone() } else { std::mem::take(&mut self.primitives) };
+        Scene {
+            globals: self.globals.clone(),
+            cameras: self.cameras.clone(),
+            outputs,
+            primitives,
+            lights: self.lights.clone(),
+            coordinate_systems: spaces,
+        }
+    }
+
+    /// Takes removed lights off the lists of all objects.
+    fn drop_removed_lights(&mut self) {
+        let removed = |id: &crate::LightId| self.lights[id.0 as usize].group.layers.is_empty();
+        if !self.lights.iter().any(|l| l.group.layers.is_empty()) {
+            return;
+        }
+        let mut new: BTreeMap<usize, Arc<AttributeSet>> = BTreeMap::new();
+        for primitive in &mut self.primitives {
+            let old = primitive.attributes.clone();
+            if !old.lights.iter().any(removed) {
+                continue;
+            }
+            let set = new.entry(Arc::as_ptr(&old) as usize).or_insert_with(|| {
+                let lights = old.lights.iter().copied().filter(|l| !removed(l)).collect();
+                Arc::new(AttributeSet { lights, ..(*old).clone() })
+            });
+            Arc::make_mut(primitive).attributes = set.clone();
+        }
+    }
+
+    /// `Command`.
+    pub(super) fn command(&mut self, name: &str, params: Params, at: &Location) -> Result<(), Stop> {
+        let params = self.take_params(params);
+        let word = name.split_whitespace().next().unwrap_or("");
+        if word == "exit" {
+            return Err(Stop::Exit);
+        }
+        if !self.renderer.command(name, &params, at)? {
+            let text = if COMMANDS.contains(&word) {
+                format!("Command \"{word}\" is not supported yet")
+            } else {
+                format!("unknown command \"{word}\"{}", hint(suggestion(word, COMMANDS)))
+            };
+            self.report(Severity::Warning, at, "command", text);
+        }
+        Ok(())
+    }
+
+    /// `Input`, read at once whether it has a bound or not. With a bound it leaves the state as it was.
+    pub(super) fn input(
+        &mut self,
+        command: &str,
+        bound: Option<[f32; 6]>,
+        at: &Location,
+    ) -> Result<(), Stop> {
+        if self.input_depth >= MAX_INPUT_DEPTH {
+            let text =
+                format!("Input \"{command}\" is nested deeper than {MAX_INPUT_DEPTH}: does it read itself?");
+            self.report(Severity::Error, at, "input depth", text);
+            return Ok(());
+        }
+        let path = crate::attribute::lookup(&self.globals, "path:input");
+        let path = path.as_ref().and_then(super::current::string).unwrap_or(".").to_owned();
+        let Some(reader) = self.renderer.input(command, &path, at)? else { return Ok(()) };
+        let before: Option<(Current, usize)> = bound.map(|_| (self.current.clone(), self.stack.len()));
+        self.input_depth += 1;
+        let result = reader(self);
+        self.input_depth -= 1;
+        if let Some((current, depth)) = before {
+            self.finish_motion(at);
+            self.stack.truncate(depth);
+            self.current = current;
+        }
+        result
+    }
+}

@@ -1,0 +1,292 @@
+//! The graphics state machine: takes calls, keeps the attribute state, freezes the scene.
+//!
+//! Before `World` transformations lead to the space in which the frame began ("base" space), after it to
+//! world space. Without a `Camera` call base space is the camera's, and `World` rebases all that was
+//! declared until then; with one, base space is world space (reference 7.1.1).
+
+mod attributes;
+mod current;
+mod frame;
+mod modify;
+mod motion;
+mod save;
+mod shaders;
+mod shapes;
+mod transforms;
+
+use crate::{Call, Camera, FrameRenderer, Light, LightId, Output, Primitive, SceneSink, Stop};
+use current::Current;
+use granita_base::{Location, Param, Params, Reporter, Severity};
+use modify::ModifyMode;
+use motion::MotionBlock;
+use save::Saved;
+use shaders::GroupBlock;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Nested `Input`s beyond this are taken for a file that includes itself.
+const MAX_INPUT_DEPTH: usize = 64;
+
+/// Where in the frame the calls are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// Before `World`.
+    Options,
+    /// Between `World` and `Render`.
+    World,
+    /// After a `Render` in re-rendering mode: everything is allowed.
+    Rerender,
+    /// After the only `Render`.
+    Done,
+}
+
+/// What is pushed on the stack.
+#[derive(Clone, Debug)]
+enum Saved1 {
+    Attributes(Box<Current>),
+    Transform(granita_base::MotionTransform),
+}
+
+/// One push, and where it was made.
+#[derive(Clone, Debug)]
+struct Push {
+    what: Saved1,
+    at: Location,
+}
+
+/// The graphics state machine (reference 2.1.3): a [`SceneSink`] that builds a [`crate::Scene`] and hands it
+/// to a [`FrameRenderer`] at `Render`.
+///
+/// Mistakes of the scene go to the reporter, once per cause, with place and object name; the call is then
+/// ignored, or taken as far as it makes sense. Nothing here panics on any sequence of calls.
+pub struct State {
+    reporter: Reporter,
+    renderer: Box<dyn FrameRenderer>,
+    phase: Phase,
+    current: Current,
+    stack: Vec<Push>,
+    /// State right after `World`, and the height of the stack then.
+    world: Option<(Current, usize)>,
+    pending: Params,
+    globals: BTreeMap<Arc<str>, Param>,
+    /// Camera attributes set by `Attribute`, for the next camera.
+    camera_values: BTreeMap<Arc<str>, Param>,
+    /// Scene-writing attributes (4.3.12), kept for `GetAttribute` only.
+    writer_values: BTreeMap<Arc<str>, Param>,
+    cameras: Vec<Camera>,
+    outputs: Vec<Output>,
+    primitives: Vec<Arc<Primitive>>,
+    next_primitive: u32,
+    lights: Vec<Arc<Light>>,
+    light_ids: BTreeMap<Arc<str>, LightId>,
+    saved: BTreeMap<Arc<str>, Saved>,
+    motion: Option<MotionBlock>,
+    group: Option<GroupBlock>,
+    modify: Option<ModifyMode>,
+    input_depth: usize,
+    rendered: bool,
+}
+
+impl State {
+    /// A fresh frame that will be rendered by `renderer`.
+    pub fn new(renderer: Box<dyn FrameRenderer>, reporter: Reporter) -> Self {
+        Self {
+            reporter,
+            renderer,
+            phase: Phase::Options,
+            current: Current::default(),
+            stack: Vec::new(),
+            world: None,
+            pending: Params::new(),
+            globals: BTreeMap::new(),
+            camera_values: BTreeMap::new(),
+            writer_values: BTreeMap::new(),
+            cameras: Vec::new(),
+            outputs: Vec::new(),
+            primitives: Vec::new(),
+            next_primitive: 0,
+            lights: Vec::new(),
+            light_ids: BTreeMap::new(),
+            saved: BTreeMap::new(),
+            motion: None,
+            group: None,
+            modify: None,
+            input_depth: 0,
+            rendered: false,
+        }
+    }
+
+    /// The renderer behind it.
+    pub fn renderer(&mut self) -> &mut dyn FrameRenderer {
+        &mut *self.renderer
+    }
+
+    /// Whether `Render` was called.
+    pub fn has_rendered(&self) -> bool {
+        self.rendered
+    }
+
+    /// How many primitives wait to be rendered.
+    pub fn primitive_count(&self) -> usize {
+        self.primitives.len()
+    }
+
+    /// To be called when there are no more calls: reports blocks left open.
+    pub fn end(&mut self) {
+        self.finish_motion(&Location::default());
+        if let Some(group) = self.group.take() {
+            self.report(
+                Severity::Error,
+                &group.at,
+                "ShaderGroupBegin",
+                "ShaderGroupBegin without ShaderGroupEnd",
+            );
+        }
+        let bottom = self.world.as_ref().map_or(0, |(_, depth)| *depth).min(self.stack.len());
+        for push in self.stack.split_off(bottom) {
+            let (name, end) = push.what.names();
+            self.report(Severity::Warning, &push.at, name, format!("{name} without {end}"));
+        }
+        if !self.pending.is_empty() {
+            let names: Vec<String> = self.pending.iter().map(|p| format!("\"{}\"", p.name)).collect();
+            let text = format!("no call took the parameters {}", names.join(", "));
+            self.report(Severity::Warning, &Location::default(), "pending", text);
+        }
+    }
+
+    /// Tells the user, once per cause and text.
+    fn report(&self, severity: Severity, at: &Location, cause: &str, text: impl Into<String>) {
+        let text = text.into();
+        self.reporter.once(&format!("scene {cause} {text}"), severity, at, text);
+    }
+
+    /// As [`State::report`], with the object's name when it has one.
+    fn report_object(&self, severity: Severity, at: &Location, cause: &str, text: impl Into<String>) {
+        let name = self.current.set.name();
+        let text = text.into();
+        let text = if name.is_empty() { text } else { format!("{text} (object \"{name}\")") };
+        self.report(severity, at, cause, text);
+    }
+
+    /// An error about a call that does not belong where it stands.
+    fn out_of_place(&self, at: &Location, call: &str, why: &str) {
+        self.reporter.once(
+            &format!("scene place {call} {why}"),
+            Severity::Error,
+            at,
+            format!("{call} {why}: the call is ignored"),
+        );
+    }
+
+    /// Pending parameters followed by those of the call itself.
+    fn take_params(&mut self, inline: Params) -> Params {
+        let mut all = std::mem::take(&mut self.pending);
+        if all.is_empty() && !has_duplicates(&inline) {
+            return inline;
+        }
+        inline.0.into_iter().for_each(|p| all.set(p));
+        all
+    }
+
+    fn is_rerender(&self) -> bool {
+        crate::attribute::lookup(&self.globals, "rerender")
+            .and_then(|p| p.data.to_ints()?.first().copied())
+            .is_some_and(|v| v != 0)
+    }
+}
+
+impl Saved1 {
+    /// The calls that push and pop it.
+    fn names(&self) -> (&'static str, &'static str) {
+        match self {
+            Self::Attributes(_) => ("PushAttributes", "PopAttributes"),
+            Self::Transform(_) => ("PushTransform", "PopTransform"),
+        }
+    }
+}
+
+fn has_duplicates(params: &Params) -> bool {
+    params.0.iter().enumerate().any(|(i, p)| params.0[..i].iter().any(|q| q.name == p.name))
+}
+
+impl std::fmt::Debug for State {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("State")
+            .field("phase", &self.phase)
+            .field("primitives", &self.primitives.len())
+            .field("lights", &self.lights.len())
+            .finish_non_exhaustive()
+    }
+}
+
+impl SceneSink for State {
+    fn call(&mut self, call: Call, at: &Location) -> Result<(), Stop> {
+        if self.phase == Phase::Done && !matches!(call, Call::Command { .. } | Call::Comment(_)) {
+            self.out_of_place(at, call.name(), "after Render, and \"rerender\" is not set");
+            return Ok(());
+        }
+        // A motion block takes transformations or primitives only, and parameters on the way.
+        let fits = matches!(
+            call,
+            Call::Parameter(_)
+                | Call::Comment(_)
+                | Call::Shape { .. }
+                | Call::Translate(_)
+                | Call::Rotate { .. }
+                | Call::Scale(_)
+                | Call::AppendTransform(_)
+                | Call::SetTransform(_)
+        );
+        if self.motion.is_some() && !fits {
+            self.finish_motion(at);
+        }
+        match call {
+            Call::Parameter(p) => self.pending.set(p),
+            Call::Attribute(p) => self.set_attribute(p, at),
+            Call::PushAttributes => {
+                let what = Saved1::Attributes(Box::new(self.current.clone()));
+                self.stack.push(Push { what, at: at.clone() });
+            }
+            Call::PopAttributes => self.pop_attributes(at),
+            Call::SaveAttributes { name, attributes } => self.save(name, attributes.as_deref(), at),
+            Call::RestoreAttributes { name, attributes } => self.restore(&name, attributes.as_deref(), at),
+            Call::Modify { pattern } => self.enter_modify(&pattern, at),
+            Call::PushTransform => {
+                let what = Saved1::Transform(self.current.set.to_world.clone());
+                self.stack.push(Push { what, at: at.clone() });
+            }
+            Call::PopTransform => self.pop_transform(at),
+            Call::SetTransform(_)
+            | Call::AppendTransform(_)
+            | Call::Translate(_)
+            | Call::Rotate { .. }
+            | Call::Scale(_) => self.transform(call, at),
+            Call::Motion(times) => self.begin_motion(&times, at),
+            Call::Camera { name, params } => self.camera(name, params, at),
+            Call::Output { name, format, data, camera, params } => {
+                let params = self.take_params(params);
+                self.output(Output { name, format, data, camera, params }, at);
+            }
+            Call::World => self.begin_world(at),
+            Call::Render { camera } => return self.render(camera.as_deref(), at),
+            Call::Command { name, params } => return self.command(&name, params, at),
+            Call::Comment(_) => {}
+            Call::Shader { usage, name, layer, params } => self.shader(&usage, name, layer, params, at),
+            Call::ShaderGroupBegin => self.begin_group(at),
+            Call::ShaderGroupEnd => self.end_group(at),
+            Call::ConnectShaders { source_layer, source, target_layer, target } => {
+                self.connect(crate::Connection { source_layer, source, target_layer, target }, at);
+            }
+            Call::Light { id, shader, layer, params } => self.light(id, shader, layer, params, at),
+            Call::LightSwitch { id, on } => self.light_switch(&id, on, at),
+            Call::Shape { shape, params } => self.shape(*shape, params, at),
+            Call::TrimCurve(trim) => self.trim_curve(trim, at),
+            Call::Input { command, bound } => return self.input(&command, bound, at),
+        }
+        Ok(())
+    }
+
+    fn attribute(&self, declaration: &str) -> Option<Param> {
+        self.get_attribute(declaration)
+    }
+}

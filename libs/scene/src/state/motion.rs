@@ -1,0 +1,182 @@
+//! Motion blocks (reference 2.7): `n` times, then `n` transformations or `n` primitives.
+
+use super::State;
+use super::transforms::Change;
+use crate::ShapeKey;
+use granita_base::{Location, MotionTransform, Params, Severity, ShapeDesc, Transform};
+
+/// A block whose calls are being collected.
+#[derive(Debug)]
+pub(super) struct MotionBlock {
+    times: Vec<f32>,
+    at: Location,
+    content: Content,
+}
+
+#[derive(Debug)]
+enum Content {
+    Empty,
+    /// The same call for every time; applied to the current transformation when complete.
+    Transforms {
+        name: &'static str,
+        keys: Vec<(f32, Key)>,
+    },
+    Shapes {
+        shape: ShapeDesc,
+        keys: Vec<ShapeKey>,
+        at: Location,
+    },
+}
+
+#[derive(Debug)]
+enum Key {
+    Append(Transform),
+    Set(Transform),
+}
+
+impl State {
+    /// `Motion`.
+    pub(super) fn begin_motion(&mut self, times: &[f32], at: &Location) {
+        if times.is_empty() {
+            return self.out_of_place(at, "Motion", "without times");
+        }
+        if times.iter().any(|t| !t.is_finite()) {
+            return self.out_of_place(at, "Motion", "with times that are not finite");
+        }
+        if let Some(i) = (1..times.len()).find(|&i| times[i] <= times[i - 1]) {
+            let text =
+                format!("Motion: time {} follows time {}; times should increase", times[i], times[i - 1]);
+            self.report(Severity::Warning, at, "Motion", text);
+        }
+        self.motion = Some(MotionBlock { times: times.to_vec(), at: at.clone(), content: Content::Empty });
+    }
+
+    /// A transformation inside a motion block.
+    pub(super) fn motion_transform(&mut self, name: &'static str, change: Change, at: &Location) {
+        let Some(block) = &mut self.motion else { return };
+        if matches!(block.content, Content::Empty) {
+            block.content = Content::Transforms { name, keys: Vec::new() };
+        }
+        let Content::Transforms { name: first, keys, .. } = &mut block.content else {
+            self.finish_motion(at);
+            return self.apply_alone(change);
+        };
+        if *first != name {
+            let text = format!("{name} in a Motion block that began with {first}");
+            self.report(Severity::Error, at, "Motion mix", text);
+            self.finish_motion(at);
+            return self.apply_alone(change);
+        }
+        let time = block.times[keys.len()];
+        let key = match change {
+            Change::Append(m) => Key::Append(m),
+            Change::Set(m) => Key::Set(m.at(time)),
+        };
+        keys.push((time, key));
+        if keys.len() == block.times.len() {
+            self.finish_motion(at);
+        }
+    }
+
+    fn apply_alone(&mut self, change: Change) {
+        self.edit_sets(|set| {
+            set.to_world = match &change {
+                Change::Append(m) => MotionTransform::from(*m).then(&set.to_world),
+                Change::Set(m) => m.clone(),
+            };
+        });
+    }
+
+    /// A primitive inside a motion block. Gives it back when there is no block, or when it does not fit.
+    pub(super) fn motion_shape(
+        &mut self,
+        shape: ShapeDesc,
+        params: Params,
+        at: &Location,
+    ) -> Option<(ShapeDesc, Params)> {
+        let Some(block) = &mut self.motion else { return Some((shape, params)) };
+        let misfit = match &mut block.content {
+            Content::Empty => {
+                let keys = vec![ShapeKey { time: block.times[0], params }];
+                block.content = Content::Shapes { shape, keys, at: at.clone() };
+                None
+            }
+            Content::Shapes { shape: first, keys, .. } => {
+                match difference(first, &keys[0].params, &shape, &params) {
+                    None => {
+                        keys.push(ShapeKey { time: block.times[keys.len()], params });
+                        None
+                    }
+                    Some(why) => Some((shape, params, why)),
+                }
+            }
+            Content::Transforms { .. } => {
+                Some((shape, params, "a primitive follows transformations".to_owned()))
+            }
+        };
+        if let Some((shape, params, why)) = misfit {
+            let name = shape.call_name();
+            let text = format!("{name} in a Motion block: {why}");
+            self.report_object(Severity::Error, at, "Motion mix", text);
+            self.finish_motion(at);
+            return Some((shape, params));
+        }
+        let full = matches!(&block.content, Content::Shapes { keys, .. } if keys.len() == block.times.len());
+        if full {
+            self.finish_motion(at);
+        }
+        None
+    }
+
+    /// Ends the block, complete or not, and applies what it holds.
+    pub(super) fn finish_motion(&mut self, at: &Location) {
+        let Some(block) = self.motion.take() else { return };
+        let got = match &block.content {
+            Content::Empty => 0,
+            Content::Transforms { keys, .. } => keys.len(),
+            Content::Shapes { keys, .. } => keys.len(),
+        };
+        if got != block.times.len() {
+            let place = if at.is_known() { at } else { &block.at };
+            let text = format!("Motion with {} times, but {got} calls follow", block.times.len());
+            self.report_object(Severity::Error, place, "Motion count", text);
+        }
+        match block.content {
+            Content::Empty => {}
+            Content::Transforms { keys, .. } => {
+                let appended = matches!(keys.first(), Some((_, Key::Append(_))));
+                let keys = keys.into_iter().map(|(t, Key::Append(m) | Key::Set(m))| (t, m)).collect();
+                let Some(moving) = MotionTransform::from_keys(keys) else { return };
+                self.edit_sets(|set| {
+                    set.to_world = if appended { moving.then(&set.to_world) } else { moving.clone() };
+                });
+            }
+            Content::Shapes { shape, mut keys, at } => {
+                keys.sort_by(|a, b| a.time.total_cmp(&b.time));
+                keys.dedup_by(|later, earlier| later.time == earlier.time);
+                self.add_primitive(shape, keys, &at);
+            }
+        }
+    }
+}
+
+/// Why two primitives cannot be keys of one motion, if they cannot.
+fn difference(a: &ShapeDesc, a_params: &Params, b: &ShapeDesc, b_params: &Params) -> Option<String> {
+    if std::mem::discriminant(a) != std::mem::discriminant(b) {
+        return Some(format!("it began with another primitive, {}", a.call_name()));
+    }
+    if a != b {
+        return Some(format!("the arguments of {} differ from those at the first time", b.call_name()));
+    }
+    if a_params.0.len() != b_params.0.len() {
+        let (n, first) = (b_params.0.len(), a_params.0.len());
+        return Some(format!("{n} parameters, but {first} at the first time"));
+    }
+    a_params.iter().find_map(|p| match b_params.get(&p.name) {
+        None => Some(format!("parameter \"{}\" is missing", p.name)),
+        Some(q) if q.ty != p.ty || q.data.len() != p.data.len() => {
+            Some(format!("parameter \"{}\" has another type or length than at the first time", p.name))
+        }
+        Some(_) => None,
+    })
+}

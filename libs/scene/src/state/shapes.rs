@@ -1,0 +1,161 @@
+//! Geometric primitives and trim curves (reference 2.8).
+
+use super::attributes::typed;
+use super::{Phase, State};
+use crate::{Primitive, ShapeKey};
+use granita_base::{
+    BaseType, Interp, Location, Param, ParamData, ParamType, Params, Severity, ShapeDesc, TrimDesc,
+};
+use std::sync::Arc;
+
+/// What an undeclared parameter of a primitive is (reference 2.1.5, 2.8).
+fn predeclared(name: &str) -> Option<ParamType> {
+    Some(match name {
+        "P" => ParamType::of(BaseType::Point).with_interp(Interp::Vertex),
+        "Pw" => ParamType::of(BaseType::HPoint).with_interp(Interp::Vertex),
+        "N" => ParamType::of(BaseType::Normal),
+        "C" | "opacity" => ParamType::of(BaseType::Color),
+        "width" | "rasterwidth" => ParamType::of(BaseType::Float),
+        "border" => ParamType::of(BaseType::Int),
+        "holes" => ParamType::array(BaseType::Int, 0),
+        "__attributes" => ParamType::of(BaseType::String).with_interp(Interp::PerPiece),
+        "__attributesindex" => ParamType::of(BaseType::Int).with_interp(Interp::PerPiece),
+        _ => return None,
+    })
+}
+
+impl State {
+    /// A geometric primitive, alone or in a motion block.
+    pub(super) fn shape(&mut self, shape: ShapeDesc, params: Params, at: &Location) {
+        let params = self.take_params(params);
+        if self.phase == Phase::Options {
+            let why = "before World";
+            return self.out_of_place(at, shape.call_name(), why);
+        }
+        if self.group.is_some() {
+            return self.out_of_place(at, shape.call_name(), "inside a shader group");
+        }
+        let params = self.shape_params(&shape, params, at);
+        if self.motion.is_some() {
+            // A primitive that does not fit the block stands for itself.
+            if let Some((shape, params)) = self.motion_shape(shape, params, at) {
+                self.add_primitive(shape, vec![ShapeKey { time: 0.0, params }], at);
+            }
+            return;
+        }
+        self.add_primitive(shape, vec![ShapeKey { time: 0.0, params }], at);
+    }
+
+    /// Keeps the primitive, unless its positions are unusable.
+    pub(super) fn add_primitive(&mut self, shape: ShapeDesc, keys: Vec<ShapeKey>, at: &Location) {
+        let call = shape.call_name();
+        if !matches!(shape, ShapeDesc::Sphere { .. }) {
+            let has = |k: &ShapeKey, name: &str| k.params.get(name).is_some();
+            if keys.iter().any(|k| !has(k, "P") && !has(k, "Pw")) {
+                let text = format!("{call} without \"P\" or \"Pw\"");
+                return self.report_object(Severity::Error, at, "no P", text);
+            }
+        }
+        for key in &keys {
+            for name in ["P", "Pw"] {
+                let Some(param) = key.params.get(name) else { continue };
+                let ParamData::Float(values) = &param.data else { continue };
+                if let Some(bad) = values.iter().position(|x| !x.is_finite()) {
+                    let width = param.ty.width().max(1);
+                    let text = format!("{call}: \"{name}\" of vertex {} is {}", bad / width, values[bad]);
+                    return self.report_object(Severity::Error, at, "NaN", text);
+                }
+            }
+        }
+        let camera = self.shading_camera();
+        let attributes = self.current.freeze(camera.as_ref());
+        let id = self.next_primitive;
+        self.next_primitive = self.next_primitive.wrapping_add(1);
+        self.primitives.push(Arc::new(Primitive { id, shape, keys, attributes, at: at.clone() }));
+    }
+
+    /// Parameters with their types known and their data converted; hopeless ones reported and left out.
+    fn shape_params(&self, shape: &ShapeDesc, params: Params, at: &Location) -> Params {
+        let call = shape.call_name();
+        let vertices = params.get("P").map(|p| p.data.len() / 3);
+        let vertices = vertices.or_else(|| params.get("Pw").map(|p| p.data.len() / 4)).unwrap_or(0);
+        let mut good = Vec::with_capacity(params.0.len());
+        for mut param in params.0 {
+            if param.ty.base == BaseType::Unknown {
+                let Some(ty) = predeclared(&param.name) else {
+                    let text =
+                        format!("{call}: parameter \"{0}\" needs a type, as in \"float {0}\"", param.name);
+                    self.report_object(Severity::Error, at, "shape parameter", text);
+                    continue;
+                };
+                let interp = if param.ty.interp == Interp::Constant { ty.interp } else { param.ty.interp };
+                param.ty = ty.with_interp(interp);
+                spread(&mut param, vertices);
+            } else if matches!(&*param.name, "P" | "Pw") && param.ty.interp != Interp::Vertex {
+                param.ty.interp = Interp::Vertex;
+            }
+            match typed(&param) {
+                Ok(param) => good.push(param),
+                Err(text) => {
+                    let text = format!("{call}: {text}");
+                    self.report_object(Severity::Error, at, "shape parameter", text);
+                }
+            }
+        }
+        Params(good)
+    }
+
+    /// `TrimCurve`.
+    pub(super) fn trim_curve(&mut self, trim: Option<Box<TrimDesc>>, at: &Location) {
+        if let Some(trim) = &trim
+            && let Some(why) = trim_mistake(trim)
+        {
+            return self.report_object(Severity::Error, at, "TrimCurve", format!("TrimCurve: {why}"));
+        }
+        let trim = trim.filter(|t| !t.ncurves.is_empty()).map(|t| Arc::new(*t));
+        self.edit_sets(|set| set.trim.clone_from(&trim));
+    }
+}
+
+/// Guesses the interpolation (or array length) of a pre-declared parameter from its number of values.
+fn spread(param: &mut Param, vertices: usize) {
+    if param.ty.array == Some(0) {
+        param.ty.array = Some(param.data.len() as u32);
+        return;
+    }
+    let width = param.ty.width().max(1);
+    if param.ty.interp == Interp::Constant && param.data.len() > width {
+        let items = param.data.len() / width;
+        param.ty.interp = if items == vertices { Interp::Vertex } else { Interp::Linear };
+    }
+}
+
+/// What is wrong with the counts of a trim curve, if anything.
+fn trim_mistake(trim: &TrimDesc) -> Option<String> {
+    if trim.ncurves.is_empty() {
+        return None;
+    }
+    if let Some(n) = trim.ncurves.iter().find(|n| **n < 1) {
+        return Some(format!("a loop of {n} curves"));
+    }
+    let curves: i64 = trim.ncurves.iter().map(|n| i64::from(*n)).sum();
+    let lengths =
+        [("n", trim.n.len()), ("order", trim.order.len()), ("min", trim.min.len()), ("max", trim.max.len())];
+    if let Some((name, len)) = lengths.into_iter().find(|(_, len)| *len as i64 != curves) {
+        return Some(format!("{curves} curves, but {len} values of {name}"));
+    }
+    if let Some((n, order)) = trim.n.iter().zip(trim.order.iter()).find(|(n, o)| **o < 2 || **n < **o) {
+        return Some(format!("a curve with {n} points of order {order}"));
+    }
+    let points: i64 = trim.n.iter().map(|n| i64::from(*n)).sum();
+    let orders: i64 = trim.order.iter().map(|n| i64::from(*n)).sum();
+    if trim.knots.len() as i64 != points + orders {
+        return Some(format!("{} knots where {} are needed", trim.knots.len(), points + orders));
+    }
+    if trim.uvw.len() as i64 != points * 3 {
+        return Some(format!("{} numbers of uvw where {} are needed", trim.uvw.len(), points * 3));
+    }
+    let finite =
+        [&trim.knots, &trim.min, &trim.max, &trim.uvw].iter().all(|v| v.iter().all(|x| x.is_finite()));
+    (!finite).then(|| "numbers that are not finite".to_owned())
+}
