@@ -1,1 +1,15 @@
-//! placeholder
+//! Pyg scene files (reference chapter 3): the reader and the writer.
+
+mod bytes;
+mod calls;
+mod flat;
+mod names;
+mod read;
+mod value;
+
+pub use read::{Chunking, PygError, PygOptions, PygSource, read};
+
+/// `; did you mean ...`, or nothing.
+pub(crate) fn hint(suggestion: Option<&str>) -> String {
+    suggestion.map(|s| format!("; did you mean \"{s}\"?")).unwrap_or_default()
+}

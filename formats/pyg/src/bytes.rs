@@ -1,0 +1,124 @@
+//! A window onto the source: bytes from the beginning of the current statement to what has been read.
+
+use std::io::{self, Read};
+
+const CHUNK: usize = 256 * 1024;
+
+/// Reads ahead in chunks and forgets what lies before the current statement.
+pub(crate) struct Bytes {
+    source: Box<dyn Read>,
+    buf: Vec<u8>,
+    pos: usize,
+    eof: bool,
+    line: u32,
+    /// Most bytes that one statement may take.
+    limit: usize,
+}
+
+impl Bytes {
+    pub(crate) fn new(source: Box<dyn Read>, limit: usize) -> Self {
+        Self { source, buf: Vec::new(), pos: 0, eof: false, line: 1, limit }
+    }
+
+    /// Line of the current position, from 1.
+    pub(crate) fn line(&self) -> u32 {
+        self.line
+    }
+
+    /// Position inside the window, for [`Bytes::back_to`].
+    pub(crate) fn mark(&self) -> (usize, u32) {
+        (self.pos, self.line)
+    }
+
+    pub(crate) fn back_to(&mut self, mark: (usize, u32)) {
+        (self.pos, self.line) = mark;
+    }
+
+    /// What lies between a mark and here.
+    pub(crate) fn since(&self, mark: (usize, u32)) -> &[u8] {
+        &self.buf[mark.0..self.pos]
+    }
+
+    /// A statement begins: what lies before it is no longer needed.
+    pub(crate) fn forget(&mut self) {
+        if self.pos >= CHUNK {
+            self.buf.drain(..self.pos);
+            self.pos = 0;
+        }
+    }
+
+    /// The next byte, without taking it. `None` at the end.
+    #[inline]
+    pub(crate) fn peek(&mut self) -> io::Result<Option<u8>> {
+        if self.pos < self.buf.len() {
+            return Ok(Some(self.buf[self.pos]));
+        }
+        self.more()?;
+        Ok(self.buf.get(self.pos).copied())
+    }
+
+    /// The byte `n` after the next one.
+    pub(crate) fn peek_at(&mut self, n: usize) -> io::Result<Option<u8>> {
+        while self.pos + n >= self.buf.len() && !self.eof {
+            self.more()?;
+        }
+        Ok(self.buf.get(self.pos + n).copied())
+    }
+
+    /// Takes a byte that [`Bytes::peek`] has shown.
+    #[inline]
+    pub(crate) fn advance(&mut self) {
+        if self.buf.get(self.pos) == Some(&b'\n') {
+            self.line += 1;
+        }
+        self.pos += 1;
+    }
+
+    /// Takes the next `n` bytes as data (line ends do not count); `None` when there are fewer.
+    pub(crate) fn data(&mut self, n: usize) -> io::Result<Option<&[u8]>> {
+        while self.buf.len() - self.pos < n && !self.eof {
+            self.more()?;
+        }
+        let Some(end) = self.pos.checked_add(n).filter(|end| *end <= self.buf.len()) else { return Ok(None) };
+        let start = std::mem::replace(&mut self.pos, end);
+        Ok(Some(&self.buf[start..end]))
+    }
+
+    /// The bytes of the window from here on; at least `n` of them unless the source ends before.
+    #[inline]
+    pub(crate) fn ahead(&mut self, n: usize) -> io::Result<&[u8]> {
+        while self.buf.len() - self.pos < n && !self.eof {
+            self.more()?;
+        }
+        Ok(&self.buf[self.pos..])
+    }
+
+    /// Takes `n` bytes of [`Bytes::ahead`] that hold no line end.
+    #[inline]
+    pub(crate) fn skip(&mut self, n: usize) {
+        self.pos += n;
+    }
+
+    fn more(&mut self) -> io::Result<()> {
+        if self.eof {
+            return Ok(());
+        }
+        if self.buf.len() >= self.limit {
+            let text = format!("a statement longer than {} bytes", self.limit);
+            return Err(io::Error::new(io::ErrorKind::InvalidData, text));
+        }
+        // Long statements are read in ever larger pieces, so that the buffer is not copied too often.
+        let want = CHUNK.max(self.buf.len() / 2).min(self.limit);
+        let old = self.buf.len();
+        self.buf.resize(old + want, 0);
+        let got = loop {
+            match self.source.read(&mut self.buf[old..]) {
+                Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+                other => break other,
+            }
+        };
+        self.buf.truncate(old + *got.as_ref().unwrap_or(&0));
+        self.eof = got? == 0;
+        Ok(())
+    }
+}

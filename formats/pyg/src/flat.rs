@@ -1,0 +1,754 @@
+//! The flat subset: one call with constant arguments per statement (reference 3.6), and binary arrays (3.7).
+
+use crate::bytes::Bytes;
+use crate::value::{Seq, Value};
+use std::io;
+use std::sync::Arc;
+
+/// Sequences nested deeper than this are refused.
+const MAX_DEPTH: usize = 64;
+/// Most values that `sequence * n` may make.
+const MAX_REPEAT: usize = 1 << 28;
+
+/// What stands at the current position.
+#[derive(Debug)]
+pub(crate) enum Statement {
+    /// The end of the source.
+    End,
+    /// Nothing to do: an import of the interface, `pass`, a lone string.
+    Nothing,
+    /// A call with constant arguments.
+    Call { name: String, args: Vec<Value>, line: u32 },
+    /// Something that only Python understands; the position is unchanged.
+    Python { line: u32, why: Why },
+}
+
+/// Why a statement is not flat.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Why {
+    pub(crate) what: String,
+    pub(crate) line: u32,
+}
+
+/// Ends the attempt to read a statement as a flat one.
+#[derive(Debug)]
+pub(crate) enum NotFlat {
+    Why(Why),
+    Io(io::Error),
+}
+
+impl From<io::Error> for NotFlat {
+    fn from(e: io::Error) -> Self {
+        Self::Io(e)
+    }
+}
+
+type Flat<T> = Result<T, NotFlat>;
+
+/// Reads flat statements from a window of bytes.
+pub(crate) struct Parser {
+    pub(crate) bytes: Bytes,
+}
+
+impl Parser {
+    pub(crate) fn new(bytes: Bytes) -> Self {
+        Self { bytes }
+    }
+
+    /// The next statement. Blank lines and comments before it are passed over.
+    pub(crate) fn statement(&mut self) -> io::Result<Statement> {
+        loop {
+            self.bytes.forget();
+            let start = self.bytes.mark();
+            self.blanks(true)?;
+            match self.bytes.peek()? {
+                None => return Ok(Statement::End),
+                Some(b';') => {
+                    self.bytes.advance();
+                    continue;
+                }
+                Some(_) => {}
+            }
+            let line = self.bytes.line();
+            return match self.simple(line) {
+                Ok(statement) => Ok(statement),
+                Err(NotFlat::Io(e)) => Err(e),
+                Err(NotFlat::Why(why)) => {
+                    // Back to the beginning of the line, so that Python sees the indentation.
+                    self.bytes.back_to(start);
+                    self.blank_lines()?;
+                    Ok(Statement::Python { line: self.bytes.line(), why })
+                }
+            };
+        }
+    }
+
+    /// Passes over whole lines that are blank or comments; stays at the beginning of the next.
+    fn blank_lines(&mut self) -> io::Result<()> {
+        loop {
+            let start = self.bytes.mark();
+            while matches!(self.bytes.peek()?, Some(b' ' | b'\t' | b'\r' | 0x0c)) {
+                self.bytes.advance();
+            }
+            match self.bytes.peek()? {
+                Some(b'#') => self.comment()?,
+                Some(b'\n') => {}
+                _ => {
+                    self.bytes.back_to(start);
+                    return Ok(());
+                }
+            }
+            if self.bytes.peek()?.is_none() {
+                return Ok(());
+            }
+            self.bytes.advance();
+        }
+    }
+
+    fn simple(&mut self, line: u32) -> Flat<Statement> {
+        let Some(first) = self.bytes.peek()? else { return Ok(Statement::End) };
+        if matches!(first, b'"' | b'\'') {
+            self.string(false)?;
+            self.end_of_statement()?;
+            return Ok(Statement::Nothing);
+        }
+        let mut name = self.word()?;
+        match name.as_str() {
+            "pass" => {
+                self.end_of_statement()?;
+                return Ok(Statement::Nothing);
+            }
+            "from" | "import" => return self.import(&name),
+            "" => {
+                let c = char::from(first);
+                return self.fail(if first >= 0x80 { "a binary code".into() } else { format!("\"{c}\"") });
+            }
+            _ => {}
+        }
+        self.blanks(false)?;
+        if self.bytes.peek()? == Some(b'.') && matches!(name.as_str(), "GelatoRenderer" | "gelato") {
+            self.bytes.advance();
+            self.blanks(false)?;
+            name = self.word()?;
+            self.blanks(false)?;
+        }
+        if self.bytes.peek()? != Some(b'(') {
+            return self.fail(format!("\"{name}\" without arguments"));
+        }
+        self.bytes.advance();
+        let args = self.arguments()?;
+        self.end_of_statement()?;
+        Ok(Statement::Call { name, args, line })
+    }
+
+    /// `import gelato`, `from gelato import *`: everything in them is there already.
+    fn import(&mut self, first: &str) -> Flat<Statement> {
+        let mut words = vec![first.to_owned()];
+        loop {
+            self.blanks(false)?;
+            let word = self.word()?;
+            if !word.is_empty() {
+                words.push(word);
+            } else if self.bytes.peek()? == Some(b'*') {
+                self.bytes.advance();
+                words.push("*".into());
+            } else {
+                break;
+            }
+        }
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        let known = matches!(words[..], ["import", "gelato"] | ["from", "gelato", "import", ..]);
+        if !known || words.contains(&"as") {
+            return self.fail(format!("\"{}\"", words.join(" ")));
+        }
+        self.end_of_statement()?;
+        Ok(Statement::Nothing)
+    }
+
+    /// Arguments up to the closing parenthesis.
+    fn arguments(&mut self) -> Flat<Vec<Value>> {
+        let mut args = Vec::new();
+        loop {
+            self.blanks(true)?;
+            if self.bytes.peek()? == Some(b')') {
+                self.bytes.advance();
+                return Ok(args);
+            }
+            args.push(self.expression(0)?);
+            self.blanks(true)?;
+            match self.bytes.peek()? {
+                Some(b',') => self.bytes.advance(),
+                Some(b')') => {}
+                Some(b'=') => return self.fail("a keyword argument".into()),
+                None => return self.fail("the end of the file inside of parentheses".into()),
+                Some(_) => return self.fail("an argument that is not constant".into()),
+            }
+        }
+    }
+
+    /// A constant, or simple arithmetic between constants.
+    fn expression(&mut self, depth: usize) -> Flat<Value> {
+        let mut left = self.term(depth)?;
+        loop {
+            self.blanks(true)?;
+            let op = match self.bytes.peek()? {
+                Some(op @ (b'+' | b'-')) => op,
+                _ => return Ok(left),
+            };
+            self.bytes.advance();
+            let right = self.term(depth)?;
+            left = self.combine(left, op, right)?;
+        }
+    }
+
+    fn term(&mut self, depth: usize) -> Flat<Value> {
+        let mut left = self.constant(depth)?;
+        loop {
+            self.blanks(true)?;
+            let op = match self.bytes.peek()? {
+                Some(op @ (b'*' | b'/')) => op,
+                _ => return Ok(left),
+            };
+            if self.bytes.peek_at(1)? == Some(op) {
+                return self.fail(format!("\"{0}{0}\"", char::from(op)));
+            }
+            self.bytes.advance();
+            let right = self.constant(depth)?;
+            left = self.combine(left, op, right)?;
+        }
+    }
+
+    /// One operation, as Python 3 does it.
+    fn combine(&self, left: Value, op: u8, right: Value) -> Flat<Value> {
+        use Value::{Float, Int, Seq as List};
+        let float = |v: &Value| match v {
+            Int(i) => Some(*i as f64),
+            Float(f) => Some(*f),
+            _ => None,
+        };
+        Ok(match (op, left, right) {
+            (b'*', List(s), Int(n)) | (b'*', Int(n), List(s)) => match s.repeat(n, MAX_REPEAT) {
+                Ok(s) => List(s),
+                Err(why) => return self.fail(why.into()),
+            },
+            (b'+', List(mut a), List(b)) => match a.push(List(b)) {
+                Ok(()) => List(a),
+                Err(why) => return self.fail(why.into()),
+            },
+            (b'+', Int(a), Int(b)) => a.checked_add(b).map_or(Float(a as f64 + b as f64), Int),
+            (b'-', Int(a), Int(b)) => a.checked_sub(b).map_or(Float(a as f64 - b as f64), Int),
+            (b'*', Int(a), Int(b)) => a.checked_mul(b).map_or(Float(a as f64 * b as f64), Int),
+            (op, a, b) => {
+                let (Some(x), Some(y)) = (float(&a), float(&b)) else {
+                    return self.fail(format!("\"{}\" between values of these kinds", char::from(op)));
+                };
+                match op {
+                    b'+' => Float(x + y),
+                    b'-' => Float(x - y),
+                    b'*' => Float(x * y),
+                    _ if y == 0.0 => return self.fail("a division by zero".into()),
+                    _ => Float(x / y),
+                }
+            }
+        })
+    }
+
+    fn constant(&mut self, depth: usize) -> Flat<Value> {
+        self.blanks(true)?;
+        match self.bytes.peek()? {
+            Some(b'"' | b'\'') => Ok(Value::Str(self.strings(false)?)),
+            Some(b'(' | b'[') => self.sequence(depth),
+            Some(b'0'..=b'9' | b'.') => self.number(false),
+            Some(b'-') => {
+                self.bytes.advance();
+                self.blanks(true)?;
+                match self.bytes.peek()? {
+                    Some(b'0'..=b'9' | b'.') => self.number(true),
+                    _ if depth >= MAX_DEPTH => self.fail("values nested too deep".into()),
+                    _ => match self.constant(depth + 1)? {
+                        Value::Int(i) => Ok(i.checked_neg().map_or(Value::Float(-(i as f64)), Value::Int)),
+                        Value::Float(f) => Ok(Value::Float(-f)),
+                        _ => self.fail("\"-\" before something that is no number".into()),
+                    },
+                }
+            }
+            Some(b'+') if depth < MAX_DEPTH => {
+                self.bytes.advance();
+                match self.constant(depth + 1)? {
+                    v @ (Value::Int(_) | Value::Float(_)) => Ok(v),
+                    _ => self.fail("\"+\" before something that is no number".into()),
+                }
+            }
+            Some(0x80..=0x83) => self.binary(),
+            Some(c) if c.is_ascii_alphabetic() || c == b'_' => self.named(),
+            None => self.fail("the end of the file where a value is expected".into()),
+            Some(c) => {
+                let shown =
+                    if c >= 0x80 { format!("the binary code {c}") } else { format!("\"{}\"", char::from(c)) };
+                self.fail(format!("{shown} where a value is expected"))
+            }
+        }
+    }
+
+    fn named(&mut self) -> Flat<Value> {
+        let word = self.word()?;
+        if matches!(self.bytes.peek()?, Some(b'"' | b'\''))
+            && let Some(raw) = string_prefix(&word)
+        {
+            return Ok(Value::Str(self.strings(raw)?));
+        }
+        match word.as_str() {
+            "True" => Ok(Value::Int(1)),
+            "False" => Ok(Value::Int(0)),
+            "None" => Ok(Value::None),
+            _ => self.fail(format!("the name \"{word}\"")),
+        }
+    }
+
+    /// A tuple or a list; a lone value in parentheses is that value.
+    fn sequence(&mut self, depth: usize) -> Flat<Value> {
+        if depth >= MAX_DEPTH {
+            return self.fail("sequences nested too deep".into());
+        }
+        let list = self.bytes.peek()? == Some(b'[');
+        let close = if list { b']' } else { b')' };
+        self.bytes.advance();
+        let mut seq = Seq::default();
+        let mut comma = false;
+        loop {
+            self.blanks(true)?;
+            if self.bytes.peek()? == Some(close) {
+                self.bytes.advance();
+                return Ok(Value::Seq(seq));
+            }
+            // Plain numbers are nearly everything there is: straight into the sequence.
+            let fast = self.plain_number()?;
+            let pushed = match fast {
+                Some(Number::Int(i)) => seq.push_int(i),
+                Some(Number::Float(f)) => seq.push_float(f),
+                None => {
+                    let value = self.expression(depth + 1)?;
+                    self.blanks(true)?;
+                    if !list && !comma && seq.len() == 0 && self.bytes.peek()? == Some(b')') {
+                        self.bytes.advance();
+                        return Ok(value);
+                    }
+                    seq.push(value)
+                }
+            };
+            if let Err(why) = pushed {
+                return self.fail(why.into());
+            }
+            self.blanks(true)?;
+            match self.bytes.peek()? {
+                Some(b',') => {
+                    self.bytes.advance();
+                    comma = true;
+                }
+                Some(c) if c == close => {}
+                None => return self.fail("the end of the file inside of a sequence".into()),
+                Some(_) => return self.fail("a sequence that is not constant".into()),
+            }
+        }
+    }
+
+    /// A number that is followed by a comma, blank or closing bracket: no arithmetic follows. Takes it and
+    /// what separates it, or nothing at all.
+    fn plain_number(&mut self) -> Flat<Option<Number>> {
+        let ahead = self.bytes.ahead(64)?;
+        let Some((number, len)) = scan_number(ahead) else { return Ok(None) };
+        // A comma must follow directly: a lone value in parentheses, or arithmetic, takes the long way.
+        if ahead.get(len) != Some(&b',') {
+            return Ok(None);
+        }
+        self.bytes.skip(len);
+        Ok(Some(number))
+    }
+
+    fn number(&mut self, negative: bool) -> Flat<Value> {
+        // Far longer numbers than anybody writes are refused, not misread.
+        let ahead = self.bytes.ahead(512)?;
+        let Some((number, len)) = scan_number(ahead) else {
+            return self.fail("a number that cannot be read".into());
+        };
+        let next = ahead.get(len).copied();
+        if next.is_some_and(|c| c.is_ascii_alphanumeric() || c == b'_' || c == b'.') {
+            return self.fail("a number that cannot be read".into());
+        }
+        self.bytes.skip(len);
+        Ok(match (number, negative) {
+            (Number::Int(i), false) => Value::Int(i),
+            (Number::Int(i), true) => Value::Int(-i),
+            (Number::Float(f), false) => Value::Float(f),
+            (Number::Float(f), true) => Value::Float(-f),
+        })
+    }
+
+    /// A binary array (reference 3.7).
+    fn binary(&mut self) -> Flat<Value> {
+        let code = self.bytes.peek()?.unwrap_or(0);
+        self.bytes.skip(1);
+        let big = code & 1 == 1;
+        let cut = || "a binary array that ends too early".to_owned();
+        let Some(head) = self.bytes.data(4)? else { return self.fail(cut()) };
+        let word = |b: &[u8]| {
+            let b = [b[0], b[1], b[2], b[3]];
+            if big { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) }
+        };
+        let n = word(head);
+        let Ok(n) = usize::try_from(n as i32) else {
+            return self.fail(format!("a binary array of {} values", n as i32));
+        };
+        let Some(bytes) = n.checked_mul(4) else { return self.fail(cut()) };
+        let Some(data) = self.bytes.data(bytes)? else { return self.fail(cut()) };
+        let words = data.chunks_exact(4).map(word);
+        Ok(Value::Seq(if code < 0x82 {
+            Seq::Ints(words.map(|w| w as i32).collect())
+        } else {
+            Seq::Floats(words.map(f32::from_bits).collect())
+        }))
+    }
+
+    /// Strings side by side are one string.
+    fn strings(&mut self, raw: bool) -> Flat<Arc<str>> {
+        let mut text = self.string(raw)?;
+        loop {
+            self.blanks(true)?;
+            match self.bytes.peek()? {
+                Some(b'"' | b'\'') => text.push_str(&self.string(false)?),
+                _ => return Ok(text.into()),
+            }
+        }
+    }
+
+    /// One string literal, escapes replaced unless `raw`. Bytes that are no UTF-8 are read as Latin-1.
+    fn string(&mut self, raw: bool) -> Flat<String> {
+        let quote = self.bytes.peek()?.unwrap_or(b'"');
+        self.bytes.advance();
+        let triple = self.bytes.peek()? == Some(quote) && self.bytes.peek_at(1)? == Some(quote);
+        if triple {
+            self.bytes.advance();
+            self.bytes.advance();
+        }
+        let mut text: Vec<u8> = Vec::new();
+        loop {
+            let Some(c) = self.bytes.peek()? else {
+                return self.fail("the end of the file inside of a string".into());
+            };
+            if c == quote {
+                if !triple {
+                    self.bytes.advance();
+                    break;
+                }
+                if self.bytes.peek_at(1)? == Some(quote) && self.bytes.peek_at(2)? == Some(quote) {
+                    (0..3).for_each(|_| self.bytes.advance());
+                    break;
+                }
+            }
+            if c == b'\n' && !triple {
+                return self.fail("the end of the line inside of a string".into());
+            }
+            self.bytes.advance();
+            if c == b'\\' {
+                self.escape(raw, &mut text)?;
+            } else {
+                text.push(c);
+            }
+        }
+        Ok(String::from_utf8(text)
+            .unwrap_or_else(|e| e.into_bytes().iter().map(|&b| char::from(b)).collect()))
+    }
+
+    /// What follows a backslash.
+    fn escape(&mut self, raw: bool, text: &mut Vec<u8>) -> Flat<()> {
+        let Some(c) = self.bytes.peek()? else { return Ok(()) };
+        if raw {
+            text.push(b'\\');
+            text.push(c);
+            self.bytes.advance();
+            return Ok(());
+        }
+        self.bytes.advance();
+        let plain = match c {
+            b'n' => b'\n',
+            b't' => b'\t',
+            b'r' => b'\r',
+            b'a' => 7,
+            b'b' => 8,
+            b'f' => 12,
+            b'v' => 11,
+            b'\\' | b'\'' | b'"' => c,
+            b'\n' => return Ok(()),
+            b'0'..=b'7' => {
+                let mut code = u32::from(c - b'0');
+                for _ in 0..2 {
+                    match self.bytes.peek()? {
+                        Some(d @ b'0'..=b'7') => {
+                            code = code * 8 + u32::from(d - b'0');
+                            self.bytes.advance();
+                        }
+                        _ => break,
+                    }
+                }
+                return self.character(code, text);
+            }
+            b'x' => return self.hex(2, text),
+            b'u' => return self.hex(4, text),
+            b'U' => return self.hex(8, text),
+            // Python keeps what it does not know.
+            _ => {
+                text.push(b'\\');
+                c
+            }
+        };
+        text.push(plain);
+        Ok(())
+    }
+
+    fn hex(&mut self, digits: usize, text: &mut Vec<u8>) -> Flat<()> {
+        let mut code = 0;
+        for _ in 0..digits {
+            let digit = self.bytes.peek()?.and_then(|d| char::from(d).to_digit(16));
+            let Some(digit) = digit else {
+                return self.fail("an escape in a string with too few digits".into());
+            };
+            code = code * 16 + digit;
+            self.bytes.advance();
+        }
+        self.character(code, text)
+    }
+
+    fn character(&self, code: u32, text: &mut Vec<u8>) -> Flat<()> {
+        let Some(c) = char::from_u32(code) else {
+            return self.fail(format!("no character has the code {code:#x}"));
+        };
+        text.extend(c.encode_utf8(&mut [0; 4]).bytes());
+        Ok(())
+    }
+
+    /// A name, or an empty string.
+    fn word(&mut self) -> Flat<String> {
+        let mut word = String::new();
+        while let Some(c) = self.bytes.peek()? {
+            if !(c.is_ascii_alphanumeric() || c == b'_') || (word.is_empty() && c.is_ascii_digit()) {
+                break;
+            }
+            word.push(char::from(c));
+            self.bytes.advance();
+            if word.len() > 256 {
+                return self.fail("a name without end".into());
+            }
+        }
+        Ok(word)
+    }
+
+    /// Blanks, comments and joined lines; line ends too where a statement may go on (`lines`).
+    #[inline]
+    fn blanks(&mut self, lines: bool) -> io::Result<()> {
+        loop {
+            match self.bytes.peek()? {
+                Some(b' ' | b'\t' | b'\r' | 0x0c) => self.bytes.advance(),
+                Some(b'\n') if lines => self.bytes.advance(),
+                Some(b'#') => self.comment()?,
+                Some(b'\\') => {
+                    let crlf = self.bytes.peek_at(1)? == Some(b'\r');
+                    let n = if crlf { 2 } else { 1 };
+                    if self.bytes.peek_at(n)? != Some(b'\n') {
+                        return Ok(());
+                    }
+                    (0..=n).for_each(|_| self.bytes.advance());
+                }
+                // A byte order mark at the beginning of the file.
+                Some(0xef)
+                    if self.bytes.mark() == (0, 1)
+                        && self.bytes.ahead(3)?.starts_with(&[0xef, 0xbb, 0xbf]) =>
+                {
+                    self.bytes.skip(3);
+                }
+                _ => return Ok(()),
+            }
+        }
+    }
+
+    fn comment(&mut self) -> io::Result<()> {
+        while !matches!(self.bytes.peek()?, None | Some(b'\n')) {
+            self.bytes.advance();
+        }
+        Ok(())
+    }
+
+    /// After a statement: a line end, a semicolon, or the end.
+    fn end_of_statement(&mut self) -> Flat<()> {
+        self.blanks(false)?;
+        match self.bytes.peek()? {
+            None => Ok(()),
+            Some(b'\n' | b';') => {
+                self.bytes.advance();
+                Ok(())
+            }
+            Some(c) if c >= 0x80 => self.fail(format!("the binary code {c} behind a statement")),
+            Some(c) => self.fail(format!("\"{}\" behind a statement", char::from(c))),
+        }
+    }
+
+    fn fail<T>(&self, what: String) -> Flat<T> {
+        Err(NotFlat::Why(Why { what, line: self.bytes.line() }))
+    }
+}
+
+/// Whether a word is a prefix of string literals, and whether of raw ones.
+fn string_prefix(word: &str) -> Option<bool> {
+    match word {
+        "r" | "R" => Some(true),
+        "u" | "U" | "b" | "B" => Some(false),
+        _ => None,
+    }
+}
+
+/// A number as it stands in the text.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Number {
+    Int(i64),
+    Float(f64),
+}
+
+/// Powers of ten that are exact in double precision.
+const POWERS: [f64; 23] = [
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18,
+    1e19, 1e20, 1e21, 1e22,
+];
+
+/// Reads a decimal (or `0x`) number at the beginning of `text`: its value and its length.
+///
+/// Up to 2^53 and exponents to 22 one exact multiplication or division gives the correctly rounded result
+/// (Clinger 1990); the rest goes through the standard library.
+pub(crate) fn scan_number(text: &[u8]) -> Option<(Number, usize)> {
+    let mut at = 0;
+    let negative = text.first() == Some(&b'-');
+    if negative {
+        at = 1;
+    }
+    if text.get(at) == Some(&b'0') && matches!(text.get(at + 1), Some(b'x' | b'X')) {
+        let digits = text[at + 2..].iter().take_while(|c| c.is_ascii_hexdigit()).count();
+        let word = std::str::from_utf8(&text[at + 2..at + 2 + digits]).ok()?;
+        let value = i64::from_str_radix(word, 16).ok()?;
+        return Some((Number::Int(if negative { -value } else { value }), at + 2 + digits));
+    }
+    let start = at;
+    let mut mantissa: u64 = 0;
+    let mut digits = 0;
+    let mut scale = 0i32;
+    let mut exact = true;
+    let mut take = |c: u8, digits: &mut i32| {
+        if *digits < 19 {
+            mantissa = mantissa * 10 + u64::from(c - b'0');
+        } else {
+            exact = false;
+        }
+        if mantissa != 0 {
+            *digits += 1;
+        }
+    };
+    let mut seen = false;
+    while let Some(c @ b'0'..=b'9') = text.get(at) {
+        take(*c, &mut digits);
+        seen = true;
+        at += 1;
+    }
+    let mut float = false;
+    if text.get(at) == Some(&b'.') {
+        float = true;
+        at += 1;
+        while let Some(c @ b'0'..=b'9') = text.get(at) {
+            take(*c, &mut digits);
+            scale -= 1;
+            seen = true;
+            at += 1;
+        }
+    }
+    if !seen {
+        return None;
+    }
+    let mut exponent_large = false;
+    if matches!(text.get(at), Some(b'e' | b'E')) {
+        let sign = matches!(text.get(at + 1), Some(b'+' | b'-'));
+        let from = at + 1 + usize::from(sign);
+        let n = text[from.min(text.len())..].iter().take_while(|c| c.is_ascii_digit()).count();
+        if n > 0 {
+            float = true;
+            let value = text[from..from + n]
+                .iter()
+                .fold(0i32, |e, c| e.saturating_mul(10).saturating_add(i32::from(c - b'0')));
+            let value = if text[at + 1] == b'-' { -value } else { value };
+            exponent_large = value.abs() > 400;
+            scale = scale.saturating_add(value);
+            at = from + n;
+        }
+    }
+    if !float {
+        if exact && mantissa <= i64::MAX as u64 {
+            let value = mantissa as i64;
+            return Some((Number::Int(if negative { -value } else { value }), at));
+        }
+        let value: f64 = std::str::from_utf8(&text[start..at]).ok()?.parse().ok()?;
+        return Some((Number::Float(if negative { -value } else { value }), at));
+    }
+    let value = if exact && !exponent_large && mantissa <= 1 << 53 && scale.unsigned_abs() <= 22 {
+        let power = POWERS[scale.unsigned_abs() as usize];
+        if scale < 0 { mantissa as f64 / power } else { mantissa as f64 * power }
+    } else {
+        std::str::from_utf8(&text[start..at]).ok()?.parse().ok()?
+    };
+    Some((Number::Float(if negative { -value } else { value }), at))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_agree_with_the_standard_library() {
+        let texts = [
+            "0",
+            "-0.0",
+            "1",
+            "-17",
+            "0.1",
+            ".5",
+            "5.",
+            "1e10",
+            "1E-10",
+            "2.5e+3",
+            "1e22",
+            "1e23",
+            "1e-22",
+            "1e-23",
+            "123456789012345678901234567890",
+            "0.000000000000000000000000000001234",
+            "9007199254740993.0",
+            "3.4028235e38",
+            "1e400",
+            "1e-400",
+            "4.9e-324",
+            "0.30000000000000004",
+            "1e99999999999",
+            "9223372036854775807",
+            "9223372036854775808",
+            "0000000000000000000000000001.5",
+        ];
+        for text in texts {
+            let (number, len) = scan_number(text.as_bytes()).unwrap();
+            assert_eq!(len, text.len(), "{text}");
+            let want: f64 = text.parse().unwrap();
+            match number {
+                Number::Int(i) => assert_eq!(i.to_string(), text),
+                Number::Float(f) => assert_eq!(f.to_bits(), want.to_bits(), "{text}"),
+            }
+        }
+        for bad in ["", "-", ".", "e5", "abc", "-.e3"] {
+            assert!(scan_number(bad.as_bytes()).is_none(), "{bad}");
+        }
+        assert_eq!(scan_number(b"0x1F,"), Some((Number::Int(31), 4)));
+        assert_eq!(scan_number(b"1e,"), Some((Number::Int(1), 1)));
+    }
+}
