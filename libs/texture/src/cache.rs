@@ -1,8 +1,11 @@
 //! The texture cache: names to files, files to tiles, tiles to answers.
 
-use crate::statistics::{Counters, add};
-use crate::{CacheStatistics, EnvLookup, Lookup, ShadowLookup};
-use granita_base::{Param, Reporter, SearchPath};
+use crate::file::TextureFile;
+use crate::shared::Shared;
+use crate::statistics::add;
+use crate::{CacheStatistics, EnvLookup, Lookup, ShadowLookup, TextureKind};
+use crate::{environment, plain, shadow};
+use granita_base::{BaseType, Param, ParamData, ParamType, Reporter, SearchPath, Transform};
 use granita_image::FormatRegistry;
 
 /// Bounds and behaviour of a [`TextureCache`].
@@ -55,11 +58,7 @@ pub struct TextureId(pub(crate) u32);
 /// order of lookups or the number of threads.
 #[derive(Debug)]
 pub struct TextureCache {
-    registry: FormatRegistry,
-    search: SearchPath,
-    options: CacheOptions,
-    reporter: Reporter,
-    counters: Counters,
+    shared: Shared,
 }
 
 impl TextureCache {
@@ -70,7 +69,7 @@ impl TextureCache {
         options: CacheOptions,
         reporter: Reporter,
     ) -> Self {
-        Self { registry, search, options, reporter, counters: Counters::default() }
+        Self { shared: Shared::new(registry, search, options, reporter) }
     }
 
     /// The texture of this name, without regard to substitutes: [`TextureCache::find_for`] a
@@ -83,48 +82,73 @@ impl TextureCache {
     /// no such file or it cannot be used; a shader then gets `fill` in all channels and alpha 0 of a
     /// texture or environment, and no shadow.
     pub fn find_for(&self, name: &str, usage: Use) -> Option<TextureId> {
+        let options = &self.shared.options;
         let substitute = match usage {
-            Use::Texture => self.options.substitute_texture.as_deref(),
-            Use::Environment => self.options.substitute_environment.as_deref(),
+            Use::Texture => options.substitute_texture.as_deref(),
+            Use::Environment => options.substitute_environment.as_deref(),
             Use::Shadow => None,
         };
-        let name = substitute.filter(|s| !s.is_empty()).unwrap_or(name);
-        let _ = (&self.registry, &self.search, &self.reporter, name);
-        None
+        self.shared.find(substitute.filter(|s| !s.is_empty()).unwrap_or(name)).map(TextureId)
+    }
+
+    /// The kind of a texture.
+    ///
+    /// # Panics
+    /// As every function here that takes an id: when the id is of another cache.
+    pub fn kind(&self, id: TextureId) -> TextureKind {
+        self.file(id).kind
     }
 
     /// Filtered value of a texture: channels `first_channel` and following into `out`, of which the last
-    /// is the one that shaders call alpha. Channels that the file lacks become `fill`.
+    /// is the one that shaders call alpha. Channels that the file lacks become `fill`; at coordinates that
+    /// are not finite the others become 0.
     pub fn texture(&self, id: TextureId, lookup: &Lookup, out: &mut [f32]) {
-        let _ = id;
-        add(&self.counters.lookups, 1);
-        out.fill(lookup.fill);
+        add(&self.shared.counters.lookups, 1);
+        plain::texture(&self.shared, self.file(id), lookup, out);
     }
 
-    /// Filtered value of an environment map, as [`TextureCache::texture`]. A plain texture is taken for a
-    /// latitude-longitude map.
+    /// Filtered value of an environment map, as [`TextureCache::texture`]. Any map that is not a cube-face
+    /// environment is taken for a latitude-longitude map. A direction of no length, or that is not finite,
+    /// gives 0.
     pub fn environment(&self, id: TextureId, lookup: &EnvLookup, out: &mut [f32]) {
-        let _ = id;
-        add(&self.counters.lookups, 1);
-        out.fill(lookup.fill);
+        add(&self.shared.counters.lookups, 1);
+        environment::environment(&self.shared, self.file(id), lookup, out);
     }
 
-    /// How much of a point is in shadow, 0 (none) to 1 (all).
+    /// How much of a point is in shadow, 0 (none) to 1 (all). Points behind the light, outside the map or
+    /// not finite are not in shadow.
     pub fn shadow(&self, id: TextureId, lookup: &ShadowLookup) -> f32 {
-        let _ = (id, lookup);
-        add(&self.counters.lookups, 1);
-        0.0
+        add(&self.shared.counters.lookups, 1);
+        shadow::shadow(&self.shared, self.file(id), lookup)
     }
 
     /// Data about a texture file (reference table 5.5): "resolution", "type", "textureformat", "channels",
     /// "viewingmatrix", "projectionmatrix". `None` when there is no such file or datum.
     pub fn info(&self, name: &str, what: &str) -> Option<Param> {
-        let _ = (name, what);
-        None
+        let file = self.file(self.find(name)?);
+        let matrix = |m: &Option<Transform>| m.map(|m| ParamData::from(&m.to_rows()[..]));
+        let (ty, data) = match what {
+            "resolution" => {
+                let level = &file.levels[0];
+                let size = [level.width as f32, level.height as f32];
+                (ParamType::array(BaseType::Float, 2), ParamData::from(&size[..]))
+            }
+            "type" => (ParamType::of(BaseType::String), file.kind.type_word().into()),
+            "textureformat" => (ParamType::of(BaseType::String), file.kind.word().into()),
+            "channels" => (ParamType::of(BaseType::Float), (file.channels as f32).into()),
+            "viewingmatrix" => (ParamType::of(BaseType::Matrix), matrix(&file.world_to_camera)?),
+            "projectionmatrix" => (ParamType::of(BaseType::Matrix), matrix(&file.world_to_screen)?),
+            _ => return None,
+        };
+        Some(Param { name: what.into(), ty, data })
     }
 
     /// What was done so far.
     pub fn statistics(&self) -> CacheStatistics {
-        self.counters.read()
+        self.shared.counters.read()
+    }
+
+    fn file(&self, id: TextureId) -> &TextureFile {
+        self.shared.files.get(id.0).expect("invariant: an id is made by this cache and never removed")
     }
 }

@@ -1,0 +1,196 @@
+//! Six faces of a cube: directions, mosaics, and texels across edges.
+
+use granita_base::Vec3;
+
+/// How one face looks: from the centre of the cube.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Face {
+    pub(crate) forward: Vec3,
+    pub(crate) up: Vec3,
+    pub(crate) right: Vec3,
+}
+
+const fn face(forward: [f32; 3], up: [f32; 3], right: [f32; 3]) -> Face {
+    Face { forward: Vec3::from_array(forward), up: Vec3::from_array(up), right: Vec3::from_array(right) }
+}
+
+/// The names of the faces, in the order of command lines and of [`CubeLayout::faces`].
+pub(crate) const FACE_NAMES: [&str; 6] = ["px", "nx", "py", "ny", "pz", "nz"];
+
+/// Faces px nx py ny pz nz of reference 9.3: left handed.
+const LEFT_HANDED: [Face; 6] = [
+    face([1., 0., 0.], [0., 1., 0.], [0., 0., -1.]),
+    face([-1., 0., 0.], [0., 1., 0.], [0., 0., 1.]),
+    face([0., 1., 0.], [0., 0., -1.], [1., 0., 0.]),
+    face([0., -1., 0.], [0., 0., 1.], [1., 0., 0.]),
+    face([0., 0., 1.], [0., 1., 0.], [1., 0., 0.]),
+    face([0., 0., -1.], [0., 1., 0.], [-1., 0., 0.]),
+];
+
+/// The same faces as OpenEXR stores them (its documentation of `ENVMAP_CUBE`): right handed.
+const RIGHT_HANDED: [Face; 6] = [
+    face([1., 0., 0.], [0., 1., 0.], [0., 0., 1.]),
+    face([-1., 0., 0.], [0., 1., 0.], [0., 0., -1.]),
+    face([0., 1., 0.], [0., 0., 1.], [1., 0., 0.]),
+    face([0., -1., 0.], [0., 0., -1.], [1., 0., 0.]),
+    face([0., 0., 1.], [0., 1., 0.], [-1., 0., 0.]),
+    face([0., 0., -1.], [0., 1., 0.], [1., 0., 0.]),
+];
+
+/// How six faces are laid out in one picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum CubeLayout {
+    /// 3 x 2: px py pz over nx ny nz, left handed (reference 9.2.5).
+    Mosaic,
+    /// 1 x 6: px nx py ny pz nz from the top, right handed (reference 9.2.8).
+    Column,
+}
+
+impl CubeLayout {
+    /// In the order of [`FACE_NAMES`].
+    pub(crate) fn faces(self) -> &'static [Face; 6] {
+        match self {
+            Self::Mosaic => &LEFT_HANDED,
+            Self::Column => &RIGHT_HANDED,
+        }
+    }
+
+    /// Column and row of a face in the mosaic.
+    pub(crate) fn cell(self, face: usize) -> (u32, u32) {
+        match self {
+            Self::Mosaic => ((face / 2) as u32, (face % 2) as u32),
+            Self::Column => (0, face as u32),
+        }
+    }
+
+    /// Columns and rows of the mosaic.
+    pub(crate) fn cells(self) -> (u32, u32) {
+        match self {
+            Self::Mosaic => (3, 2),
+            Self::Column => (1, 6),
+        }
+    }
+}
+
+/// Where a direction meets the cube.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CubePoint {
+    pub(crate) face: usize,
+    /// Fractions of the face, from its upper left corner.
+    pub(crate) s: f32,
+    pub(crate) t: f32,
+    /// Length of the direction over its component along the face's axis, 1 to sqrt 3.
+    pub(crate) stretch: f32,
+}
+
+/// The face whose axis is nearest to `d`, which is finite and not 0.
+pub(crate) fn face_of(d: Vec3) -> usize {
+    let a = d.abs();
+    if a.x >= a.y && a.x >= a.z {
+        usize::from(d.x < 0.0)
+    } else if a.y >= a.z {
+        2 + usize::from(d.y < 0.0)
+    } else {
+        4 + usize::from(d.z < 0.0)
+    }
+}
+
+/// Where `d` (finite, not 0) meets the cube.
+pub(crate) fn project(layout: CubeLayout, d: Vec3) -> CubePoint {
+    let face = face_of(d);
+    let f = &layout.faces()[face];
+    let depth = d.dot(f.forward);
+    CubePoint {
+        face,
+        s: 0.5 + 0.5 * d.dot(f.right) / depth,
+        t: 0.5 - 0.5 * d.dot(f.up) / depth,
+        stretch: d.length() / depth,
+    }
+}
+
+/// The direction through a point of a face, which may lie outside [0, 1]; its component along the axis is 1.
+pub(crate) fn direction(layout: CubeLayout, face: usize, s: f32, t: f32) -> Vec3 {
+    let f = &layout.faces()[face];
+    f.forward + f.right * (2.0 * s - 1.0) + f.up * (1.0 - 2.0 * t)
+}
+
+/// The texel at (x, y) of a face of `n` x `n` texels, where x or y may be one outside: then it is the
+/// texel of the neighbouring face that lies against it. `None` for the corners where only three faces
+/// meet: there is no such texel.
+pub(crate) fn texel_across(
+    layout: CubeLayout,
+    face: usize,
+    x: i32,
+    y: i32,
+    n: i32,
+) -> Option<(usize, i32, i32)> {
+    let inside = |v: i32| (0..n).contains(&v);
+    match (inside(x), inside(y)) {
+        (true, true) => return Some((face, x, y)),
+        (false, false) => return None,
+        _ => {}
+    }
+    let (s, t) = ((x as f32 + 0.5) / n as f32, (y as f32 + 0.5) / n as f32);
+    let p = project(layout, direction(layout, face, s, t));
+    let index = |v: f32| ((v * n as f32) as i32).clamp(0, n - 1);
+    Some((p.face, index(p.s), index(p.t)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn handedness_of_the_tables() {
+        for (layout, sign) in [(CubeLayout::Mosaic, 1.0), (CubeLayout::Column, -1.0)] {
+            for f in layout.faces() {
+                assert_eq!(f.right.cross(f.up), f.forward * sign);
+            }
+        }
+    }
+
+    #[test]
+    fn directions_come_back() {
+        for layout in [CubeLayout::Mosaic, CubeLayout::Column] {
+            for face in 0..6 {
+                for (s, t) in [(0.5, 0.5), (0.1, 0.8), (0.99, 0.01)] {
+                    let p = project(layout, direction(layout, face, s, t) * 3.0);
+                    assert_eq!(p.face, face);
+                    assert!((p.s - s).abs() < 1e-6 && (p.t - t).abs() < 1e-6);
+                }
+            }
+        }
+    }
+
+    /// Every border texel and its neighbour across the edge name each other, and lie side by side.
+    #[test]
+    fn edges_are_mutual() {
+        for layout in [CubeLayout::Mosaic, CubeLayout::Column] {
+            for n in [1, 2, 5, 64] {
+                for face in 0..6 {
+                    for i in 0..n {
+                        for (x, y, inner) in
+                            [(-1, i, (0, i)), (n, i, (n - 1, i)), (i, -1, (i, 0)), (i, n, (i, n - 1))]
+                        {
+                            let (f, nx, ny) = texel_across(layout, face, x, y, n).unwrap();
+                            assert_ne!(f, face);
+                            let centre = |f: usize, x: i32, y: i32| {
+                                direction(layout, f, (x as f32 + 0.5) / n as f32, (y as f32 + 0.5) / n as f32)
+                            };
+                            let (a, b) = (centre(face, inner.0, inner.1), centre(f, nx, ny));
+                            // Both are half a texel from the common edge, at the same place along it.
+                            let expected = (2.0_f32).sqrt() / n as f32;
+                            assert!(((a - b).length() - expected).abs() < 1e-5, "{layout:?} {n} {face} {i}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn corners_have_no_texel() {
+        assert!(texel_across(CubeLayout::Mosaic, 0, -1, -1, 4).is_none());
+        assert!(texel_across(CubeLayout::Mosaic, 0, 4, -1, 4).is_none());
+    }
+}

@@ -1,0 +1,161 @@
+//! `environment ()`: filtered lookup in maps of all directions.
+
+use crate::TextureKind;
+use crate::cube;
+use crate::file::TextureFile;
+use crate::footprint::{Mean, Spread, mix};
+use crate::lookup::{EnvLookup, Up};
+use crate::plain::by_channels;
+use crate::sampler::{Sampler, cell, levels};
+use crate::shared::Shared;
+use granita_base::Vec3;
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
+
+/// Widest cone that is filtered, in radians.
+const WIDEST: f32 = PI;
+
+/// Most texels of one row that a probe near a pole reads.
+const MAX_ROW: u32 = 32;
+
+/// A unit direction in the frame of a latitude-longitude map: x to its centre, y to the right of it, z
+/// to its upper edge.
+fn to_map(r: Vec3, up: Up) -> Vec3 {
+    match up {
+        Up::Z => r,
+        Up::Y => Vec3::new(r.z, -r.x, r.y),
+    }
+}
+
+/// See [`crate::TextureCache::environment`].
+pub(crate) fn environment(shared: &Shared, file: &TextureFile, q: &EnvLookup, out: &mut [f32]) {
+    let cube = file.kind == TextureKind::CubeFaceEnvironment;
+    let up = if cube { Up::Y } else { q.up.unwrap_or(file.up) };
+    let length = q.r.length();
+    let usable = length.is_finite() && length > 0.0;
+    let r = if usable { q.r / length } else { Vec3::Z };
+    let axis = if up == Up::Y { Vec3::Y } else { Vec3::Z };
+    // "s" goes around the axis, "t" towards the poles; at a pole any two directions do.
+    let east = axis.cross(r).try_normalize().unwrap_or_else(|| r.any_orthonormal_vector());
+    let north = r.cross(east);
+    let mut spread = Spread::default();
+    for d in [q.drdx, q.drdy] {
+        let d = d / length;
+        spread.add(d.dot(east) * q.swidth, d.dot(north) * q.twidth);
+    }
+    match q.angle {
+        Some(angle) => {
+            spread.add(2.0 * angle, 0.0);
+            spread.add(0.0, 2.0 * angle);
+        }
+        None => {
+            spread.add(q.sblur * FRAC_PI_2, 0.0);
+            spread.add(0.0, q.tblur * FRAC_PI_2);
+        }
+    }
+    let mut ellipse = spread.ellipse();
+    ellipse.a = ellipse.a.min(f64::from(WIDEST));
+    ellipse.b = ellipse.b.min(f64::from(WIDEST));
+    let probes = ellipse.probes(f64::from(texel_angle(file, cube)));
+    let long = east * ellipse.axis[0] + north * ellipse.axis[1];
+    let mut count = 0;
+    by_channels(file, q.first_channel, q.fill, out, |first, n| {
+        if !usable {
+            return [0.0; 4];
+        }
+        let mut sampler = Sampler::new(shared, file, first, n);
+        let mut mean = Mean::default();
+        for (x, weight) in probes.iter() {
+            let d = r * x.cos() + long * x.sin();
+            let value = if cube {
+                cube_probe(&mut sampler, d, probes.width)
+            } else {
+                latlong_probe(&mut sampler, to_map(d, up), probes.width, probes.exact)
+            };
+            mean.add(value, weight);
+        }
+        count += u64::from(probes.count);
+        mean.value()
+    });
+    shared.count_probes(count);
+}
+
+/// Angle that one texel of the largest level covers where the map is coarsest.
+fn texel_angle(file: &TextureFile, cube: bool) -> f32 {
+    let level = &file.levels[0];
+    if cube { 2.0 / level.face_width as f32 } else { PI / level.height as f32 }
+}
+
+/// Round probe of a cube: direction `d`, of length about 1, full width in radians.
+fn cube_probe(sampler: &mut Sampler<'_>, d: Vec3, width: f32) -> [f32; 4] {
+    let p = cube::project(sampler.file.layout, d);
+    // On the face's plane lengths grow by stretch^2 outward and stretch across: their geometric mean.
+    let texels = width * 0.5 * sampler.level(0).face_width as f32 * p.stretch * p.stretch.sqrt();
+    let (level, share) = levels(texels.log2(), sampler.last());
+    let (s, t) = (p.s.clamp(0.0, 1.0), p.t.clamp(0.0, 1.0));
+    let value = sampler.cube_bilinear(level, p.face, s, t);
+    if share > 0.0 { mix(value, sampler.cube_bilinear(level + 1, p.face, s, t), share) } else { value }
+}
+
+/// Round probe of a latitude-longitude map: direction in the map's frame; `width` chooses the level,
+/// `exact` is what is to be covered along the rows.
+fn latlong_probe(sampler: &mut Sampler<'_>, d: Vec3, width: f32, exact: f32) -> [f32; 4] {
+    let around = d.x.hypot(d.y);
+    let s = d.y.atan2(d.x) / TAU + 0.5;
+    let t = around.atan2(d.z) / PI;
+    let (level, share) = levels((width * sampler.level(0).height as f32 / PI).log2(), sampler.last());
+    let span = (exact / (TAU * around.max(1e-6))).min(1.0);
+    let value = latlong_level(sampler, level, s, t, span);
+    if share > 0.0 { mix(value, latlong_level(sampler, level + 1, s, t, span), share) } else { value }
+}
+
+/// Round probe into one level; `span` is the part of a row that it covers. Towards the poles that becomes
+/// more and more texels: the probe is the mean of several points along the row.
+fn latlong_level(sampler: &mut Sampler<'_>, level: usize, s: f32, t: f32, span: f32) -> [f32; 4] {
+    let columns = sampler.level(level).width as f32;
+    // One point covers one texel by itself.
+    let reach = ((span * columns).powi(2) - 1.0).max(0.0).sqrt();
+    let count = (reach.ceil() as u32).clamp(1, MAX_ROW);
+    let mut mean = Mean::default();
+    for i in 0..count {
+        let offset = ((2 * i + 1) as f32 / count as f32 - 1.0) * 0.5 * reach / columns;
+        mean.add(latlong_point(sampler, level, s + offset, t), 1.0);
+    }
+    mean.value()
+}
+
+/// Bilinear value of one level. Above the middle of the first row (below that of the last) it goes over
+/// into one value at the pole itself.
+fn latlong_point(sampler: &mut Sampler<'_>, level: usize, s: f32, t: f32) -> [f32; 4] {
+    let (width, height) = (sampler.level(level).width, sampler.level(level).height);
+    let (y, fy) = cell(t.clamp(0.0, 1.0), height);
+    let in_row = |sampler: &mut Sampler<'_>, y: u32| {
+        let (x, fx) = cell(s - s.floor(), width);
+        let column = |x: i32| x.rem_euclid(width as i32) as u32;
+        let left = sampler.texel(level, column(x), y);
+        mix(left, sampler.texel(level, column(x + 1), y), fx)
+    };
+    let last = height as i32 - 1;
+    if y < 0 {
+        // From the pole (fy = 0.5) to the middle of the first row (fy = 1).
+        let row = in_row(sampler, 0);
+        mix(pole(sampler, level, 0), row, (2.0 * fy - 1.0).clamp(0.0, 1.0))
+    } else if y >= last {
+        let row = in_row(sampler, last as u32);
+        mix(row, pole(sampler, level, last as u32), (2.0 * fy).clamp(0.0, 1.0))
+    } else {
+        let upper = in_row(sampler, y as u32);
+        mix(upper, in_row(sampler, y as u32 + 1), fy)
+    }
+}
+
+/// The value at a pole: the mean of the row next to it.
+fn pole(sampler: &mut Sampler<'_>, level: usize, row: u32) -> [f32; 4] {
+    let width = sampler.level(level).width;
+    let count = width.min(MAX_ROW);
+    let mut mean = Mean::default();
+    for i in 0..count {
+        let x = (u64::from(i) * u64::from(width) / u64::from(count)) as u32;
+        mean.add(sampler.texel(level, x, row), 1.0);
+    }
+    mean.value()
+}

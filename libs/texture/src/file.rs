@@ -1,0 +1,290 @@
+//! One texture file: what it says of itself, and how its texels are reached.
+
+use crate::cube::CubeLayout;
+use crate::picture::{Picture, half, level_count};
+use crate::tiles::Tile;
+use crate::{TextureKind, Up, Wrap};
+use granita_base::{Filter, Transform};
+use granita_image::{ImageInput, ImageSpec, Pixels};
+use std::path::PathBuf;
+use std::sync::atomic::AtomicU64;
+use std::sync::{Arc, Mutex, OnceLock};
+
+/// Size and tiling of one MIP level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Level {
+    /// Of the whole picture.
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    /// Of one face; of the whole picture when it is no cube.
+    pub(crate) face_width: u32,
+    pub(crate) face_height: u32,
+    /// Distance between the upper left corners of neighbouring faces.
+    pub(crate) step_x: u32,
+    pub(crate) step_y: u32,
+    /// Of a tile; the whole level when it is held in memory.
+    pub(crate) tile_width: u32,
+    pub(crate) tile_height: u32,
+}
+
+/// Where the texels are.
+pub(crate) enum Source {
+    /// In tiles of the file, read one by one.
+    Tiles {
+        /// Open file; closed when too many are open.
+        handle: Mutex<Option<Arc<dyn ImageInput>>>,
+        /// When it was last read from.
+        stamp: AtomicU64,
+    },
+    /// In memory, made from the whole file when first looked at: one block per level.
+    Memory(OnceLock<Vec<Arc<Tile>>>),
+}
+
+impl std::fmt::Debug for Source {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Tiles { .. } => "Tiles",
+            Self::Memory(_) => "Memory",
+        })
+    }
+}
+
+/// One texture file.
+#[derive(Debug)]
+pub(crate) struct TextureFile {
+    pub(crate) index: u32,
+    pub(crate) path: PathBuf,
+    pub(crate) kind: TextureKind,
+    /// At least one.
+    pub(crate) levels: Vec<Level>,
+    pub(crate) channels: usize,
+    pub(crate) swrap: Wrap,
+    pub(crate) twrap: Wrap,
+    /// Orientation of a latitude-longitude map.
+    pub(crate) up: Up,
+    pub(crate) layout: CubeLayout,
+    pub(crate) world_to_camera: Option<Transform>,
+    pub(crate) world_to_screen: Option<Transform>,
+    pub(crate) source: Source,
+    /// Bytes of one texel.
+    pub(crate) texel_bytes: u64,
+}
+
+/// Whether the file follows OpenEXR's conventions for environment maps.
+fn is_openexr(input: &dyn ImageInput) -> bool {
+    matches!(input.format_name().to_ascii_lowercase().as_str(), "exr" | "openexr")
+}
+
+/// The kind a file says it is; a single-channel float picture with both matrices is a depth map even if
+/// it does not say so.
+fn kind_of(spec: &ImageSpec) -> TextureKind {
+    if let Some(kind) = spec.string("textureformat").and_then(TextureKind::from_word) {
+        return kind;
+    }
+    match spec.string("envmap").map(str::to_ascii_lowercase).as_deref() {
+        Some("latlong" | "latitude-longitude" | "latitude-longitude map") => {
+            return TextureKind::LatLongEnvironment;
+        }
+        Some("cube" | "cube-face" | "cube-face map") => return TextureKind::CubeFaceEnvironment,
+        _ => {}
+    }
+    let matrices = spec.matrix("worldtocamera").is_some() && spec.matrix("worldtoscreen").is_some();
+    if matrices && spec.nchannels() == 1 { TextureKind::Shadow } else { TextureKind::Plain }
+}
+
+/// The size of a face, and the step between faces, of a level that holds a cube.
+fn cube_level(layout: CubeLayout, spec: &ImageSpec, whole: (u32, u32)) -> Option<Level> {
+    let (columns, rows) = layout.cells();
+    let (step_x, step_y) = (whole.0 / columns, whole.1 / rows);
+    let (face_width, face_height) = match layout {
+        // Faces may be padded to whole tiles; then the display window is the size of a face.
+        CubeLayout::Mosaic if (1..=step_x).contains(&spec.full_width) && spec.full_height <= step_y => {
+            (spec.full_width, spec.full_height.max(1))
+        }
+        CubeLayout::Mosaic => (step_x, step_y),
+        CubeLayout::Column if whole.1 != whole.0.checked_mul(6)? => return None,
+        CubeLayout::Column => (whole.0, whole.0),
+    };
+    (face_width > 0 && face_height > 0 && face_width == face_height).then_some(Level {
+        width: whole.0,
+        height: whole.1,
+        face_width,
+        face_height,
+        step_x,
+        step_y,
+        tile_width: spec.tile_width,
+        tile_height: spec.tile_height,
+    })
+}
+
+fn plain_level(width: u32, height: u32, tile: (u32, u32)) -> Level {
+    Level {
+        width,
+        height,
+        face_width: width,
+        face_height: height,
+        step_x: width,
+        step_y: height,
+        tile_width: tile.0,
+        tile_height: tile.1,
+    }
+}
+
+/// What keeps a file from being used as it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Lack {
+    Tiles,
+    Levels,
+}
+
+impl TextureFile {
+    /// Reads what the file says of itself. Also what it lacks for direct use; then its source is memory.
+    pub(crate) fn open(
+        index: u32,
+        path: PathBuf,
+        input: Box<dyn ImageInput>,
+    ) -> Result<(Self, Option<Lack>), String> {
+        let Some(spec) = input.spec(0, 0).filter(|s| s.width > 0 && s.height > 0 && s.nchannels() > 0) else {
+            return Err("it has no pixels".to_owned());
+        };
+        let mut kind = kind_of(spec);
+        let openexr = is_openexr(&*input);
+        let layout = if openexr { CubeLayout::Column } else { CubeLayout::Mosaic };
+        let mut levels = Vec::new();
+        for level in 0..input.levels(0) {
+            let Some(s) = input.spec(0, level) else { break };
+            // Further images that are no smaller level of the first end the pyramid.
+            let follows = levels.last().is_none_or(|l: &Level| s.width <= l.width && s.height <= l.height);
+            let same = s.nchannels() == spec.nchannels() && s.is_tiled() == spec.is_tiled();
+            if !follows || !same || s.width == 0 || s.height == 0 {
+                break;
+            }
+            if kind.is_cube() {
+                match cube_level(layout, s, (s.width, s.height)) {
+                    Some(level) => levels.push(level),
+                    None if levels.is_empty() => {
+                        return Err(format!(
+                            "a picture of {} x {} pixels cannot hold six square faces",
+                            s.width, s.height
+                        ));
+                    }
+                    None => break,
+                }
+            } else {
+                levels.push(plain_level(s.width, s.height, (s.tile_width, s.tile_height)));
+            }
+        }
+        let complete =
+            !kind.is_mipmapped() || levels.len() > 1 || levels[0].face_width.max(levels[0].face_height) == 1;
+        let lack = match (spec.is_tiled(), complete) {
+            (true, true) => None,
+            (true, false) => Some(Lack::Levels),
+            (false, _) => Some(Lack::Tiles),
+        };
+        if kind == TextureKind::VolumeShadow && spec.nchannels() < 4 {
+            kind = TextureKind::Shadow;
+        }
+        if lack.is_some() {
+            levels = Self::memory_levels(kind, levels[0]);
+        }
+        if !kind.is_mipmapped() {
+            levels.truncate(1);
+        }
+        let matrix = |name| spec.matrix(name).map(|m| Transform::from_rows(&m)).filter(|m| m.is_finite());
+        let wraps = spec.string("wrapmodes").and_then(Wrap::parse_pair).unwrap_or_default();
+        let file = Self {
+            index,
+            kind,
+            levels,
+            channels: spec.nchannels(),
+            swrap: wraps.0,
+            twrap: wraps.1,
+            up: if openexr { Up::Y } else { Up::Z },
+            layout,
+            world_to_camera: matrix("worldtocamera"),
+            world_to_screen: matrix("worldtoscreen"),
+            texel_bytes: (spec.nchannels() * spec.pixel_type.bytes()) as u64,
+            path,
+            source: match lack {
+                Some(_) => Source::Memory(OnceLock::new()),
+                None => {
+                    Source::Tiles { handle: Mutex::new(Some(Arc::from(input))), stamp: AtomicU64::new(0) }
+                }
+            },
+        };
+        Ok((file, lack))
+    }
+
+    /// The levels that [`TextureFile::make_levels`] will make.
+    fn memory_levels(kind: TextureKind, first: Level) -> Vec<Level> {
+        let whole = |l: Level| Level { tile_width: l.width, tile_height: l.height, ..l };
+        let mut levels = vec![whole(first)];
+        if !kind.is_mipmapped() || kind == TextureKind::VolumeShadow {
+            return levels;
+        }
+        let (columns, rows) =
+            if kind.is_cube() { (first.width / first.step_x, first.height / first.step_y) } else { (1, 1) };
+        let (mut w, mut h) = (first.face_width, first.face_height);
+        for _ in 1..level_count(w as usize, h as usize) {
+            (w, h) = (half(w as usize) as u32, half(h as usize) as u32);
+            let (width, height) = (w * columns, h * rows);
+            levels.push(Level {
+                face_width: w,
+                face_height: h,
+                step_x: w,
+                step_y: h,
+                ..plain_level(width, height, (width, height))
+            });
+        }
+        levels
+    }
+
+    /// Makes all levels of a file that lacks tiles or levels; bytes they take.
+    pub(crate) fn make_levels(&self, input: &dyn ImageInput) -> granita_image::Result<Vec<Arc<Tile>>> {
+        let pixel_type = input.spec(0, 0).map_or(granita_image::PixelType::Float, |s| s.pixel_type);
+        let n = self.channels;
+        let tile = |pixels: Pixels, width: u32| Arc::new(Tile::new(pixels, width as usize, n));
+        if self.levels.len() == 1 {
+            return Ok(vec![tile(input.read_level(0, 0)?, self.levels[0].width)]);
+        }
+        let (first, _) = Picture::read(input, 0)?;
+        let wrap = (self.swrap, self.twrap);
+        let level = |p: &Picture| tile(Pixels::from_floats(pixel_type, &p.data), p.width as u32);
+        if !self.kind.is_cube() {
+            return Ok(first.pyramid(Filter::Box, wrap).iter().map(level).collect());
+        }
+        let faces: Vec<Vec<Picture>> = (0..6)
+            .map(|face| {
+                let (x, y) = self.face_origin(&self.levels[0], face);
+                let l = &self.levels[0];
+                let (x, y, w, h) = (x as usize, y as usize, l.face_width as usize, l.face_height as usize);
+                first.cropped(x, y, w, h).pyramid(Filter::Box, (Wrap::Clamp, Wrap::Clamp))
+            })
+            .collect();
+        let mut out = vec![level(&first)];
+        for (i, l) in self.levels.iter().enumerate().skip(1) {
+            let mut whole = Picture::new(l.width as usize, l.height as usize, n);
+            for (face, pyramid) in faces.iter().enumerate() {
+                let (x, y) = self.face_origin(l, face);
+                whole.paste(&pyramid[i], x as usize, y as usize);
+            }
+            out.push(level(&whole));
+        }
+        Ok(out)
+    }
+
+    /// Upper left corner of a face of a level.
+    pub(crate) fn face_origin(&self, level: &Level, face: usize) -> (u32, u32) {
+        if !self.kind.is_cube() {
+            return (0, 0);
+        }
+        let (column, row) = self.layout.cell(face);
+        (column * level.step_x, row * level.step_y)
+    }
+
+    /// Black texels in the place of a tile that cannot be read.
+    pub(crate) fn black_tile(&self, level: &Level) -> Tile {
+        let texels = level.tile_width as usize * level.tile_height as usize;
+        Tile::new(Pixels::U8(vec![0; texels * self.channels]), level.tile_width as usize, self.channels)
+    }
+}

@@ -1,0 +1,92 @@
+//! The files of a cache: found by name once, never removed, reached without a lock.
+
+use crate::file::TextureFile;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
+
+/// Files of the first block; each further block holds twice as many.
+const FIRST: usize = 64;
+const BLOCKS: usize = 24;
+
+/// An append-only list, readable while it grows.
+struct List {
+    blocks: [OnceLock<Box<[OnceLock<TextureFile>]>>; BLOCKS],
+    count: Mutex<u32>,
+}
+
+/// Block and place of an index.
+fn place(index: u32) -> (usize, usize) {
+    let n = index as usize / FIRST + 1;
+    let block = n.ilog2() as usize;
+    (block, index as usize - FIRST * ((1 << block) - 1))
+}
+
+impl List {
+    fn get(&self, index: u32) -> Option<&TextureFile> {
+        let (block, at) = place(index);
+        self.blocks.get(block)?.get()?.get(at)?.get()
+    }
+
+    /// Appends what `make` makes for the index it is told; `None` when it makes nothing.
+    fn push(&self, make: impl FnOnce(u32) -> Option<TextureFile>) -> Option<u32> {
+        let mut count = self.count.lock().unwrap_or_else(PoisonError::into_inner);
+        let (block, at) = place(*count);
+        let list =
+            self.blocks.get(block)?.get_or_init(|| (0..FIRST << block).map(|_| OnceLock::new()).collect());
+        list[at].set(make(*count)?).ok()?;
+        *count += 1;
+        Some(*count - 1)
+    }
+}
+
+/// The answer for one name; found by one thread while others wait.
+type Answer = Arc<OnceLock<Option<u32>>>;
+
+/// All files named so far.
+pub(crate) struct Files {
+    names: RwLock<HashMap<String, Answer>>,
+    list: List,
+}
+
+impl std::fmt::Debug for Files {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Files")
+    }
+}
+
+impl Files {
+    pub(crate) fn new() -> Self {
+        Self {
+            names: RwLock::default(),
+            list: List { blocks: std::array::from_fn(|_| OnceLock::new()), count: Mutex::new(0) },
+        }
+    }
+
+    pub(crate) fn get(&self, index: u32) -> Option<&TextureFile> {
+        self.list.get(index)
+    }
+
+    /// Index of the file called `name`; the first to ask makes it with `open`.
+    pub(crate) fn find(&self, name: &str, open: impl FnOnce(u32) -> Option<TextureFile>) -> Option<u32> {
+        let known = self.names.read().unwrap_or_else(PoisonError::into_inner).get(name).cloned();
+        let answer = known.unwrap_or_else(|| {
+            let mut names = self.names.write().unwrap_or_else(PoisonError::into_inner);
+            names.entry(name.to_owned()).or_default().clone()
+        });
+        *answer.get_or_init(|| self.list.push(open))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_follow_each_other() {
+        assert_eq!(place(0), (0, 0));
+        assert_eq!(place(63), (0, 63));
+        assert_eq!(place(64), (1, 0));
+        assert_eq!(place(191), (1, 127));
+        assert_eq!(place(192), (2, 0));
+    }
+}

@@ -1,0 +1,188 @@
+//! The region that a lookup averages, and the probes that stand for it.
+//!
+//! A footprint is an ellipse of full widths `a >= b`. Its filter is a Gaussian that has fallen to
+//! exp(-2) at the ellipse (Heckbert, Fundamentals of Texture Mapping and Image Warping, 1989, section
+//! 3.5): a standard deviation of half the width along each axis. One trilinear probe into the MIP level
+//! whose texels are `b` wide has just that deviation across (a texel's box has the variance b^2/12, the
+//! tent between texels b^2/6, together (b/2)^2); along the ellipse, probes with Gaussian weights of
+//! deviation sqrt(a^2 - b^2)/2 make up the rest (compare McCormack and others, Feline, SIGGRAPH 1999).
+
+/// Largest ratio of `a` to `b` that is filtered as it is; beyond it the footprint is made wider.
+pub(crate) const MAX_ANISOTROPY: f64 = 16.0;
+
+/// Symmetric 2 x 2 matrix of squared widths.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Spread {
+    xx: f64,
+    xy: f64,
+    yy: f64,
+}
+
+/// A number as footprints take it: not-a-number counts as 0, and nothing is larger than 1e12.
+fn finite(v: f32) -> f64 {
+    if v.is_nan() { 0.0 } else { f64::from(v).clamp(-1e12, 1e12) }
+}
+
+impl Spread {
+    /// Adds a parallelogram's side: what a pixel covers is two of them.
+    pub(crate) fn add(&mut self, x: f32, y: f32) {
+        let (x, y) = (finite(x), finite(y));
+        self.xx += x * x;
+        self.xy += x * y;
+        self.yy += y * y;
+    }
+
+    /// The same in other units.
+    pub(crate) fn scaled(self, x: f64, y: f64) -> Self {
+        Self { xx: self.xx * x * x, xy: self.xy * x * y, yy: self.yy * y * y }
+    }
+
+    /// The axes of the ellipse.
+    pub(crate) fn ellipse(self) -> Ellipse {
+        let Self { xx, xy, yy } = self;
+        let mean = 0.5 * (xx + yy);
+        let difference = 0.5 * (xx - yy);
+        let root = difference.hypot(xy);
+        let (large, small) = (mean + root, (mean - root).max(0.0));
+        // Of the two formulas for the axis, the one that does not cancel.
+        let (x, y) = if difference >= 0.0 { (difference + root, xy) } else { (xy, root - difference) };
+        let length = x.hypot(y);
+        let axis = if length > 0.0 { [(x / length) as f32, (y / length) as f32] } else { [1.0, 0.0] };
+        Ellipse { axis, a: large.sqrt(), b: small.sqrt() }
+    }
+}
+
+/// An ellipse by its long axis and full widths, `a >= b >= 0`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ellipse {
+    pub(crate) axis: [f32; 2],
+    pub(crate) a: f64,
+    pub(crate) b: f64,
+}
+
+impl Ellipse {
+    /// Probes of width at least `least`.
+    pub(crate) fn probes(&self, least: f64) -> Probes {
+        let exact = self.b.max(self.a / MAX_ANISOTROPY);
+        let width = exact.max(least);
+        let reach = (self.a * self.a - width * width).max(0.0).sqrt();
+        let count = (2.0 * reach / width).ceil().clamp(1.0, 2.0 * MAX_ANISOTROPY) as u32;
+        Probes { count, reach: reach as f32, width: width as f32, exact: exact as f32 }
+    }
+}
+
+/// Round probes along the long axis of an ellipse.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Probes {
+    pub(crate) count: u32,
+    /// They stand within this distance from the centre.
+    reach: f32,
+    /// Full width of each, at least the least that was asked for.
+    pub(crate) width: f32,
+    /// The same without that bound: 0 for a footprint of nothing.
+    pub(crate) exact: f32,
+}
+
+impl Probes {
+    /// Distance from the centre, and weight (not normalised), of each.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (f32, f32)> + use<> {
+        let Self { count, reach, .. } = *self;
+        (0..count).map(move |i| {
+            let x = (2 * i + 1) as f32 / count as f32 - 1.0;
+            (x * reach, (-2.0 * x * x).exp())
+        })
+    }
+}
+
+/// A weighted mean of texels that is exact when they are all alike.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Mean {
+    value: [f32; 4],
+    weight: f32,
+}
+
+impl Mean {
+    /// Adds a value; the weight is positive.
+    #[inline]
+    pub(crate) fn add(&mut self, value: [f32; 4], weight: f32) {
+        self.weight += weight;
+        let share = weight / self.weight;
+        for (m, v) in self.value.iter_mut().zip(value) {
+            *m += (v - *m) * share;
+        }
+    }
+
+    pub(crate) fn value(&self) -> [f32; 4] {
+        self.value
+    }
+}
+
+/// `a` at 0, `b` at 1; exactly `a` when both are alike.
+#[inline]
+pub(crate) fn mix(a: [f32; 4], b: [f32; 4], f: f32) -> [f32; 4] {
+    std::array::from_fn(|c| a[c] + (b[c] - a[c]) * f)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes() {
+        let mut s = Spread::default();
+        s.add(3.0, 0.0);
+        s.add(0.0, 4.0);
+        let e = s.ellipse();
+        assert_eq!((e.a, e.b, e.axis), (4.0, 3.0, [0.0, 1.0]));
+        let mut s = Spread::default();
+        s.add(5.0, 5.0);
+        let e = s.ellipse();
+        assert!((e.a - 50.0_f64.sqrt()).abs() < 1e-9 && e.b < 1e-6);
+        assert!((e.axis[0] - e.axis[1]).abs() < 1e-6);
+        let e = Spread::default().ellipse();
+        assert_eq!((e.a, e.b, e.axis), (0.0, 0.0, [1.0, 0.0]));
+    }
+
+    #[test]
+    fn any_numbers_give_an_ellipse() {
+        let odd = [0.0, 1.0, -1e-30, 1e30, f32::MAX, f32::INFINITY, f32::NEG_INFINITY, f32::NAN];
+        for a in odd {
+            for b in odd {
+                let mut s = Spread::default();
+                s.add(a, b);
+                s.add(b, 0.0);
+                let e = s.scaled(4096.0, 1.0).ellipse();
+                assert!(e.a.is_finite() && e.b.is_finite() && e.a >= e.b, "{a} {b}: {e:?}");
+                let p = e.probes(1.0);
+                assert!((1..=32).contains(&p.count) && p.width >= 1.0);
+                assert!(p.iter().all(|(x, w)| x.is_finite() && w > 0.1));
+            }
+        }
+    }
+
+    #[test]
+    fn round_footprints_take_one_probe() {
+        let mut s = Spread::default();
+        s.add(8.0, 0.0);
+        s.add(0.0, 8.0);
+        let p = s.ellipse().probes(1.0);
+        assert_eq!((p.count, p.width), (1, 8.0));
+        assert_eq!(Spread::default().ellipse().probes(1.0).count, 1);
+    }
+
+    #[test]
+    fn probes_have_the_deviation_of_the_ellipse() {
+        let mut s = Spread::default();
+        s.add(10.0, 0.0);
+        s.add(0.0, 1.0);
+        let p = s.ellipse().probes(1.0);
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for (x, w) in p.iter() {
+            sum += w;
+            squares += w * x * x;
+        }
+        // A Gaussian cut off at two deviations keeps 0.7737 of its variance.
+        let variance = squares / sum;
+        assert!((variance / (99.0 / 4.0) - 0.7737).abs() < 0.02, "{variance}");
+    }
+}

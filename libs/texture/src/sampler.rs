@@ -1,0 +1,132 @@
+//! Texels of one file during one lookup.
+
+use crate::Wrap;
+use crate::cube;
+use crate::file::{Level, TextureFile};
+use crate::footprint::mix;
+use crate::shared::Shared;
+use crate::tiles::{Tile, TileKey};
+use std::sync::Arc;
+
+/// Reads up to four neighbouring channels of a file; keeps the tiles that it used last, so that one
+/// lookup asks the shared cache seldom.
+pub(crate) struct Sampler<'a> {
+    shared: &'a Shared,
+    pub(crate) file: &'a TextureFile,
+    first: usize,
+    channels: usize,
+    recent: [Option<(TileKey, Arc<Tile>)>; 4],
+    next: usize,
+}
+
+impl<'a> Sampler<'a> {
+    /// For channels `first .. first + channels`, at most four, all of them in the file.
+    pub(crate) fn new(shared: &'a Shared, file: &'a TextureFile, first: usize, channels: usize) -> Self {
+        debug_assert!(channels <= 4 && first + channels <= file.channels, "channels of the file");
+        Self { shared, file, first, channels, recent: [const { None }; 4], next: 0 }
+    }
+
+    pub(crate) fn level(&self, level: usize) -> &'a Level {
+        &self.file.levels[level]
+    }
+
+    /// Index of the last (smallest) level.
+    pub(crate) fn last(&self) -> usize {
+        self.file.levels.len() - 1
+    }
+
+    /// Texel (x, y) of the whole picture of a level; inside.
+    #[inline]
+    pub(crate) fn texel(&mut self, level: usize, x: u32, y: u32) -> [f32; 4] {
+        let (first, channels) = (self.first, self.channels);
+        let (tile, x, y) = self.tile_of(level, x, y);
+        tile.texel(x, y, first, channels)
+    }
+
+    /// Passes all channels of texel (x, y) of the whole picture of a level; inside.
+    pub(crate) fn with_texel<T>(&mut self, level: usize, x: u32, y: u32, f: impl FnOnce(&[f32]) -> T) -> T {
+        let (tile, x, y) = self.tile_of(level, x, y);
+        tile.with_texel(x, y, f)
+    }
+
+    /// The tile of a texel, and the texel's place in it.
+    #[inline]
+    fn tile_of(&mut self, level: usize, x: u32, y: u32) -> (&Tile, usize, usize) {
+        let l = &self.file.levels[level];
+        let (tx, ty) = (x / l.tile_width, y / l.tile_height);
+        let key = TileKey { file: self.file.index, level: level as u32, tx, ty };
+        let (x, y) = ((x - tx * l.tile_width) as usize, (y - ty * l.tile_height) as usize);
+        let held = self.recent.iter().position(|r| r.as_ref().is_some_and(|(k, _)| *k == key));
+        let at = held.unwrap_or_else(|| {
+            let at = self.next;
+            self.recent[at] = Some((key, self.shared.tile(self.file, key)));
+            self.next = (at + 1) % self.recent.len();
+            at
+        });
+        match &self.recent[at] {
+            Some((_, tile)) => (tile, x, y),
+            None => unreachable!("the place was found or filled above"),
+        }
+    }
+
+    /// Texel (x, y) of a face of a level; inside.
+    pub(crate) fn face_texel(&mut self, level: usize, face: usize, x: u32, y: u32) -> [f32; 4] {
+        let (left, top) = self.file.face_origin(self.level(level), face);
+        self.texel(level, left + x, top + y)
+    }
+
+    /// Bilinear value of a level at (s, t), finite, as a plain picture.
+    pub(crate) fn bilinear(&mut self, level: usize, s: f32, t: f32, wrap: (Wrap, Wrap)) -> [f32; 4] {
+        let l = self.level(level);
+        let (x, fx) = cell(wrap.0.reduce(s), l.width);
+        let (y, fy) = cell(wrap.1.reduce(t), l.height);
+        let xs = [x, x + 1].map(|x| wrap.0.index(x, l.width as i32));
+        let ys = [y, y + 1].map(|y| wrap.1.index(y, l.height as i32));
+        let mut corner = |x: Option<i32>, y: Option<i32>| match (x, y) {
+            (Some(x), Some(y)) => self.texel(level, x as u32, y as u32),
+            _ => [0.0; 4],
+        };
+        let top = mix(corner(xs[0], ys[0]), corner(xs[1], ys[0]), fx);
+        let bottom = mix(corner(xs[0], ys[1]), corner(xs[1], ys[1]), fx);
+        mix(top, bottom, fy)
+    }
+
+    /// Bilinear value of a level of a cube at (s, t) of a face, in [0, 1], across edges where needed.
+    pub(crate) fn cube_bilinear(&mut self, level: usize, face: usize, s: f32, t: f32) -> [f32; 4] {
+        let n = self.level(level).face_width;
+        let (x, fx) = cell(s, n);
+        let (y, fy) = cell(t, n);
+        let layout = self.file.layout;
+        let corners = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| {
+            cube::texel_across(layout, face, x, y, n as i32)
+                .map(|(face, x, y)| self.face_texel(level, face, x as u32, y as u32))
+        });
+        // Where three faces meet, the texel that does not exist is the mean of the three that do.
+        let mut sum = [0.0; 4];
+        for value in corners.iter().flatten() {
+            for (s, v) in sum.iter_mut().zip(value) {
+                *s += v * (1.0 / 3.0);
+            }
+        }
+        let [a, b, c, d] = corners.map(|c| c.unwrap_or(sum));
+        mix(mix(a, b, fx), mix(c, d, fx), fy)
+    }
+}
+
+/// The texel to the left of (above) a coordinate in a row of `n`, and how far the coordinate is from
+/// that texel's centre towards the next.
+#[inline]
+pub(crate) fn cell(s: f32, n: u32) -> (i32, f32) {
+    let x = s * n as f32 - 0.5;
+    let floor = x.floor();
+    (floor as i32, x - floor)
+}
+
+/// Splits a level of detail into the two levels around it and the share of the coarser one.
+#[inline]
+pub(crate) fn levels(lod: f32, last: usize) -> (usize, f32) {
+    let lod = lod.clamp(0.0, last as f32);
+    let level = (lod as usize).min(last);
+    let share = lod - level as f32;
+    if level == last { (last, 0.0) } else { (level, share) }
+}

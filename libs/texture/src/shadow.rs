@@ -1,0 +1,185 @@
+//! `shadow ()`: percentage-closer filtering of depth maps (Reeves, Salesin and Cook, Rendering
+//! Antialiased Shadows with Depth Maps, SIGGRAPH 1987), of cubes of them, and volume shadow maps.
+
+use crate::cube;
+use crate::file::TextureFile;
+use crate::footprint::mix;
+use crate::lookup::ShadowLookup;
+use crate::sampler::{Sampler, cell};
+use crate::shared::Shared;
+use crate::{TextureKind, volume};
+use granita_base::{Transform, Vec3, hash, sample};
+
+/// Fewest and most samples of one lookup.
+const SAMPLES: (u32, u32) = (16, 4096);
+
+/// Sample positions: two stratified points in [-1/2, 1/2] squared each, one inside the footprint and one
+/// inside the blur.
+fn pattern(q: &ShadowLookup) -> impl Iterator<Item = ([f32; 2], [f32; 2])> + use<> {
+    let still = |v: Vec3| v == Vec3::ZERO;
+    let sharp = still(q.dpdx) && still(q.dpdy) && q.sblur == 0.0 && q.tblur == 0.0;
+    // Without any extent all samples would be alike.
+    let count = if sharp { 1 } else { q.samples.clamp(SAMPLES.0, SAMPLES.1) };
+    let seed = q.seed;
+    (0..count).map(move |i| {
+        if sharp {
+            return ([0.0; 2], [0.0; 2]);
+        }
+        let centred = |seed| {
+            let (u, v) = sample::square(i, seed);
+            [u - 0.5, v - 0.5]
+        };
+        (centred(hash::words(&[seed, 0])), centred(hash::words(&[seed, 1])))
+    })
+}
+
+/// Derivatives that are not finite count as none.
+fn sane(q: &ShadowLookup) -> Option<ShadowLookup> {
+    let vector = |v: Vec3| if v.is_finite() { v } else { Vec3::ZERO };
+    let number = |v: f32| if v.is_finite() { v } else { 0.0 };
+    q.p.is_finite().then(|| ShadowLookup {
+        dpdx: vector(q.dpdx),
+        dpdy: vector(q.dpdy),
+        sblur: number(q.sblur).clamp(-1e6, 1e6),
+        tblur: number(q.tblur).clamp(-1e6, 1e6),
+        swidth: number(q.swidth),
+        twidth: number(q.twidth),
+        bias: number(q.bias),
+        ..*q
+    })
+}
+
+/// See [`crate::TextureCache::shadow`].
+pub(crate) fn shadow(shared: &Shared, file: &TextureFile, q: &ShadowLookup) -> f32 {
+    let (Some(camera), Some(screen), true) =
+        (&file.world_to_camera, &file.world_to_screen, file.kind.is_shadow())
+    else {
+        shared.warn_once(file, "is not a shadow map with its matrices: it casts no shadow");
+        return 0.0;
+    };
+    let Some(q) = sane(q) else { return 0.0 };
+    match file.kind {
+        TextureKind::CubeFaceShadow => cube_shadow(shared, file, camera, &q),
+        _ => flat_shadow(shared, file, camera, screen, &q),
+    }
+}
+
+/// Place in the map and depth of a point; `None` behind the light.
+fn place(camera: &Transform, screen: &Transform, p: Vec3) -> Option<(f32, f32, f32)> {
+    let h = screen.hpoint(p.extend(1.0));
+    let z = camera.point(p).z;
+    let (s, t) = (0.5 + 0.5 * h.x / h.w, 0.5 - 0.5 * h.y / h.w);
+    (h.w > 0.0 && s.is_finite() && t.is_finite() && z.is_finite()).then_some((s, t, z))
+}
+
+fn flat_shadow(
+    shared: &Shared,
+    file: &TextureFile,
+    camera: &Transform,
+    screen: &Transform,
+    q: &ShadowLookup,
+) -> f32 {
+    let Some((s0, t0, z0)) = place(camera, screen, q.p) else { return 0.0 };
+    let volume = file.kind == TextureKind::VolumeShadow;
+    let mut sampler = Sampler::new(shared, file, 0, if volume { 0 } else { 1 });
+    let (mut sum, mut n) = (0.0_f32, 0_u32);
+    let lod = if volume { volume_lod(file, camera, screen, q, (s0, t0)) } else { 0.0 };
+    for (in_footprint, in_blur) in pattern(q) {
+        n += 1;
+        let [u, v] = in_footprint;
+        let Some((s, t, z)) = place(camera, screen, q.p + q.dpdx * u + q.dpdy * v) else { continue };
+        let s = s0 + (s - s0) * q.swidth + in_blur[0] * q.sblur;
+        let t = t0 + (t - t0) * q.twidth + in_blur[1] * q.tblur;
+        let z = z0 + (z - z0) * 0.5 * (q.swidth.abs() + q.twidth.abs());
+        sum += if volume {
+            volume::opacity_at(&mut sampler, lod, s, t, z - q.bias)
+        } else {
+            occluded(&mut sampler, s, t, z - q.bias)
+        };
+    }
+    shared.count_probes(u64::from(n));
+    sum / n as f32
+}
+
+/// Level of a volume map whose texels are about as far apart as the samples.
+fn volume_lod(
+    file: &TextureFile,
+    camera: &Transform,
+    screen: &Transform,
+    q: &ShadowLookup,
+    (s0, t0): (f32, f32),
+) -> f32 {
+    let (w, h) = (file.levels[0].width as f32, file.levels[0].height as f32);
+    let side = |d: Vec3| {
+        place(camera, screen, q.p + d)
+            .map_or(0.0, |(s, t, _)| ((s - s0) * q.swidth * w).hypot((t - t0) * q.twidth * h))
+    };
+    let width = (side(q.dpdx) * side(q.dpdy)).sqrt() + (q.sblur * w).abs().max((q.tblur * h).abs());
+    let samples = q.samples.clamp(SAMPLES.0, SAMPLES.1) as f32;
+    (width / samples.sqrt()).max(1.0).log2()
+}
+
+/// Share of the four texels around (s, t) that are nearer than `z`, weighted bilinearly; nothing outside
+/// the map is.
+fn occluded(sampler: &mut Sampler<'_>, s: f32, t: f32, z: f32) -> f32 {
+    let (width, height) = (sampler.level(0).width, sampler.level(0).height);
+    if !(-1.0..=2.0).contains(&s) || !(-1.0..=2.0).contains(&t) {
+        return 0.0;
+    }
+    let ((x, fx), (y, fy)) = (cell(s, width), cell(t, height));
+    let mut nearer = |x: i32, y: i32| {
+        let inside = (0..width as i32).contains(&x) && (0..height as i32).contains(&y);
+        f32::from(inside && z > sampler.texel(0, x as u32, y as u32)[0])
+    };
+    let top = nearer(x, y) * (1.0 - fx) + nearer(x + 1, y) * fx;
+    let bottom = nearer(x, y + 1) * (1.0 - fx) + nearer(x + 1, y + 1) * fx;
+    top * (1.0 - fy) + bottom * fy
+}
+
+fn cube_shadow(shared: &Shared, file: &TextureFile, camera: &Transform, q: &ShadowLookup) -> f32 {
+    let centre = camera.point(q.p);
+    if !centre.is_finite() || centre == Vec3::ZERO {
+        return 0.0;
+    }
+    let face = &file.layout.faces()[cube::face_of(centre)];
+    let depth = centre.dot(face.forward);
+    let (right, up) = (face.right * (2.0 * depth * q.sblur), face.up * (2.0 * depth * q.tblur));
+    let (dx, dy) = (camera.vector(q.dpdx), camera.vector(q.dpdy));
+    let mut sampler = Sampler::new(shared, file, 0, 1);
+    let (mut sum, mut n) = (0.0_f32, 0_u32);
+    for ([u, v], in_blur) in pattern(q) {
+        n += 1;
+        // Widths scale the footprint along the face's axes.
+        let d = dx * u + dy * v;
+        let d = d
+            + face.right * (d.dot(face.right) * (q.swidth - 1.0))
+            + face.up * (d.dot(face.up) * (q.twidth - 1.0));
+        let p = centre + d + right * in_blur[0] + up * in_blur[1];
+        if p == Vec3::ZERO || !p.is_finite() {
+            continue;
+        }
+        sum += cube_occluded(&mut sampler, p, q.bias);
+    }
+    shared.count_probes(u64::from(n));
+    sum / n as f32
+}
+
+/// As [`occluded`], in direction `p` from the centre of a cube, across edges.
+fn cube_occluded(sampler: &mut Sampler<'_>, p: Vec3, bias: f32) -> f32 {
+    let layout = sampler.file.layout;
+    let at = cube::project(layout, p);
+    let z = p.dot(layout.faces()[at.face].forward) - bias;
+    let n = sampler.level(0).face_width;
+    let ((x, fx), (y, fy)) = (cell(at.s.clamp(0.0, 1.0), n), cell(at.t.clamp(0.0, 1.0), n));
+    let mut known = (0.0_f32, 0.0_f32);
+    let corners = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| {
+        cube::texel_across(layout, at.face, x, y, n as i32).map(|(face, x, y)| {
+            let nearer = f32::from(z > sampler.face_texel(0, face, x as u32, y as u32)[0]);
+            known = (known.0 + nearer, known.1 + 1.0);
+            nearer
+        })
+    });
+    // The corner of the cube, where a fourth texel does not exist.
+    let [a, b, c, d] = corners.map(|c| [c.unwrap_or(known.0 / known.1.max(1.0)), 0.0, 0.0, 0.0]);
+    mix(mix(a, b, fx), mix(c, d, fx), fy)[0]
+}

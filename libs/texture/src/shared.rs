@@ -1,0 +1,216 @@
+//! What all lookups of a cache share: files, tiles, open handles, counters.
+
+use crate::CacheOptions;
+use crate::file::{Lack, Source, TextureFile};
+use crate::files::Files;
+use crate::statistics::{Counters, add};
+use crate::tiles::{Tile, TileCache, TileKey};
+use granita_base::{Location, Reporter, SearchPath, Severity};
+use granita_image::{FormatRegistry, ImageInput};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The inside of a [`crate::TextureCache`].
+#[derive(Debug)]
+pub(crate) struct Shared {
+    registry: FormatRegistry,
+    search: SearchPath,
+    pub(crate) options: CacheOptions,
+    reporter: Reporter,
+    pub(crate) counters: Counters,
+    tiles: TileCache,
+    pub(crate) files: Files,
+    /// Indices of files whose handle is open.
+    open: Mutex<Vec<u32>>,
+    /// Counts reads, to know which handle was used last.
+    clock: AtomicU64,
+}
+
+/// The handle of a file that is read by tiles.
+fn handle(file: &TextureFile) -> Option<(&Mutex<Option<Arc<dyn ImageInput>>>, &AtomicU64)> {
+    match &file.source {
+        Source::Tiles { handle, stamp } => Some((handle, stamp)),
+        Source::Memory(_) => None,
+    }
+}
+
+impl Shared {
+    pub(crate) fn new(
+        registry: FormatRegistry,
+        search: SearchPath,
+        options: CacheOptions,
+        reporter: Reporter,
+    ) -> Self {
+        let tiles = TileCache::new(options.memory_bytes);
+        Self {
+            registry,
+            search,
+            options,
+            reporter,
+            counters: Counters::default(),
+            tiles,
+            files: Files::new(),
+            open: Mutex::default(),
+            clock: AtomicU64::new(1),
+        }
+    }
+
+    /// Index of the file of this name; one warning when it cannot be used.
+    pub(crate) fn find(&self, name: &str) -> Option<u32> {
+        let mut new = false;
+        let index = self.files.find(name, |index| {
+            new = true;
+            self.open_new(index, name)
+        });
+        index.inspect(|&index| {
+            if new {
+                self.keep_open(index);
+            }
+        })
+    }
+
+    fn open_new(&self, index: u32, name: &str) -> Option<TextureFile> {
+        let refuse = |severity, text: String| {
+            add(&self.counters.missing, 1);
+            self.reporter.say(severity, &Location::default(), text);
+            None
+        };
+        let Some(path) = self.search.find(name) else {
+            let folders: Vec<String> =
+                self.search.folders().iter().map(|f| f.display().to_string()).collect();
+            let text = format!("texture \"{name}\" not found (searched {})", folders.join(":"));
+            return refuse(Severity::Warning, text);
+        };
+        let input = match self.registry.open(&path) {
+            Ok(input) => input,
+            Err(error) => return refuse(Severity::Warning, format!("texture \"{name}\": {error}")),
+        };
+        add(&self.counters.files_opened, 1);
+        let (file, lack) = match TextureFile::open(index, path, input) {
+            Ok(opened) => opened,
+            Err(what) => return refuse(Severity::Warning, format!("texture \"{name}\": {what}")),
+        };
+        let what = match lack {
+            Some(Lack::Tiles) => "is not tiled",
+            Some(Lack::Levels) => "has no MIP levels",
+            None => "",
+        };
+        if lack.is_some() && !self.options.automipmap {
+            let text = format!("texture \"{name}\" {what} and is not used (texture:automipmap is 0)");
+            return refuse(Severity::Error, text);
+        }
+        if lack.is_some() {
+            let text =
+                format!("texture \"{name}\" {what}: made in memory, maketx would save time and memory");
+            self.reporter.say(Severity::Warning, &Location::default(), text);
+        }
+        add(&self.counters.files, 1);
+        Some(file)
+    }
+
+    /// Notes that a file's handle may be open, and closes others when there are too many.
+    fn keep_open(&self, index: u32) {
+        let Some((own, _)) = self.files.get(index).and_then(handle) else { return };
+        let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        if open.contains(&index) || own.lock().unwrap_or_else(PoisonError::into_inner).is_none() {
+            return;
+        }
+        while open.len() >= self.options.max_files.max(1) {
+            let stamp_of = |i: &u32| {
+                self.files.get(*i).and_then(handle).map_or(0, |(_, stamp)| stamp.load(Ordering::Relaxed))
+            };
+            let Some(oldest) = (0..open.len()).min_by_key(|&at| stamp_of(&open[at])) else { break };
+            let gone = open.swap_remove(oldest);
+            if let Some((handle, _)) = self.files.get(gone).and_then(handle) {
+                *handle.lock().unwrap_or_else(PoisonError::into_inner) = None;
+            }
+        }
+        open.push(index);
+        self.counters.peak_files_open.fetch_max(open.len() as u64, Ordering::Relaxed);
+    }
+
+    /// The tile of this key, of `file`.
+    pub(crate) fn tile(&self, file: &TextureFile, key: TileKey) -> Arc<Tile> {
+        let level = &file.levels[key.level as usize];
+        match &file.source {
+            Source::Memory(made) => {
+                let levels = made.get_or_init(|| self.make_levels(file));
+                levels[key.level as usize].clone()
+            }
+            Source::Tiles { .. } => {
+                let bytes = u64::from(level.tile_width) * u64::from(level.tile_height) * file.texel_bytes;
+                self.tiles.get(key, bytes, &self.counters, || self.read_tile(file, key))
+            }
+        }
+    }
+
+    fn make_levels(&self, file: &TextureFile) -> Vec<Arc<Tile>> {
+        let made = self.registry.open(&file.path).and_then(|input| {
+            add(&self.counters.files_opened, 1);
+            file.make_levels(&*input)
+        });
+        let levels = made.unwrap_or_else(|error| {
+            self.failed(file, &error.to_string());
+            file.levels.iter().map(|l| Arc::new(file.black_tile(l))).collect()
+        });
+        add(&self.counters.automipmaps, 1);
+        add(&self.counters.automipmap_bytes, levels.iter().map(|t| t.bytes()).sum());
+        levels
+    }
+
+    fn read_tile(&self, file: &TextureFile, key: TileKey) -> Tile {
+        let level = &file.levels[key.level as usize];
+        let texels = level.tile_width as usize * level.tile_height as usize;
+        let result = self
+            .input(file)
+            .and_then(|input| input.read_tile(0, key.level as usize, key.tx, key.ty))
+            .map_err(|error| error.to_string());
+        match result {
+            Ok(pixels) if pixels.len() == texels * file.channels => {
+                Tile::new(pixels, level.tile_width as usize, file.channels)
+            }
+            Ok(pixels) => {
+                let what =
+                    format!("a tile of {} values where {} are due", pixels.len(), texels * file.channels);
+                self.failed(file, &what);
+                file.black_tile(level)
+            }
+            Err(what) => {
+                self.failed(file, &what);
+                file.black_tile(level)
+            }
+        }
+    }
+
+    /// The open file, opened again if it was closed.
+    fn input(&self, file: &TextureFile) -> granita_image::Result<Arc<dyn ImageInput>> {
+        let Some((handle, stamp)) = handle(file) else {
+            return self.registry.open(&file.path).map(Arc::from);
+        };
+        stamp.store(self.clock.fetch_add(1, Ordering::Relaxed), Ordering::Relaxed);
+        if let Some(input) = &*handle.lock().unwrap_or_else(PoisonError::into_inner) {
+            return Ok(input.clone());
+        }
+        let input: Arc<dyn ImageInput> = Arc::from(self.registry.open(&file.path)?);
+        add(&self.counters.files_opened, 1);
+        *handle.lock().unwrap_or_else(PoisonError::into_inner) = Some(input.clone());
+        self.keep_open(file.index);
+        Ok(input)
+    }
+
+    fn failed(&self, file: &TextureFile, what: &str) {
+        let cause = format!("texture read {}", file.path.display());
+        let text = format!("texture {what}: texels that cannot be read are black");
+        self.reporter.once(&cause, Severity::Error, &Location::default(), text);
+    }
+
+    /// A warning about a file, once per file and text.
+    pub(crate) fn warn_once(&self, file: &TextureFile, what: &str) {
+        let text = format!("texture {} {what}", file.path.display());
+        self.reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);
+    }
+
+    pub(crate) fn count_probes(&self, n: u64) {
+        add(&self.counters.probes, n);
+    }
+}
