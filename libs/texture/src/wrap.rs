@@ -55,8 +55,9 @@ impl Wrap {
             Self::Clamp => Some(i.clamp(0, n - 1)),
             Self::Periodic => Some(i.rem_euclid(n)),
             Self::Mirror => {
-                let i = i64::from(i).rem_euclid(2 * i64::from(n)) as i32;
-                Some(if i < n { i } else { 2 * n - 1 - i })
+                let (i, n) = (i64::from(i), i64::from(n));
+                let i = i.rem_euclid(2 * n);
+                Some(if i < n { i } else { 2 * n - 1 - i } as i32)
             }
         }
     }
