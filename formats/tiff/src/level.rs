@@ -213,6 +213,12 @@ fn metadata(source: &FileSource, directory: &Directory, spec: &mut ImageSpec) ->
             data: cot.into(),
         });
     }
+    // Kind 2 of a further channel: alpha that colours are not multiplied by.
+    let kinds = directory.numbers(source, tags::EXTRA_SAMPLES, spec.nchannels() as u64)?;
+    if spec.alpha_channel().is_some() && kinds.iter().find(|k| matches!(k, 1 | 2)) == Some(&2) {
+        let (ty, data) = (ParamType::of(BaseType::Int), 1.into());
+        spec.attributes.set(Param { name: "unassociatedalpha".into(), ty, data });
+    }
     let orientation = directory.number(source, tags::ORIENTATION, 1)?;
     if orientation != 1 {
         let (ty, data) = (ParamType::of(BaseType::Int), ParamData::from(orientation as i32));

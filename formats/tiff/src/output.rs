@@ -269,8 +269,10 @@ impl TiffOutput {
             fields.push(Field::shorts(tags::PREDICTOR, &[predictor]));
         }
         if n > colors {
-            // Pixels of a renderer have the alpha multiplied in.
-            let kind = |i| u16::from(spec.alpha_channel() == Some(i));
+            // Pixels of a renderer have the alpha multiplied in: kind 1.
+            let straight = spec.attributes.int("unassociatedalpha").unwrap_or(0) != 0;
+            let alpha = if straight { 2 } else { 1 };
+            let kind = |i| if spec.alpha_channel() == Some(i) { alpha } else { 0 };
             fields.push(Field::shorts(tags::EXTRA_SAMPLES, &(colors..n).map(kind).collect::<Vec<_>>()));
         }
         let written = || chunks.iter().map(|c| c.unwrap_or_default());

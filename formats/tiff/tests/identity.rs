@@ -223,6 +223,7 @@ fn metadata_windows_and_matrices() {
     }
     spec.attributes.set(Param::declared("matrix worldtocamera", &matrix[..]).unwrap());
     spec.attributes.set(Param::declared("float fovcot", 1.25).unwrap());
+    spec.attributes.set(Param::declared("int unassociatedalpha", 1).unwrap());
     write(&path, &[spec.clone()], 8);
     let input = TiffFormat.open(&path, &Limits::default()).unwrap();
     let got = input.spec(0, 0).unwrap();

@@ -61,7 +61,8 @@ pub struct ImageSpec {
     /// Metadata. Names of the suite: `textureformat`, `wrapmodes` (strings), `worldtocamera`,
     /// `worldtoscreen` (matrices), `fovcot` (float), `compression`, `ImageDescription`,
     /// `DocumentName`, `Artist`, `copyright`, `software`, `owner` (strings), `rowsperstrip` (int),
-    /// `planarconfig` ("contig" or "separate").
+    /// `planarconfig` ("contig" or "separate"), `unassociatedalpha` (int; 1: the colours are not
+    /// multiplied by alpha, as in PNG; absent or 0: they are, as the suite computes).
     pub attributes: Params,
 }
 

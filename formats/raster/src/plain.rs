@@ -1,0 +1,340 @@
+//! The formats that the `image` crate reads and writes, one row of a table each.
+
+use crate::whole::{Place, WholeInput, WholeOutput};
+use granita_image::{
+    AtomicFile, CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType,
+    Pixels, Result,
+};
+use image::{ColorType, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat};
+use std::io::Write;
+use std::path::Path;
+
+/// One of the plain picture formats: see [`FORMATS`].
+#[derive(Clone, Copy, Debug)]
+pub struct PlainFormat {
+    name: &'static str,
+    aliases: &'static [&'static str],
+    extensions: &'static [&'static str],
+    /// Beginnings of such files; none for a format that has no mark of its own.
+    magic: &'static [&'static [u8]],
+    /// Name in errors.
+    title: &'static str,
+    image: ImageFormat,
+    /// Types that can be written; the first is the one to prefer. None: it is only read.
+    types: &'static [PixelType],
+    /// Numbers of channels that are stored as they are.
+    channels: &'static [usize],
+    /// Whether 2 and 4 channels are written as 1 and 3, without their alpha (reference 7.4.5).
+    drops_alpha: bool,
+    encode: crate::whole::Encode,
+}
+
+const BYTES: &[PixelType] = &[PixelType::U8];
+
+/// All of them. Formats without a mark of their own come last.
+pub const FORMATS: [PlainFormat; 8] = [
+    PlainFormat {
+        name: "jpeg",
+        aliases: &["jpg"],
+        extensions: &["jpg", "jpeg", "jpe"],
+        magic: &[b"\xff\xd8\xff"],
+        title: "JPEG",
+        image: ImageFormat::Jpeg,
+        types: BYTES,
+        channels: &[1, 3],
+        drops_alpha: true,
+        encode: encode_jpeg,
+    },
+    PlainFormat {
+        name: "bmp",
+        aliases: &[],
+        extensions: &["bmp"],
+        magic: &[b"BM"],
+        title: "BMP",
+        image: ImageFormat::Bmp,
+        types: BYTES,
+        channels: &[1, 3, 4],
+        drops_alpha: true,
+        encode: |spec, pixels, file| encode_bytes(spec, pixels, file, ImageFormat::Bmp),
+    },
+    PlainFormat {
+        name: "pnm",
+        aliases: &["ppm", "pgm"],
+        extensions: &["pnm", "ppm", "pgm", "pbm", "pam"],
+        magic: &[b"P1", b"P2", b"P3", b"P4", b"P5", b"P6", b"P7"],
+        title: "PNM",
+        image: ImageFormat::Pnm,
+        types: &[PixelType::U8, PixelType::U16],
+        channels: &[1, 2, 3, 4],
+        drops_alpha: false,
+        encode: encode_pnm,
+    },
+    PlainFormat {
+        name: "hdr",
+        aliases: &["radiance"],
+        extensions: &["hdr", "rgbe", "pic"],
+        magic: &[b"#?RADIANCE", b"#?RGBE"],
+        title: "Radiance HDR",
+        image: ImageFormat::Hdr,
+        types: &[PixelType::Float],
+        channels: &[3],
+        drops_alpha: true,
+        encode: encode_hdr,
+    },
+    PlainFormat {
+        name: "gif",
+        aliases: &[],
+        extensions: &["gif"],
+        magic: &[b"GIF87a", b"GIF89a"],
+        title: "GIF",
+        image: ImageFormat::Gif,
+        types: &[],
+        channels: &[],
+        drops_alpha: false,
+        encode: |spec, pixels, file| encode_bytes(spec, pixels, file, ImageFormat::Gif),
+    },
+    PlainFormat {
+        name: "qoi",
+        aliases: &[],
+        extensions: &["qoi"],
+        magic: &[b"qoif"],
+        title: "QOI",
+        image: ImageFormat::Qoi,
+        types: BYTES,
+        channels: &[3, 4],
+        drops_alpha: false,
+        encode: |spec, pixels, file| encode_bytes(spec, pixels, file, ImageFormat::Qoi),
+    },
+    PlainFormat {
+        name: "webp",
+        aliases: &[],
+        extensions: &["webp"],
+        magic: &[],
+        title: "WebP",
+        image: ImageFormat::WebP,
+        types: BYTES,
+        channels: &[3, 4],
+        drops_alpha: false,
+        encode: |spec, pixels, file| encode_bytes(spec, pixels, file, ImageFormat::WebP),
+    },
+    PlainFormat {
+        name: "tga",
+        aliases: &["targa"],
+        extensions: &["tga", "targa", "vda", "icb", "vst"],
+        magic: &[],
+        title: "Targa",
+        image: ImageFormat::Tga,
+        types: BYTES,
+        channels: &[1, 3, 4],
+        drops_alpha: true,
+        encode: |spec, pixels, file| encode_bytes(spec, pixels, file, ImageFormat::Tga),
+    },
+];
+
+impl Format for PlainFormat {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn aliases(&self) -> &'static [&'static str] {
+        self.aliases
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        self.extensions
+    }
+
+    fn recognizes(&self, head: &[u8]) -> bool {
+        match self.image {
+            ImageFormat::WebP => head.starts_with(b"RIFF") && head.get(8..12) == Some(b"WEBP"),
+            ImageFormat::Pnm => {
+                self.magic.iter().any(|m| head.starts_with(m))
+                    && head.get(2).is_some_and(u8::is_ascii_whitespace)
+            }
+            _ => self.magic.iter().any(|m| head.starts_with(m)),
+        }
+    }
+
+    fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>> {
+        let place = Place::new(path, self.title, limits);
+        let decoder = decoder(&place, self.image)?;
+        let (width, height) = decoder.dimensions();
+        let (channels, pixel_type) = match decoder.color_type() {
+            ColorType::L8 => (1, PixelType::U8),
+            ColorType::La8 => (2, PixelType::U8),
+            ColorType::Rgb8 => (3, PixelType::U8),
+            ColorType::Rgba8 => (4, PixelType::U8),
+            ColorType::L16 => (1, PixelType::U16),
+            ColorType::La16 => (2, PixelType::U16),
+            ColorType::Rgb16 => (3, PixelType::U16),
+            ColorType::Rgba16 => (4, PixelType::U16),
+            ColorType::Rgb32F => (3, PixelType::Float),
+            ColorType::Rgba32F => (4, PixelType::Float),
+            other => return Err(place.unsupported(format!("{} of {other:?} is not supported", self.title))),
+        };
+        drop(decoder);
+        let spec = ImageSpec::new(width, height, channels, pixel_type);
+        Ok(Box::new(WholeInput::new(self.name, place, spec, decode)?))
+    }
+
+    fn supports(&self, feature: &str) -> bool {
+        match feature {
+            "write" => !self.types.is_empty(),
+            "u16" => self.types.contains(&PixelType::U16),
+            "float" => self.types.contains(&PixelType::Float),
+            "alpha" => self.channels.contains(&4),
+            _ => false,
+        }
+    }
+
+    fn output_type(&self, quantized: PixelType) -> PixelType {
+        match self.types {
+            [only] => *only,
+            _ if quantized == PixelType::U8 => PixelType::U8,
+            _ => PixelType::U16,
+        }
+    }
+
+    fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
+        let spec = options.spec;
+        let n = spec.nchannels();
+        let fault = if self.types.is_empty() {
+            format!("{} is not written", self.title)
+        } else if !self.types.contains(&spec.pixel_type) {
+            format!("{} does not hold {:?} values", self.title, spec.pixel_type)
+        } else if !self.channels.contains(&n) && !(self.drops_alpha && matches!(n, 2 | 4)) {
+            format!("{} does not hold {n} channels", self.title)
+        } else {
+            return Ok(Box::new(WholeOutput::create(path, spec, self.encode)?));
+        };
+        Err(ImageError::Unsupported { path: path.to_owned(), what: fault })
+    }
+}
+
+fn decoder(place: &Place, format: ImageFormat) -> Result<impl ImageDecoder> {
+    let mut reader = image::ImageReader::with_format(place.source()?, format);
+    let mut limits = image::Limits::default();
+    limits.max_image_width = Some(place.limits.dimension);
+    limits.max_image_height = Some(place.limits.dimension);
+    limits.max_alloc = Some(place.limits.bytes);
+    reader.limits(limits);
+    reader.into_decoder().map_err(|e| read_fault(place, e))
+}
+
+fn decode(place: &Place, spec: &ImageSpec) -> Result<Pixels> {
+    // A plain function, so the row of the table is found again by its title.
+    let format = FORMATS.iter().find(|f| f.title == place.format).map_or(ImageFormat::Tga, |f| f.image);
+    let decoder = decoder(place, format)?;
+    let wanted = spec.bytes().unwrap_or(u64::MAX);
+    if decoder.total_bytes() != wanted {
+        return Err(place.malformed("the file changed while it was read"));
+    }
+    let mut bytes = vec![0; wanted as usize];
+    decoder.read_image(&mut bytes).map_err(|e| read_fault(place, e))?;
+    // The decoders deliver values in the order of the machine.
+    Ok(Pixels::from_bytes(spec.pixel_type, bytes, cfg!(target_endian = "big")))
+}
+
+fn read_fault(place: &Place, error: image::ImageError) -> ImageError {
+    match error {
+        image::ImageError::IoError(e) => place.io(e),
+        image::ImageError::Unsupported(e) => place.unsupported(e.to_string()),
+        image::ImageError::Limits(e) => place.unsupported(format!("{}: {e}", place.format)),
+        other => place.malformed(other.to_string()),
+    }
+}
+
+fn write_fault(file: &Path, error: image::ImageError) -> ImageError {
+    match error {
+        image::ImageError::IoError(source) => ImageError::Io { path: file.to_owned(), source },
+        other => ImageError::Unsupported { path: file.to_owned(), what: other.to_string() },
+    }
+}
+
+/// The pixels without alpha, and how many channels are left.
+fn without_alpha(pixels: &Pixels, n: usize) -> (Pixels, usize) {
+    let left = n - 1;
+    let mut out = Pixels::zeros(pixels.pixel_type(), pixels.len() / n * left);
+    for c in 0..left {
+        out.set_plane(c, left, &pixels.plane(c, n));
+    }
+    (out, left)
+}
+
+/// The color type of `n` channels.
+fn color(n: usize, pixel_type: PixelType) -> ExtendedColorType {
+    match (n, pixel_type) {
+        (1, PixelType::U16) => ExtendedColorType::L16,
+        (2, PixelType::U16) => ExtendedColorType::La16,
+        (3, PixelType::U16) => ExtendedColorType::Rgb16,
+        (_, PixelType::U16) => ExtendedColorType::Rgba16,
+        (1, _) => ExtendedColorType::L8,
+        (2, _) => ExtendedColorType::La8,
+        (3, _) => ExtendedColorType::Rgb8,
+        _ => ExtendedColorType::Rgba8,
+    }
+}
+
+/// Values in the order of the machine, as the encoders want them.
+fn native_bytes(pixels: Pixels) -> Vec<u8> {
+    match pixels {
+        Pixels::U8(v) => v,
+        Pixels::U16(v) => v.iter().flat_map(|v| v.to_ne_bytes()).collect(),
+        other => other.to_floats().iter().flat_map(|v| v.to_ne_bytes()).collect(),
+    }
+}
+
+fn encode_bytes(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile, format: ImageFormat) -> Result<()> {
+    let mut n = spec.nchannels();
+    let mut pixels = pixels;
+    if n == 2 {
+        (pixels, n) = without_alpha(&pixels, n);
+    }
+    let bytes = native_bytes(pixels);
+    let path = file.path().to_owned();
+    image::write_buffer_with_format(file, &bytes, spec.width, spec.height, color(n, spec.pixel_type), format)
+        .map_err(|e| write_fault(&path, e))
+}
+
+fn encode_jpeg(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result<()> {
+    let n = spec.nchannels();
+    let (pixels, n) = if matches!(n, 2 | 4) { without_alpha(&pixels, n) } else { (pixels, n) };
+    let quality = spec.attributes.int("quality").unwrap_or(98).clamp(1, 100) as u8;
+    let path = file.path().to_owned();
+    image::codecs::jpeg::JpegEncoder::new_with_quality(file, quality)
+        .write_image(&native_bytes(pixels), spec.width, spec.height, color(n, PixelType::U8))
+        .map_err(|e| write_fault(&path, e))
+}
+
+/// Binary PGM, PPM, and PAM for alpha; 16-bit values have the most significant byte first.
+fn encode_pnm(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result<()> {
+    let (w, h, n) = (spec.width, spec.height, spec.nchannels());
+    let max = if spec.pixel_type == PixelType::U16 { 65535 } else { 255 };
+    let header = match n {
+        1 => format!("P5\n{w} {h}\n{max}\n"),
+        3 => format!("P6\n{w} {h}\n{max}\n"),
+        _ => {
+            let kind = if n == 2 { "GRAYSCALE_ALPHA" } else { "RGB_ALPHA" };
+            format!("P7\nWIDTH {w}\nHEIGHT {h}\nDEPTH {n}\nMAXVAL {max}\nTUPLTYPE {kind}\nENDHDR\n")
+        }
+    };
+    let bytes = match pixels {
+        Pixels::U16(v) => v.iter().flat_map(|v| v.to_be_bytes()).collect(),
+        other => native_bytes(other),
+    };
+    let written = file.write_all(header.as_bytes()).and_then(|()| file.write_all(&bytes));
+    written.map_err(|e| file.io_error(e))
+}
+
+fn encode_hdr(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result<()> {
+    let n = spec.nchannels();
+    let floats = pixels.to_floats();
+    // Grey spreads over the three colours; RGBE holds neither negative numbers nor NaN.
+    let channel = |p: &[f32], c: usize| p[if n >= 3 { c } else { 0 }].max(0.0).min(f32::MAX);
+    let rgb: Vec<_> =
+        floats.chunks_exact(n).map(|p| image::Rgb([channel(p, 0), channel(p, 1), channel(p, 2)])).collect();
+    let path = file.path().to_owned();
+    image::codecs::hdr::HdrEncoder::new(file)
+        .encode(&rgb, spec.width as usize, spec.height as usize)
+        .map_err(|e| write_fault(&path, e))
+}

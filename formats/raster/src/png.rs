@@ -1,0 +1,205 @@
+//! PNG, through the `png` crate.
+
+use crate::whole::{Place, WholeInput, WholeOutput};
+use granita_base::{BaseType, Param, ParamType};
+use granita_image::{
+    AtomicFile, CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType,
+    Pixels, Result,
+};
+use png::{BitDepth, ColorType, DecodingError, EncodingError};
+use std::path::Path;
+
+/// The format "png": 8 and 16 bits, grey or RGB, with or without alpha.
+///
+/// Read: every kind of PNG; palettes and fewer than 8 bits become 8-bit values, a transparent colour
+/// becomes alpha. A PNG holds colours that alpha has *not* been multiplied into: pictures read have the
+/// attribute `int unassociatedalpha` 1. A picture written without this attribute is divided by its
+/// alpha (where alpha is 0, colours stay as they are).
+///
+/// The attributes `ImageDescription`, `DocumentName`, `Artist`, `copyright` and `software` are kept as
+/// texts; `compression` may be "none", "fast" or "zip" (the default).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PngFormat;
+
+/// Keyword of a text chunk (PNG specification, 11.3.3.1) and name of the attribute.
+const TEXTS: [(&str, &str); 5] = [
+    ("Title", "DocumentName"),
+    ("Description", "ImageDescription"),
+    ("Author", "Artist"),
+    ("Copyright", "copyright"),
+    ("Software", "software"),
+];
+
+impl Format for PngFormat {
+    fn name(&self) -> &'static str {
+        "png"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["png"]
+    }
+
+    fn recognizes(&self, head: &[u8]) -> bool {
+        head.starts_with(b"\x89PNG\r\n\x1a\n")
+    }
+
+    fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>> {
+        let place = Place::new(path, "PNG", limits);
+        let spec = read_spec(&place)?;
+        Ok(Box::new(WholeInput::new("png", place, spec, decode)?))
+    }
+
+    fn supports(&self, feature: &str) -> bool {
+        matches!(feature, "write" | "u16" | "alpha")
+    }
+
+    fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
+        let spec = options.spec;
+        let fault = if !matches!(spec.pixel_type, PixelType::U8 | PixelType::U16) {
+            format!("PNG holds 8 or 16-bit integers, not {:?}", spec.pixel_type)
+        } else if !(1..=4).contains(&spec.nchannels()) {
+            format!("PNG holds 1 to 4 channels, not {}", spec.nchannels())
+        } else {
+            return Ok(Box::new(WholeOutput::create(path, spec, encode)?));
+        };
+        Err(ImageError::Unsupported { path: path.to_owned(), what: fault })
+    }
+}
+
+/// Opens the decoder behind the header.
+fn reader(place: &Place) -> Result<png::Reader<crate::whole::Source>> {
+    let bytes = usize::try_from(place.limits.bytes).unwrap_or(usize::MAX);
+    let mut decoder = png::Decoder::new_with_limits(place.source()?, png::Limits { bytes });
+    decoder.set_transformations(png::Transformations::EXPAND);
+    decoder.read_info().map_err(|e| fault(place, e))
+}
+
+fn fault(place: &Place, error: DecodingError) -> ImageError {
+    match error {
+        DecodingError::IoError(e) => place.io(e),
+        DecodingError::LimitsExceeded => place.unsupported("the PNG needs more memory than the limits allow"),
+        other => place.malformed(other.to_string()),
+    }
+}
+
+fn read_spec(place: &Place) -> Result<ImageSpec> {
+    let reader = reader(place)?;
+    let info = reader.info();
+    let (color, depth) = reader.output_color_type();
+    let (channels, alpha) = match color {
+        ColorType::Grayscale => (1, false),
+        ColorType::GrayscaleAlpha => (2, true),
+        ColorType::Rgba => (4, true),
+        ColorType::Rgb | ColorType::Indexed => (3, false),
+    };
+    let pixel_type = if depth == BitDepth::Sixteen { PixelType::U16 } else { PixelType::U8 };
+    let mut spec = ImageSpec::new(info.width, info.height, channels, pixel_type);
+    if alpha {
+        let (ty, data) = (ParamType::of(BaseType::Int), 1.into());
+        spec.attributes.set(Param { name: "unassociatedalpha".into(), ty, data });
+    }
+    for (keyword, name) in TEXTS {
+        let latin =
+            info.uncompressed_latin1_text.iter().find(|t| t.keyword == keyword).map(|t| t.text.clone());
+        let utf8 = || info.utf8_text.iter().find(|t| t.keyword == keyword)?.get_text().ok();
+        if let Some(text) = latin.or_else(utf8) {
+            let ty = ParamType::of(BaseType::String);
+            spec.attributes.set(Param { name: name.into(), ty, data: text.as_str().into() });
+        }
+    }
+    Ok(spec)
+}
+
+fn decode(place: &Place, spec: &ImageSpec) -> Result<Pixels> {
+    let mut reader = reader(place)?;
+    let wanted = spec.bytes().unwrap_or(u64::MAX);
+    let size = reader.output_buffer_size().filter(|s| *s as u64 == wanted);
+    let size = size.ok_or_else(|| place.malformed("the file changed while it was read"))?;
+    let mut bytes = vec![0; size];
+    reader.next_frame(&mut bytes).map_err(|e| fault(place, e))?;
+    Ok(Pixels::from_bytes(spec.pixel_type, bytes, true))
+}
+
+fn encode(spec: &ImageSpec, mut pixels: Pixels, file: &mut AtomicFile) -> Result<()> {
+    let n = spec.nchannels();
+    let (color, alpha) = match n {
+        1 => (ColorType::Grayscale, false),
+        2 => (ColorType::GrayscaleAlpha, true),
+        3 => (ColorType::Rgb, false),
+        _ => (ColorType::Rgba, true),
+    };
+    if alpha && spec.attributes.int("unassociatedalpha").unwrap_or(0) == 0 {
+        divide_by_alpha(&mut pixels, n);
+    }
+    let bytes = match pixels {
+        Pixels::U8(v) => v,
+        Pixels::U16(v) => v.iter().flat_map(|v| v.to_be_bytes()).collect(),
+        // `create` lets no other type in.
+        other => other.to_floats().iter().map(|v| (v * 255.0).round() as u8).collect(),
+    };
+    let path = file.path().to_owned();
+    let fault = |error: EncodingError| match error {
+        EncodingError::IoError(source) => ImageError::Io { path: path.clone(), source },
+        other => ImageError::Unsupported { path: path.clone(), what: other.to_string() },
+    };
+    let mut encoder = png::Encoder::new(file, spec.width, spec.height);
+    encoder.set_color(color);
+    encoder.set_depth(if spec.pixel_type == PixelType::U16 { BitDepth::Sixteen } else { BitDepth::Eight });
+    encoder.set_compression(match spec.string("compression") {
+        Some("none") => png::Compression::NoCompression,
+        Some("fast") => png::Compression::Fast,
+        _ => png::Compression::Balanced,
+    });
+    for (keyword, name) in TEXTS {
+        let given = spec.attributes.iter().rev().find(|p| p.name.eq_ignore_ascii_case(name));
+        if let Some(text) = given.and_then(|p| spec.string(&p.name)) {
+            let text = text.replace('\0', " ");
+            // Plain chunks hold Latin-1 only.
+            if text.chars().all(|c| u32::from(c) < 256) {
+                encoder.add_text_chunk(keyword.to_owned(), text).map_err(fault)?;
+            } else {
+                encoder.add_itxt_chunk(keyword.to_owned(), text).map_err(fault)?;
+            }
+        }
+    }
+    let mut writer = encoder.write_header().map_err(fault)?;
+    writer.write_image_data(&bytes).map_err(fault)?;
+    writer.finish().map_err(fault)
+}
+
+/// Turns colours with alpha multiplied in into colours without; the last of `n` channels is alpha.
+fn divide_by_alpha(pixels: &mut Pixels, n: usize) {
+    macro_rules! divide {
+        ($v:expr, $t:ty) => {
+            for pixel in $v.chunks_exact_mut(n) {
+                let (alpha, colors) = pixel.split_last_mut().expect("invariant: pixels have channels");
+                let (a, max) = (u64::from(*alpha), u64::from(<$t>::MAX));
+                if a > 0 {
+                    for c in colors {
+                        *c = ((u64::from(*c) * max + a / 2) / a).min(max) as $t;
+                    }
+                }
+            }
+        };
+    }
+    match pixels {
+        Pixels::U8(v) => divide!(v, u8),
+        Pixels::U16(v) => divide!(v, u16),
+        Pixels::U32(_) | Pixels::Half(_) | Pixels::Float(_) => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn division_by_alpha() {
+        let mut p = Pixels::U8(vec![10, 20, 0, 20, 7, 0, 100, 255]);
+        divide_by_alpha(&mut p, 2);
+        assert_eq!(p, Pixels::U8(vec![128, 20, 0, 20, 7, 0, 100, 255]));
+        let mut p = Pixels::U8(vec![30, 20]);
+        divide_by_alpha(&mut p, 2);
+        assert_eq!(p, Pixels::U8(vec![255, 20]));
+    }
+}

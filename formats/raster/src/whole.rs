@@ -1,0 +1,232 @@
+//! Files that are read and written in one piece: decoded at the first touch, encoded at `close`.
+
+use granita_image::{AtomicFile, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, Pixels, Result};
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+/// A file whose bytes are counted as they are read.
+pub(crate) type Source = BufReader<Counted>;
+
+/// Counts the bytes that pass.
+pub(crate) struct Counted {
+    file: File,
+    count: Arc<AtomicU64>,
+}
+
+impl Read for Counted {
+    fn read(&mut self, buf: &mut [u8]) -> io::Result<usize> {
+        let n = self.file.read(buf)?;
+        self.count.fetch_add(n as u64, Ordering::Relaxed);
+        Ok(n)
+    }
+}
+
+impl Seek for Counted {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.file.seek(to)
+    }
+}
+
+/// A file to decode: where it is, what it may cost, how its faults are reported.
+#[derive(Clone, Debug)]
+pub(crate) struct Place {
+    pub(crate) path: PathBuf,
+    /// Name of the format in errors, as "PNG".
+    pub(crate) format: &'static str,
+    pub(crate) limits: Limits,
+    count: Arc<AtomicU64>,
+}
+
+impl Place {
+    pub(crate) fn new(path: &Path, format: &'static str, limits: &Limits) -> Self {
+        Self { path: path.to_owned(), format, limits: *limits, count: Arc::default() }
+    }
+
+    /// Opens the file from its beginning.
+    pub(crate) fn source(&self) -> Result<Source> {
+        let file = File::open(&self.path).map_err(|e| self.io(e))?;
+        if file.metadata().map_err(|e| self.io(e))?.is_dir() {
+            return Err(self.io(io::Error::new(io::ErrorKind::IsADirectory, "is a directory")));
+        }
+        Ok(BufReader::new(Counted { file, count: self.count.clone() }))
+    }
+
+    /// What the system said; a file that ends early is malformed.
+    pub(crate) fn io(&self, source: io::Error) -> ImageError {
+        if matches!(source.kind(), io::ErrorKind::UnexpectedEof | io::ErrorKind::InvalidData) {
+            return self.malformed(match source.kind() {
+                io::ErrorKind::UnexpectedEof => "the file ends early".to_owned(),
+                _ => source.to_string(),
+            });
+        }
+        ImageError::Io { path: self.path.clone(), source }
+    }
+
+    pub(crate) fn malformed(&self, what: impl Into<String>) -> ImageError {
+        ImageError::Malformed { path: self.path.clone(), format: self.format, what: what.into() }
+    }
+
+    pub(crate) fn unsupported(&self, what: impl Into<String>) -> ImageError {
+        ImageError::Unsupported { path: self.path.clone(), what: what.into() }
+    }
+
+    fn misuse(&self, what: String) -> ImageError {
+        ImageError::Misuse { path: self.path.clone(), what }
+    }
+}
+
+/// Decodes all pixels of a file.
+pub(crate) type Decode = fn(&Place, &ImageSpec) -> Result<Pixels>;
+
+/// An open picture. Its pixels are decoded all at once when the first are asked for, and kept.
+pub(crate) struct WholeInput {
+    name: &'static str,
+    place: Place,
+    spec: ImageSpec,
+    decode: Decode,
+    pixels: OnceLock<Pixels>,
+    /// Held while decoding, so that two threads do not both do it.
+    decoding: Mutex<()>,
+}
+
+impl WholeInput {
+    /// Checks the size against the limits.
+    pub(crate) fn new(name: &'static str, place: Place, spec: ImageSpec, decode: Decode) -> Result<Self> {
+        place.limits.check(&place.path, place.format, &spec)?;
+        Ok(Self { name, place, spec, decode, pixels: OnceLock::new(), decoding: Mutex::new(()) })
+    }
+
+    fn pixels(&self) -> Result<&Pixels> {
+        if let Some(pixels) = self.pixels.get() {
+            return Ok(pixels);
+        }
+        let _one_at_a_time = self.decoding.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(pixels) = self.pixels.get() {
+            return Ok(pixels);
+        }
+        let spec = &self.spec;
+        let bytes = self.place.limits.check_read(&self.place.path, spec, spec.width, spec.height)?;
+        let pixels = (self.decode)(&self.place, spec)?;
+        if pixels.pixel_type() != spec.pixel_type || pixels.len() != bytes / spec.pixel_type.bytes() {
+            let what = format!("its pixels are {} values, not {bytes} bytes", pixels.len());
+            return Err(self.place.malformed(what));
+        }
+        Ok(self.pixels.get_or_init(|| pixels))
+    }
+}
+
+impl ImageInput for WholeInput {
+    fn format_name(&self) -> &'static str {
+        self.name
+    }
+
+    fn levels(&self, image: usize) -> usize {
+        usize::from(image == 0)
+    }
+
+    fn spec(&self, image: usize, level: usize) -> Option<&ImageSpec> {
+        (image == 0 && level == 0).then_some(&self.spec)
+    }
+
+    fn read_rows(&self, image: usize, level: usize, y0: u32, y1: u32) -> Result<Pixels> {
+        if image != 0 || level != 0 {
+            return Err(self.place.misuse(format!("there is no level {level} of image {image}")));
+        }
+        if y0 > y1 || y1 > self.spec.height {
+            let what = format!("rows {y0} to {y1} of an image with {}", self.spec.height);
+            return Err(self.place.misuse(what));
+        }
+        let row = self.spec.width as usize * self.spec.nchannels();
+        let n = (y1 - y0) as usize * row;
+        let mut out = Pixels::zeros(self.spec.pixel_type, n);
+        out.copy_from(0, self.pixels()?, y0 as usize * row, n);
+        Ok(out)
+    }
+
+    fn read_tile(&self, _image: usize, _level: usize, _tx: u32, _ty: u32) -> Result<Pixels> {
+        Err(self.place.misuse("a tile of an image stored in rows".to_owned()))
+    }
+
+    fn bytes_read(&self) -> u64 {
+        self.place.count.load(Ordering::Relaxed)
+    }
+}
+
+/// Encodes a complete picture; `Err` says what the format cannot do, or what the system refused.
+pub(crate) type Encode = fn(&ImageSpec, Pixels, &mut AtomicFile) -> Result<()>;
+
+/// A picture being collected.
+pub(crate) struct WholeOutput {
+    file: AtomicFile,
+    spec: ImageSpec,
+    pixels: Pixels,
+    filled: usize,
+    encode: Encode,
+}
+
+impl WholeOutput {
+    /// Begins a file; the format has checked that it can hold `spec`.
+    pub(crate) fn create(path: &Path, spec: &ImageSpec, encode: Encode) -> Result<Self> {
+        let misuse = |what: String| ImageError::Misuse { path: path.to_owned(), what };
+        if spec.is_tiled() {
+            return Err(misuse("this format does not store tiles".to_owned()));
+        }
+        let n = spec
+            .bytes()
+            .and_then(|b| usize::try_from(b).ok())
+            .filter(|b| *b > 0 && *b <= isize::MAX as usize);
+        let n = n.ok_or_else(|| misuse(format!("an image of {} x {} pixels", spec.width, spec.height)))?;
+        let file = AtomicFile::create(path)?;
+        let pixels = Pixels::zeros(spec.pixel_type, n / spec.pixel_type.bytes());
+        Ok(Self { file, spec: spec.clone(), pixels, filled: 0, encode })
+    }
+
+    fn misuse(&self, what: String) -> ImageError {
+        ImageError::Misuse { path: self.file.path().to_owned(), what }
+    }
+}
+
+impl ImageOutput for WholeOutput {
+    fn write_rows(&mut self, pixels: &Pixels) -> Result<()> {
+        let row = self.spec.width as usize * self.spec.nchannels();
+        if pixels.pixel_type() != self.spec.pixel_type {
+            let (got, wanted) = (pixels.pixel_type(), self.spec.pixel_type);
+            return Err(self.misuse(format!("pixels of type {got:?} for a file of {wanted:?}")));
+        }
+        if pixels.len() % row != 0 || pixels.len() > self.pixels.len() - self.filled {
+            let left = (self.pixels.len() - self.filled) / row;
+            let what = format!(
+                "{} values are no whole rows of {row}, or more than the {left} rows left",
+                pixels.len()
+            );
+            return Err(self.misuse(what));
+        }
+        self.pixels.copy_from(self.filled, pixels, 0, pixels.len());
+        self.filled += pixels.len();
+        Ok(())
+    }
+
+    fn write_tile(&mut self, _tx: u32, _ty: u32, _pixels: &Pixels) -> Result<()> {
+        Err(self.misuse("this format does not store tiles".to_owned()))
+    }
+
+    fn next_level(&mut self, _spec: &ImageSpec) -> Result<()> {
+        Err(self.misuse("this format does not store several images or levels".to_owned()))
+    }
+
+    fn close(self: Box<Self>) -> Result<()> {
+        if self.filled < self.pixels.len() {
+            let row = self.spec.width as usize * self.spec.nchannels();
+            let missing = (self.pixels.len() - self.filled) / row;
+            return Err(
+                self.misuse(format!("incomplete: {missing} of {} rows are missing", self.spec.height))
+            );
+        }
+        let Self { mut file, spec, pixels, encode, .. } = *self;
+        encode(&spec, pixels, &mut file)?;
+        file.commit()
+    }
+}

@@ -1,0 +1,205 @@
+//! What is written comes back; what is damaged is refused.
+
+use granita_base::Param;
+use granita_image::{CreateOptions, Format, ImageError, ImageSpec, Limits, PixelType, Pixels};
+use granita_raster::formats;
+use proptest::prelude::*;
+// Every file written is synchronised with the disk, so the numbers of cases are small.
+use std::path::Path;
+use std::sync::Arc;
+
+fn format(name: &str) -> Arc<dyn Format> {
+    formats().into_iter().find(|f| f.name() == name).unwrap()
+}
+
+fn noise(pixel_type: PixelType, n: usize, seed: u32) -> Pixels {
+    let word = |i: usize| granita_base::hash::words(&[seed, (i / 2) as u32]);
+    match pixel_type {
+        PixelType::U8 => Pixels::U8((0..n).map(|i| word(i) as u8).collect()),
+        PixelType::U16 => Pixels::U16((0..n).map(|i| word(i) as u16).collect()),
+        _ => Pixels::Float((0..n).map(|i| word(i) as f32 - 1e9).collect()),
+    }
+}
+
+fn write(path: &Path, format: &dyn Format, spec: &ImageSpec, pixels: &Pixels, rows: u32) {
+    let mut out = format.create(path, &CreateOptions { spec, levels: 1 }).unwrap();
+    let row = spec.width as usize * spec.nchannels();
+    for y in (0..spec.height).step_by(rows as usize) {
+        let n = rows.min(spec.height - y) as usize * row;
+        let mut part = Pixels::zeros(spec.pixel_type, n);
+        part.copy_from(0, pixels, y as usize * row, n);
+        out.write_rows(&part).unwrap();
+    }
+    out.close().unwrap();
+}
+
+/// Formats that keep every value, their types and numbers of channels.
+const LOSSLESS: [(&str, &[PixelType], &[usize]); 7] = [
+    ("png", &[PixelType::U8, PixelType::U16], &[1, 2, 3, 4]),
+    ("pnm", &[PixelType::U8, PixelType::U16], &[1, 2, 3, 4]),
+    ("pfm", &[PixelType::Float], &[1, 3]),
+    ("tga", &[PixelType::U8], &[1, 3, 4]),
+    ("bmp", &[PixelType::U8], &[3, 4]),
+    ("qoi", &[PixelType::U8], &[3, 4]),
+    ("webp", &[PixelType::U8], &[3, 4]),
+];
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+    #[test]
+    fn identity((width, height, rows) in (1u32..50, 1u32..50, 1u32..60), seed in any::<u32>()) {
+        let dir = tempfile::tempdir().unwrap();
+        for (name, types, channels) in LOSSLESS {
+            for pixel_type in types {
+                for n in channels {
+                    let path = dir.path().join(name);
+                    let mut spec = ImageSpec::new(width, height, *n, *pixel_type);
+                    spec.attributes.set(Param::declared("int unassociatedalpha", 1).unwrap());
+                    let pixels = noise(*pixel_type, (width * height) as usize * n, seed);
+                    write(&path, &*format(name), &spec, &pixels, rows);
+                    let input = format(name).open(&path, &Limits::default()).unwrap();
+                    let got = input.spec(0, 0).unwrap();
+                    prop_assert_eq!((got.width, got.height, got.pixel_type), (width, height, *pixel_type), "{}", name);
+                    prop_assert_eq!(&got.channels, &spec.channels, "{}", name);
+                    prop_assert_eq!(&input.read_level(0, 0).unwrap(), &pixels, "{} {:?} {}", name, pixel_type, n);
+                    let last = input.read_rows(0, 0, height - 1, height).unwrap();
+                    prop_assert_eq!(last.get(0), pixels.get(pixels.len() - width as usize * n));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn lossy_formats_come_close() {
+    let dir = tempfile::tempdir().unwrap();
+    for n in [1, 3, 4] {
+        let path = dir.path().join("a.jpg");
+        let spec = ImageSpec::new(40, 30, n, PixelType::U8);
+        let ramp = |i: usize| (i / n % 40 * 4 + i / n / 40 * 2 + i % n * 9) as u8;
+        let pixels = Pixels::U8((0..1200 * n).map(ramp).collect());
+        write(&path, &*format("jpeg"), &spec, &pixels, 30);
+        let input = format("jpeg").open(&path, &Limits::default()).unwrap();
+        let kept = n.min(3);
+        assert_eq!(input.spec(0, 0).unwrap().nchannels(), kept);
+        let got = input.read_level(0, 0).unwrap();
+        for i in 0..1200 {
+            for c in 0..kept {
+                let d = got.get(i * kept + c) - pixels.get(i * n + c);
+                assert!(d.abs() < 8.0 / 255.0, "channel {c} of {n}, pixel {i}: {d}");
+            }
+        }
+    }
+    let path = dir.path().join("a.hdr");
+    let spec = ImageSpec::new(40, 30, 3, PixelType::Float);
+    let pixels = Pixels::Float((0..3600).map(|i| 0.01 * 1.003f32.powi(i)).collect());
+    write(&path, &*format("hdr"), &spec, &pixels, 7);
+    let got = format("hdr").open(&path, &Limits::default()).unwrap().read_level(0, 0).unwrap();
+    for i in 0..3600 {
+        assert!((got.get(i) / pixels.get(i) - 1.0).abs() < 0.02, "{i}: {} {}", got.get(i), pixels.get(i));
+    }
+}
+
+#[test]
+fn what_a_format_cannot_hold_is_refused_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a");
+    for (name, n, pixel_type, word) in [
+        ("png", 3, PixelType::Float, "Float"),
+        ("png", 5, PixelType::U8, "5"),
+        ("jpeg", 3, PixelType::U16, "U16"),
+        ("tga", 3, PixelType::Half, "Half"),
+        ("hdr", 3, PixelType::U8, "U8"),
+        ("gif", 3, PixelType::U8, "not written"),
+        ("pfm", 4, PixelType::Float, "4"),
+    ] {
+        let spec = ImageSpec::new(4, 4, n, pixel_type);
+        let result = format(name).create(&path, &CreateOptions { spec: &spec, levels: 1 });
+        let Err(ImageError::Unsupported { what, .. }) = result else { panic!("{name}") };
+        assert!(what.contains(word), "{what}");
+    }
+    let tiled = ImageSpec::new(4, 4, 3, PixelType::U8).tiled(16, 16);
+    assert!(format("png").create(&path, &CreateOptions { spec: &tiled, levels: 1 }).is_err());
+    assert!(!path.exists());
+}
+
+#[test]
+fn nothing_appears_before_all_is_there() {
+    let dir = tempfile::tempdir().unwrap();
+    for f in formats().iter().filter(|f| f.supports("write")) {
+        let path = dir.path().join(f.name());
+        let spec = ImageSpec::new(4, 4, 3, f.output_type(PixelType::U8));
+        let mut out = f.create(&path, &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+        out.write_rows(&Pixels::zeros(spec.pixel_type, 24)).unwrap();
+        let error = out.close().unwrap_err().to_string();
+        assert!(error.contains(f.name()) && error.contains("2 of 4 rows"), "{error}");
+    }
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn alpha_of_png_is_divided_out() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.png");
+    let spec = ImageSpec::new(1, 1, 4, PixelType::U8);
+    write(&path, &*format("png"), &spec, &Pixels::U8(vec![10, 20, 40, 80]), 1);
+    let input = format("png").open(&path, &Limits::default()).unwrap();
+    assert_eq!(input.read_level(0, 0).unwrap(), Pixels::U8(vec![32, 64, 128, 80]));
+    assert_eq!(input.spec(0, 0).unwrap().attributes.int("unassociatedalpha"), Some(1));
+}
+
+#[test]
+fn texts_of_png() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.png");
+    let mut spec = ImageSpec::new(1, 1, 1, PixelType::U16);
+    for (name, text) in [("ImageDescription", "\u{3b1}\u{3b2}"), ("Artist", "J\u{f6}rg")] {
+        spec.attributes.set(Param::declared(&format!("string {name}"), text).unwrap());
+    }
+    write(&path, &*format("png"), &spec, &Pixels::U16(vec![1]), 1);
+    let input = format("png").open(&path, &Limits::default()).unwrap();
+    assert_eq!(input.spec(0, 0).unwrap().attributes, spec.attributes);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+    #[test]
+    fn damage_is_survived(cut in 0.0f64..1.0, flips in prop::collection::vec((0.0f64..1.0, 0u8..8), 1..4)) {
+        let dir = tempfile::tempdir().unwrap();
+        let limits = Limits { dimension: 4096, pixels: 1 << 20, bytes: 4 << 20, ..Limits::default() };
+        for f in formats().iter().filter(|f| f.supports("write")) {
+            let path = dir.path().join(format!("damaged.{}", f.extensions()[0]));
+            let spec = ImageSpec::new(19, 13, 3, f.output_type(PixelType::U8));
+            write(&path, &**f, &spec, &noise(spec.pixel_type, 19 * 13 * 3, 1), 13);
+            let good = std::fs::read(&path).unwrap();
+            let at = |x: f64| (x * good.len() as f64) as usize;
+            let read = |bytes: &[u8]| {
+                std::fs::write(&path, bytes).unwrap();
+                f.open(&path, &limits).and_then(|i| i.read_level(0, 0))
+            };
+            if let Err(error) = read(&good[..at(cut)]) {
+                prop_assert!(error.to_string().contains("damaged."), "{}", error);
+            }
+            let mut bad = good.clone();
+            for (x, bit) in &flips {
+                bad[at(*x)] ^= 1 << bit;
+            }
+            if let Err(error) = read(&bad) {
+                prop_assert!(error.to_string().contains("damaged."), "{}", error);
+            }
+        }
+    }
+}
+
+#[test]
+fn marks() {
+    let find =
+        |head: &[u8]| formats().iter().filter(|f| f.recognizes(head)).map(|f| f.name()).collect::<Vec<_>>();
+    assert_eq!(find(b"\x89PNG\r\n\x1a\n...."), ["png"]);
+    assert_eq!(find(b"\xff\xd8\xff\xe0"), ["jpeg"]);
+    assert_eq!(find(b"P6\n3 3"), ["pnm"]);
+    assert_eq!(find(b"PF\n3 3"), ["pfm"]);
+    assert_eq!(find(b"RIFF....WEBPVP8 "), ["webp"]);
+    assert_eq!(find(b"Parameter (\"x\")"), [""; 0]);
+    assert_eq!(find(b""), [""; 0]);
+}
