@@ -14,8 +14,8 @@ use granita_base::{
 };
 use granita_scene::{AttributeSet, LightId, ShaderUsage};
 use granita_shade::{
-    EnvironmentQuery, Grid, IlluminateQuery, Lane, Lanes3, LightInfo, LightResult, LookupResult, RayKind,
-    Services, ShadowQuery, TextureQuery, TraceQuery, TraceResult,
+    Batch, EnvironmentQuery, Grid, IlluminateQuery, Lane, Lanes3, LightInfo, LightResult, LookupResult,
+    RayKind, Services, ShadowQuery, TextureQuery, Topology, TraceQuery, TraceResult,
 };
 use std::sync::Arc;
 
@@ -43,6 +43,8 @@ pub(crate) struct Run<'r, 'f> {
     dtime: f32,
     ray: RayKind,
     seed: u32,
+    /// Number of hits, when the grid is hits and their neighbours.
+    centres: Option<u32>,
     /// Calls that drew random numbers so far: two calls of one shader draw different ones.
     calls: u32,
 }
@@ -73,6 +75,10 @@ impl<'r, 'f> Run<'r, 'f> {
             dtime: grid.dtime,
             ray: grid.ray,
             seed: grid.seed,
+            centres: match grid.topology {
+                Topology::Triplets { n } => Some(n as u32).filter(|n| *n > 0),
+                _ => None,
+            },
             calls: 0,
         }
     }
@@ -95,6 +101,7 @@ impl<'r, 'f> Run<'r, 'f> {
             dtime: surface.dtime,
             ray: surface.ray,
             seed: hash::words(&[surface.seed, id.0, surface.calls]),
+            centres: surface.centres,
             calls: 0,
         }
     }
@@ -185,7 +192,14 @@ impl Services for Run<'_, '_> {
 
     fn environment(&mut self, query: &EnvironmentQuery<'_>, out: &mut LookupResult) {
         if self.frame.rays.is_set(query.name) {
-            rays::environment(self, query, out);
+            let lanes = rays::TracingLanes::new(self, query.batch.active);
+            let batch = Batch { active: &lanes.traced, ..query.batch };
+            rays::environment(self, &EnvironmentQuery { batch, ..*query }, out);
+            out.value.iter_mut().for_each(|channel| lanes.copy(channel));
+            lanes.copy(&mut out.alpha);
+            lanes.copy(&mut out.hitdist);
+            lanes.copy3(&mut out.p_hit);
+            lanes.copy3(&mut out.n_hit);
         } else {
             let space = query.options.space.and_then(|s| self.to_common(s, query.batch.layer));
             maps::environment(self.frame, query, space, out);
@@ -194,7 +208,10 @@ impl Services for Run<'_, '_> {
 
     fn shadow(&mut self, query: &ShadowQuery<'_>, out: &mut Lanes3) {
         if self.frame.rays.is_set(query.name) {
-            rays::shadow(self, query, out);
+            let lanes = rays::TracingLanes::new(self, query.batch.active);
+            let batch = Batch { active: &lanes.traced, ..query.batch };
+            rays::shadow(self, &ShadowQuery { batch, ..*query }, out);
+            lanes.copy3(out);
             return;
         }
         let call = self.next_call();
@@ -234,15 +251,29 @@ impl Services for Run<'_, '_> {
     }
 
     fn trace(&mut self, query: &TraceQuery<'_>, out: &mut TraceResult) {
-        rays::trace(self, query, out);
+        let lanes = rays::TracingLanes::new(self, query.batch.active);
+        let batch = Batch { active: &lanes.traced, ..query.batch };
+        rays::trace(self, &TraceQuery { batch, ..*query }, out);
+        lanes.copy(&mut out.hit);
+        lanes.copy(&mut out.hitdist);
+        for found in [&mut out.l, &mut out.ps, &mut out.cl, &mut out.ol, &mut out.p] {
+            lanes.copy3(found);
+        }
     }
 
     fn occlusion(&mut self, query: &TraceQuery<'_>, out: &mut [f32], unoccluded: &mut Lanes3) {
-        rays::occlusion(self, query, out, unoccluded);
+        let lanes = rays::TracingLanes::new(self, query.batch.active);
+        let batch = Batch { active: &lanes.traced, ..query.batch };
+        rays::occlusion(self, &TraceQuery { batch, ..*query }, out, unoccluded);
+        lanes.copy(out);
+        lanes.copy3(unoccluded);
     }
 
     fn indirect(&mut self, query: &TraceQuery<'_>, out: &mut Lanes3) {
-        rays::indirect(self, query, out);
+        let lanes = rays::TracingLanes::new(self, query.batch.active);
+        let batch = Batch { active: &lanes.traced, ..query.batch };
+        rays::indirect(self, &TraceQuery { batch, ..*query }, out);
+        lanes.copy3(out);
     }
 
     fn attribute(&mut self, name: &str) -> Option<Param> {
@@ -264,7 +295,7 @@ impl Services for Run<'_, '_> {
         if name.starts_with("user:") {
             return None;
         }
-        self.camera_attribute(name)
+        self.camera_attribute(name).or_else(|| granita_scene::attribute_default(name))
     }
 
     fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {

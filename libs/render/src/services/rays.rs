@@ -85,6 +85,46 @@ impl Run<'_, '_> {
     }
 }
 
+/// Lanes that trace, and lanes that take over what another one found.
+///
+/// Of the hits of a ray and their neighbours, which exist for derivatives only, the hits alone trace.
+pub(super) struct TracingLanes {
+    /// In increasing order.
+    pub(super) traced: Vec<u32>,
+    /// Lane and where it takes its result from.
+    copied: Vec<(usize, usize)>,
+}
+
+impl TracingLanes {
+    pub(super) fn new(run: &Run<'_, '_>, active: &[u32]) -> Self {
+        let Some(n) = run.centres else { return Self { traced: active.to_vec(), copied: Vec::new() } };
+        let (mut traced, mut copied) = (Vec::new(), Vec::new());
+        for &lane in active {
+            let centre = lane % n;
+            if lane != centre && active.binary_search(&centre).is_ok() {
+                copied.push((lane as usize, centre as usize));
+            } else {
+                traced.push(lane);
+            }
+        }
+        Self { traced, copied }
+    }
+
+    /// Gives the copying lanes of an array their values.
+    pub(super) fn copy3(&self, lanes: &mut Lanes3) {
+        for &(to, from) in &self.copied {
+            lanes.set(to, lanes.get(from));
+        }
+    }
+
+    /// Gives the copying lanes of an array their values.
+    pub(super) fn copy<T: Copy>(&self, lanes: &mut [T]) {
+        for &(to, from) in &self.copied {
+            lanes[to] = lanes[from];
+        }
+    }
+}
+
 /// A place in the footprint, from -0.5 to 0.5 in both directions; its middle for the only sample.
 fn in_footprint(index: u32, samples: u32, seed: u32) -> (f32, f32) {
     if samples <= 1 {
