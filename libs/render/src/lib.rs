@@ -25,6 +25,7 @@ mod camera;
 mod dicing;
 mod environment;
 mod error;
+mod hider;
 mod lights;
 mod object;
 mod raymesh;

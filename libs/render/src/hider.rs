@@ -1,0 +1,151 @@
+//! What is seen where: samples, micropolygons, and what lies before what.
+//!
+//! A [`SampleGrid`] holds the samples of a rectangle of pixels. Each one has a place, a time and a point on
+//! the lens, hashed from the absolute pixel and the number of the sample alone, so that a sample is the same
+//! one whichever bucket computes it. [`Surfaces`] collects what the samples see of the grids handed to it;
+//! [`Surfaces::resolve`] composites it front to back.
+
+mod composite;
+mod raster;
+mod samples;
+mod visible;
+
+pub(crate) use composite::{CompositeSettings, Wanted};
+pub(crate) use samples::{SampleGrid, SamplePattern};
+pub(crate) use visible::{Holdout, ShadedGrid, ViewedGrid};
+
+use raster::Raster;
+
+/// One surface seen through a sample.
+#[derive(Clone, Copy, Debug)]
+struct Fragment {
+    /// Camera space depth.
+    z: f32,
+    /// Index among the grids of this bucket.
+    grid: u32,
+    /// Lower left point of the micropolygon.
+    at: u32,
+    /// Place in the micropolygon.
+    u: f32,
+    v: f32,
+    /// Next fragment of the sample, or [`NONE`].
+    next: u32,
+    /// On the rim of its grid, where neighbouring grids may overlap by a hair.
+    rim: bool,
+}
+
+const NONE: u32 = u32::MAX;
+
+impl Fragment {
+    const NOTHING: Self =
+        Self { z: f32::INFINITY, grid: NONE, at: 0, u: 0.0, v: 0.0, next: NONE, rim: false };
+}
+
+/// What the samples of a bucket see.
+pub(crate) struct Surfaces<'a> {
+    samples: &'a SampleGrid,
+    settings: CompositeSettings,
+    grids: Vec<std::sync::Arc<ShadedGrid>>,
+    /// Per sample: the nearest surface that hides all behind it.
+    nearest: Vec<Fragment>,
+    /// Per sample: first of its transparent fragments.
+    first: Vec<u32>,
+    fragments: Vec<Fragment>,
+    /// Per sample: depths of the nearest and second surface above "shadow:opacitythreshold"; empty unless asked for.
+    depths: Vec<[f32; 2]>,
+    /// Per pixel: the farthest of the nearest depths; NaN when it must be computed anew.
+    horizon: Vec<f32>,
+}
+
+impl<'a> Surfaces<'a> {
+    /// Nothing seen yet.
+    pub(crate) fn new(samples: &'a SampleGrid, settings: CompositeSettings) -> Self {
+        let n = samples.len();
+        Self {
+            samples,
+            settings,
+            grids: Vec::new(),
+            nearest: vec![Fragment::NOTHING; n],
+            first: vec![NONE; n],
+            fragments: Vec::new(),
+            depths: if settings.depths { vec![[f32::INFINITY; 2]; n] } else { Vec::new() },
+            horizon: vec![f32::INFINITY; samples.pixels()],
+        }
+    }
+
+    /// Whether everything at depth `z` and behind it is hidden in all pixels of `rect` (clipped to the
+    /// bucket). Never true for an empty rectangle.
+    pub(crate) fn hides(&mut self, rect: &crate::PixelRect, z: f32) -> bool {
+        let rect = rect.intersection(&self.samples.rect);
+        if rect.is_empty() {
+            return false;
+        }
+        let per_pixel = self.samples.per_pixel;
+        for y in rect.y0..rect.y1 {
+            for x in rect.x0..rect.x1 {
+                let pixel = self.samples.pixel(x, y);
+                if self.horizon[pixel].is_nan() {
+                    let seen = &self.nearest[pixel * per_pixel..(pixel + 1) * per_pixel];
+                    self.horizon[pixel] = seen.iter().map(|f| f.z).fold(f32::NEG_INFINITY, f32::max);
+                }
+                if self.horizon[pixel] > z {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+
+    /// Samples a grid. Of surfaces at the same depth the one that came first is seen.
+    pub(crate) fn add(&mut self, grid: &std::sync::Arc<ShadedGrid>) {
+        let Ok(index) = u32::try_from(self.grids.len()) else { return };
+        self.grids.push(grid.clone());
+        let samples = self.samples;
+        Raster { samples, grid }.each_hit(&mut |sample, z, at, u, v, rim| {
+            self.hit(grid, sample, Fragment { z, grid: index, at, u, v, next: NONE, rim });
+        });
+    }
+
+    fn hit(&mut self, grid: &ShadedGrid, sample: usize, fragment: Fragment) {
+        let z = fragment.z;
+        let behind = z >= self.nearest[sample].z;
+        if behind && self.depths.is_empty() {
+            return;
+        }
+        let opacity = if grid.opaque {
+            granita_base::Color::ONE
+        } else {
+            grid.opacity_at(fragment.at, fragment.u, fragment.v)
+        };
+        let hides =
+            grid.opaque || grid.holdout != Holdout::None || opacity.cmpge(granita_base::Color::ONE).all();
+        if !self.depths.is_empty() && opacity.cmpge(self.settings.depth_threshold).any() {
+            let [first, second] = &mut self.depths[sample];
+            // The rims of neighbouring grids overlap by a hair: that is one surface, not two.
+            let same = fragment.rim && (z - *first).abs() <= 1e-4 * z.abs();
+            if z < *first {
+                if !same {
+                    *second = *first;
+                }
+                *first = z;
+            } else if !same && z < *second {
+                *second = z;
+            }
+        }
+        if behind {
+            return;
+        }
+        if hides {
+            self.nearest[sample] = fragment;
+            self.horizon[sample / self.samples.per_pixel] = f32::NAN;
+        } else if let Ok(new) = u32::try_from(self.fragments.len()) {
+            self.fragments.push(Fragment { next: self.first[sample], ..fragment });
+            self.first[sample] = new;
+        }
+    }
+
+    /// Composites every sample; the result is one run of samples per channel of `wanted`, in order.
+    pub(crate) fn resolve(&self, wanted: &Wanted) -> Vec<f32> {
+        composite::resolve(self, wanted)
+    }
+}

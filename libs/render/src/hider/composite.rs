@@ -1,0 +1,147 @@
+//! Surfaces behind each other, composited sample by sample.
+
+use super::{Fragment, Holdout, NONE, Surfaces};
+use granita_base::Color;
+
+/// What depends on scene-wide attributes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct CompositeSettings {
+    /// "limits:opacitythreshold".
+    pub(crate) opacity_threshold: Color,
+    /// "shadow:opacitythreshold".
+    pub(crate) depth_threshold: Color,
+    /// "limits:transparentlayers"; `None` when there is no limit.
+    pub(crate) layers: Option<usize>,
+    /// Whether depths are wanted.
+    pub(crate) depths: bool,
+}
+
+/// A variable of the shader that is wanted in an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct WantedVariable {
+    /// Its first component in [`super::ShadedGrid::variables`].
+    pub(crate) offset: usize,
+    /// Its components.
+    pub(crate) width: usize,
+    /// Colours are composited as `C` is; of other values the foremost counts.
+    pub(crate) is_color: bool,
+}
+
+/// Channels of a resolved sample: red, green, blue, alpha; then depth and second depth when wanted; then the
+/// components of the variables.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Wanted {
+    /// Depth channels.
+    pub(crate) depths: bool,
+    /// Variables.
+    pub(crate) variables: Vec<WantedVariable>,
+}
+
+impl Wanted {
+    /// Channels of a sample.
+    pub(crate) fn channels(&self) -> usize {
+        self.variable_channel(self.variables.len())
+    }
+
+    /// First channel of a variable.
+    pub(crate) fn variable_channel(&self, index: usize) -> usize {
+        4 + 2 * usize::from(self.depths) + self.variables[..index].iter().map(|v| v.width).sum::<usize>()
+    }
+}
+
+/// Composites all samples; channel `c` of sample `s` at `c * samples + s`.
+pub(super) fn resolve(surfaces: &Surfaces<'_>, wanted: &Wanted) -> Vec<f32> {
+    let n = surfaces.samples.len();
+    let mut out = vec![0.0; wanted.channels() * n];
+    let mut layers: Vec<Fragment> = Vec::new();
+    let mut sample: Vec<f32> = vec![0.0; wanted.channels()];
+    for s in 0..n {
+        let nearest = surfaces.nearest[s];
+        layers.clear();
+        let mut next = surfaces.first[s];
+        while next != NONE {
+            let fragment = surfaces.fragments[next as usize];
+            if fragment.z < nearest.z {
+                layers.push(fragment);
+            }
+            next = fragment.next;
+        }
+        // The chain runs from the last to the first added; a stable sort keeps the order of adding among equals.
+        layers.reverse();
+        layers.sort_by(|a, b| a.z.total_cmp(&b.z));
+        if nearest.grid != NONE {
+            layers.push(nearest);
+        }
+        if layers.is_empty() && surfaces.depths.is_empty() {
+            continue;
+        }
+        sample.fill(0.0);
+        blend(surfaces, wanted, &layers, &mut sample);
+        if wanted.depths {
+            let [z, second] = surfaces.depths.get(s).copied().unwrap_or([f32::INFINITY; 2]);
+            (sample[4], sample[5]) = (z, second);
+        }
+        for (c, value) in sample.iter().enumerate() {
+            out[c * n + s] = *value;
+        }
+    }
+    out
+}
+
+/// Composites the layers of one sample, nearest first. Colours are premultiplied by their opacity.
+fn blend(surfaces: &Surfaces<'_>, wanted: &Wanted, layers: &[Fragment], sample: &mut [f32]) {
+    let settings = &surfaces.settings;
+    let mut through = Color::ONE;
+    let mut last: Option<&Fragment> = None;
+    let mut count = 0;
+    let mut seen = false;
+    for fragment in layers {
+        let grid = &*surfaces.grids[fragment.grid as usize];
+        // Where the widened rims of two grids of one primitive overlap, the surface counts once.
+        if let Some(last) = last.replace(fragment)
+            && fragment.rim
+            && last.rim
+            && last.grid != fragment.grid
+            && surfaces.grids[last.grid as usize].primitive == grid.primitive
+            && fragment.z - last.z <= 1e-4 * fragment.z.abs()
+        {
+            continue;
+        }
+        if settings.layers.is_some_and(|most| count >= most) && !grid.opaque {
+            continue;
+        }
+        count += 1;
+        let (at, u, v) = (fragment.at, fragment.u, fragment.v);
+        let matte = grid.holdout == Holdout::Matte;
+        let opacity = match (matte, grid.opaque) {
+            (true, _) => Color::ZERO,
+            (_, true) => Color::ONE,
+            _ => grid.opacity_at(at, u, v),
+        };
+        if !matte {
+            let color = grid.color_at(at, u, v) * through;
+            let alpha = opacity * through;
+            for c in 0..3 {
+                sample[c] += color[c];
+            }
+            sample[3] += (alpha.x + alpha.y + alpha.z) / 3.0;
+            for (k, variable) in wanted.variables.iter().enumerate() {
+                let first = wanted.variable_channel(k);
+                for c in 0..variable.width {
+                    let value = grid.variable_at(variable.offset + c, at, u, v);
+                    if variable.is_color {
+                        sample[first + c] += value * through[c % 3];
+                    } else if !seen {
+                        sample[first + c] = value;
+                    }
+                }
+            }
+            seen = true;
+        }
+        through *= Color::ONE - opacity;
+        let enough = (Color::ONE - through).cmpge(settings.opacity_threshold).all();
+        if grid.holdout != Holdout::None || enough {
+            break;
+        }
+    }
+}

@@ -1,0 +1,198 @@
+//! Shaded grids as a camera sees them.
+
+use crate::{CameraView, PixelRect, Projection};
+use granita_base::{Color, Vec2, Vec3};
+
+/// How a surface treats what is behind it (reference 4.4.4 "holdout").
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Holdout {
+    /// Shows it as far as it is not opaque.
+    #[default]
+    None,
+    /// Hides it and is not seen itself.
+    Matte,
+    /// Hides it, and is seen.
+    Shaded,
+}
+
+/// The points of a grid as a camera sees them.
+#[derive(Clone, Debug)]
+pub(crate) struct ViewedGrid {
+    /// Times of the keys, increasing; one for a grid that does not move.
+    pub(crate) times: Vec<f32>,
+    /// Camera space positions at each key.
+    pub(crate) p_cam: Vec<Vec<Vec3>>,
+    /// Raster x and y, and 1/z (perspective) or z (orthographic); empty unless the fast way of sampling will do:
+    /// no motion, no lens, nothing at or before the near plane.
+    pub(crate) raster: Vec<Vec3>,
+    /// Pixels per camera space unit at z = 1, and the centre: from raster to directions and back.
+    pub(crate) scale: Vec2,
+    pub(crate) center: Vec2,
+    pub(crate) perspective: bool,
+    pub(crate) near: f32,
+    pub(crate) far: f32,
+    /// Depth in focus; 0 without a lens.
+    pub(crate) focus: f32,
+    /// Radius of the lens; 0 without one.
+    pub(crate) lens_radius: f32,
+}
+
+/// A raster box that is open to all sides: for what crosses the plane of the eye.
+pub(crate) const EVERYWHERE: [f32; 4] = [f32::NEG_INFINITY, f32::NEG_INFINITY, f32::INFINITY, f32::INFINITY];
+
+impl ViewedGrid {
+    /// From camera space positions at each of `times`.
+    pub(crate) fn new(camera: &CameraView, times: Vec<f32>, p_cam: Vec<Vec<Vec3>>, defocus: bool) -> Self {
+        let perspective = matches!(camera.projection, Projection::Perspective { .. });
+        let lens = camera.lens.filter(|_| defocus);
+        let mut grid = Self {
+            times,
+            p_cam,
+            raster: Vec::new(),
+            scale: camera.raster_scale(1.0),
+            center: camera.raster_center(),
+            perspective,
+            near: camera.near,
+            far: camera.far,
+            focus: lens.map_or(0.0, |l| l.focal_distance),
+            lens_radius: lens.map_or(0.0, |l| l.radius),
+        };
+        let simple = grid.times.len() == 1 && lens.is_none();
+        if simple && (!perspective || grid.p_cam[0].iter().all(|p| p.z >= camera.near)) {
+            let project = |p: &Vec3| {
+                let q = grid.project(*p);
+                Vec3::new(q.x, q.y, if perspective { 1.0 / p.z } else { p.z })
+            };
+            grid.raster = grid.p_cam[0].iter().map(project).collect();
+        }
+        grid
+    }
+
+    /// Raster place of a point; in a perspective only for positive depths.
+    pub(crate) fn project(&self, p: Vec3) -> Vec2 {
+        let scale = if self.perspective { self.scale / p.z } else { self.scale };
+        self.center + Vec2::new(p.x, p.y) * scale
+    }
+
+    /// Raster box (x0, y0, x1, y1) of some points over the whole shutter and lens, and their least depth.
+    pub(crate) fn bound(&self, indices: impl Iterator<Item = usize> + Clone) -> ([f32; 4], f32) {
+        let mut bound = [f32::INFINITY, f32::INFINITY, f32::NEG_INFINITY, f32::NEG_INFINITY];
+        let mut z_min = f32::INFINITY;
+        for key in &self.p_cam {
+            for i in indices.clone() {
+                let p = key[i];
+                z_min = z_min.min(p.z);
+                if !p.is_finite() {
+                    return (EVERYWHERE, f32::NEG_INFINITY);
+                }
+                if self.perspective && p.z <= self.near * 0.5 {
+                    return (EVERYWHERE, z_min);
+                }
+                let q = match self.raster.get(i) {
+                    Some(r) => r.truncate(),
+                    None => self.project(p),
+                };
+                let blur = if self.lens_radius > 0.0 {
+                    (self.scale / self.focus).abs() * (self.lens_radius * (1.0 - self.focus / p.z).abs())
+                } else {
+                    Vec2::ZERO
+                };
+                bound = [
+                    bound[0].min(q.x - blur.x),
+                    bound[1].min(q.y - blur.y),
+                    bound[2].max(q.x + blur.x),
+                    bound[3].max(q.y + blur.y),
+                ];
+            }
+        }
+        (bound, z_min)
+    }
+}
+
+/// The pixels that a raster box touches, cut to `within`; a NaN touches nothing.
+pub(crate) fn pixels_of(bound: [f32; 4], within: &PixelRect) -> PixelRect {
+    // Casts saturate, so that infinite boxes are cut correctly.
+    let rect = PixelRect {
+        x0: bound[0].floor() as i32,
+        y0: bound[1].floor() as i32,
+        x1: (bound[2].floor() as i32).saturating_add(1),
+        y1: (bound[3].floor() as i32).saturating_add(1),
+    };
+    if bound.iter().any(|b| b.is_nan()) || bound[0] > bound[2] || bound[1] > bound[3] {
+        return PixelRect { x0: 0, y0: 0, x1: 0, y1: 0 };
+    }
+    rect.intersection(within)
+}
+
+/// A grid after displacement and shading, ready to be sampled.
+#[derive(Clone, Debug)]
+pub(crate) struct ShadedGrid {
+    /// Points along u.
+    pub(crate) nu: usize,
+    /// Points along v.
+    pub(crate) nv: usize,
+    /// The primitive it belongs to.
+    pub(crate) primitive: u32,
+    /// Where it is seen.
+    pub(crate) view: ViewedGrid,
+    /// Colour of each point; empty for black (a matte).
+    pub(crate) color: Vec<Color>,
+    /// Opacity of each point; empty when it is opaque everywhere.
+    pub(crate) opacity: Vec<Color>,
+    /// Whether every point hides what is behind it.
+    pub(crate) opaque: bool,
+    /// How it treats what is behind it.
+    pub(crate) holdout: Holdout,
+    /// Wanted variables one after the other, component by component: component `c` of point `i` of a variable
+    /// that begins at `offset` stands at `(offset + c) * nu * nv + i`.
+    pub(crate) variables: Vec<f32>,
+    /// Per micropolygon (u fastest): whether it is there at all; empty when all are.
+    pub(crate) kept: Vec<bool>,
+    /// How far (pixels) the rim is widened, to close the hairline between grids diced at different rates.
+    pub(crate) rim_px: f32,
+}
+
+impl ShadedGrid {
+    /// Weights of the corners `at`, `at + 1`, `at + nu`, `at + nu + 1` for a place in a micropolygon.
+    ///
+    /// Micropolygons are pairs of triangles that share the diagonal from (0, 0) to (1, 1).
+    pub(crate) fn weights(u: f32, v: f32) -> [f32; 4] {
+        if u >= v { [1.0 - u, u - v, 0.0, v] } else { [1.0 - v, 0.0, v - u, u] }
+    }
+
+    /// Opacity at a place.
+    pub(crate) fn opacity_at(&self, at: u32, u: f32, v: f32) -> Color {
+        Self::blend(&self.opacity, self.nu, at as usize, u, v, Color::ONE)
+    }
+
+    /// Colour at a place.
+    pub(crate) fn color_at(&self, at: u32, u: f32, v: f32) -> Color {
+        Self::blend(&self.color, self.nu, at as usize, u, v, Color::ZERO)
+    }
+
+    fn blend(values: &[Color], nu: usize, at: usize, u: f32, v: f32, default: Color) -> Color {
+        if values.is_empty() {
+            return default;
+        }
+        let w = Self::weights(u, v);
+        let (a, b, c, d) = (values[at], values[at + 1], values[at + nu], values[at + nu + 1]);
+        // What all corners agree on comes out exactly.
+        if a == b && a == c && a == d {
+            return a;
+        }
+        a * w[0] + b * w[1] + c * w[2] + d * w[3]
+    }
+
+    /// A component of a variable at a place.
+    pub(crate) fn variable_at(&self, component: usize, at: u32, u: f32, v: f32) -> f32 {
+        let n = self.nu * self.nv;
+        let Some(values) = self.variables.get(component * n..(component + 1) * n) else { return 0.0 };
+        let at = at as usize;
+        let w = Self::weights(u, v);
+        let corners = [values[at], values[at + 1], values[at + self.nu], values[at + self.nu + 1]];
+        if corners[1..].iter().all(|c| *c == corners[0]) {
+            return corners[0];
+        }
+        corners[0] * w[0] + corners[1] * w[1] + corners[2] * w[2] + corners[3] * w[3]
+    }
+}
