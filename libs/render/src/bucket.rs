@@ -1,0 +1,146 @@
+//! The rectangles of pixels that are worked on one at a time, and their order (reference 4.1).
+
+use crate::PixelRect;
+
+/// Most samples of one bucket: larger "limits:bucketsize" are divided, which changes no pixel.
+const MAX_SAMPLES: usize = 1 << 21;
+
+/// The buckets of an image, in the order in which they are begun.
+#[derive(Clone, Debug)]
+pub(crate) struct Buckets {
+    /// In order.
+    pub(crate) order: Vec<PixelRect>,
+    /// Cut lines, for finding the buckets that a rectangle touches.
+    xs: Vec<i32>,
+    ys: Vec<i32>,
+    /// Position in `order` of bucket (column, row), row by row.
+    position: Vec<u32>,
+}
+
+impl Buckets {
+    /// Cuts `crop` along multiples of `size` of the whole image. `order` is "horizontal", "vertical" or
+    /// "spiral"; anything else counts as "horizontal".
+    pub(crate) fn new(crop: &PixelRect, size: [u32; 2], order: &str, samples_per_pixel: usize) -> Self {
+        let mut size = size.map(|s| s.max(1) as usize);
+        while size[0] * size[1] * samples_per_pixel > MAX_SAMPLES && size != [1, 1] {
+            let longer = usize::from(size[1] > size[0]);
+            size[longer] = size[longer].div_ceil(2);
+        }
+        let cuts = |from: i32, to: i32, step: usize| {
+            let mut cuts = vec![from];
+            let step = i32::try_from(step).unwrap_or(i32::MAX);
+            while let Some(last) = cuts.last().copied().filter(|last| *last < to) {
+                cuts.push(((last / step + 1).saturating_mul(step)).min(to));
+            }
+            cuts
+        };
+        let (xs, ys) = (cuts(crop.x0, crop.x1, size[0]), cuts(crop.y0, crop.y1, size[1]));
+        let (nx, ny) = (xs.len() - 1, ys.len() - 1);
+        let mut cells: Vec<(usize, usize)> = (0..ny).flat_map(|j| (0..nx).map(move |i| (i, j))).collect();
+        match order {
+            "vertical" => cells.sort_by_key(|(i, j)| (*i, *j)),
+            "spiral" => cells.sort_by_key(|(i, j)| spiral_key(*i, *j, nx, ny)),
+            _ => (),
+        }
+        let mut position = vec![0; nx * ny];
+        for (at, (i, j)) in cells.iter().enumerate() {
+            position[j * nx + i] = u32::try_from(at).unwrap_or(u32::MAX);
+        }
+        let rect = |&(i, j): &(usize, usize)| PixelRect { x0: xs[i], x1: xs[i + 1], y0: ys[j], y1: ys[j + 1] };
+        Self { order: cells.iter().map(rect).collect(), xs, ys, position }
+    }
+
+    /// Positions of all buckets that share a pixel with `rect`, row by row.
+    pub(crate) fn touching(&self, rect: &PixelRect) -> impl Iterator<Item = u32> + '_ {
+        let span = |cuts: &[i32], from: i32, to: i32| {
+            let last = cuts.len() - 1;
+            let a = cuts.partition_point(|c| *c <= from).saturating_sub(1);
+            let b = cuts.partition_point(|c| *c < to).min(last);
+            if from >= to || to <= cuts[0] || from >= cuts[last] { 0..0 } else { a..b }
+        };
+        let (columns, rows) = (span(&self.xs, rect.x0, rect.x1), span(&self.ys, rect.y0, rect.y1));
+        let nx = self.xs.len() - 1;
+        rows.flat_map(move |j| columns.clone().map(move |i| self.position[j * nx + i]))
+    }
+}
+
+/// Rings around the middle, each ring clockwise from its upper left corner.
+fn spiral_key(i: usize, j: usize, nx: usize, ny: usize) -> (usize, usize) {
+    let (dx, dy) = (i as isize - (nx as isize - 1) / 2, j as isize - (ny as isize - 1) / 2);
+    let ring = dx.abs().max(dy.abs());
+    let along = if dy == -ring {
+        dx + ring
+    } else if dx == ring {
+        2 * ring + dy + ring
+    } else if dy == ring {
+        4 * ring + ring - dx
+    } else {
+        6 * ring + ring - dy
+    };
+    (ring.unsigned_abs(), along.unsigned_abs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CROP: PixelRect = PixelRect { x0: 5, y0: 3, x1: 101, y1: 70 };
+
+    #[test]
+    fn every_pixel_is_in_one_bucket_in_every_order() {
+        for order in ["horizontal", "vertical", "spiral"] {
+            for size in [[32, 32], [7, 100], [4096, 4096], [1, 70]] {
+                let buckets = Buckets::new(&CROP, size, order, 16);
+                let mut seen = std::collections::BTreeSet::new();
+                for b in &buckets.order {
+                    assert!(!b.is_empty());
+                    for y in b.y0..b.y1 {
+                        for x in b.x0..b.x1 {
+                            assert!(CROP.contains(x, y) && seen.insert((x, y)));
+                        }
+                    }
+                }
+                assert_eq!(seen.len(), CROP.width() * CROP.height(), "{order} {size:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn touching_finds_exactly_the_overlaps() {
+        let buckets = Buckets::new(&CROP, [32, 16], "spiral", 16);
+        let everything = PixelRect { x0: i32::MIN, y0: i32::MIN, x1: i32::MAX, y1: i32::MAX };
+        for rect in [
+            CROP,
+            everything,
+            PixelRect { x0: 0, y0: 0, x1: 5, y1: 9 },
+            PixelRect { x0: 31, y0: 15, x1: 33, y1: 17 },
+            PixelRect { x0: 40, y0: 40, x1: 40, y1: 50 },
+            PixelRect { x0: 100, y0: 69, x1: 300, y1: 300 },
+        ] {
+            let mut got: Vec<u32> = buckets.touching(&rect).collect();
+            got.sort_unstable();
+            let expected: Vec<u32> = (0..buckets.order.len())
+                .filter(|i| !buckets.order[*i].intersection(&rect).is_empty())
+                .map(|i| i as u32)
+                .collect();
+            assert_eq!(got, expected, "{rect:?}");
+        }
+    }
+
+    #[test]
+    fn orders() {
+        let crop = PixelRect { x0: 0, y0: 0, x1: 96, y1: 96 };
+        let corners = |order| {
+            Buckets::new(&crop, [32, 32], order, 1).order.iter().map(|b| (b.x0, b.y0)).collect::<Vec<_>>()
+        };
+        assert_eq!(corners("horizontal")[..2], [(0, 0), (32, 0)]);
+        assert_eq!(corners("vertical")[..2], [(0, 0), (0, 32)]);
+        assert_eq!(corners("spiral")[..3], [(32, 32), (0, 0), (32, 0)]);
+    }
+
+    #[test]
+    fn huge_buckets_are_divided() {
+        let crop = PixelRect { x0: 0, y0: 0, x1: 2048, y1: 2048 };
+        assert!(Buckets::new(&crop, [2048, 2048], "horizontal", 16).order.len() > 1);
+    }
+}

@@ -1,0 +1,244 @@
+//! From samples to pixels.
+//!
+//! A pixel is the weighted mean of the samples in the support of its filter, also those of neighbouring
+//! pixels (reference 7.5). Which samples these are, their weights and the order of the sums depend on the
+//! absolute pixel alone, so that buckets and crops cannot change them.
+
+use crate::PixelRect;
+use crate::hider::SampleGrid;
+use granita_base::Filter;
+
+/// How samples become a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum PixelFilter {
+    /// A weighted mean.
+    Weighted(Filter),
+    /// The least value: depths.
+    Min,
+    /// The greatest value of samples that see something: depths.
+    Max,
+    /// The mean of the samples that see something: depths.
+    Average,
+}
+
+/// Depth where nothing is seen (reference 10.1).
+pub(crate) const NO_DEPTH: f32 = 1.0e30;
+
+/// A filter with its support in pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct FilterSpec {
+    /// The shape.
+    pub(crate) filter: PixelFilter,
+    /// Full widths in x and y, in pixels.
+    pub(crate) width: [f32; 2],
+}
+
+impl FilterSpec {
+    /// Pixels beyond its own whose samples a pixel needs, in x and y.
+    pub(crate) fn margin(&self) -> [i32; 2] {
+        self.width.map(|w| ((w * 0.5 - 0.5).ceil() as i32).max(0))
+    }
+}
+
+/// Sums are kept in this many lanes, so that they can run side by side in a fixed order.
+const LANES: usize = 8;
+
+/// Filters some channels of samples into the pixels of `pixels`.
+///
+/// `values` holds channel `c` of sample `s` at `c * samples.len() + s`; `samples` must reach
+/// [`FilterSpec::margin`] beyond `pixels`. The result has the channels of a pixel side by side, row by row.
+pub(crate) fn filter(
+    spec: &FilterSpec,
+    samples: &SampleGrid,
+    values: &[f32],
+    channels: &[usize],
+    pixels: &PixelRect,
+) -> Vec<f32> {
+    let mut out = vec![0.0; pixels.width() * pixels.height() * channels.len()];
+    let support = Support::new(spec, samples);
+    let mut at = 0;
+    for y in pixels.y0..pixels.y1 {
+        for x in pixels.x0..pixels.x1 {
+            let pixel = &mut out[at..at + channels.len()];
+            match spec.filter {
+                PixelFilter::Weighted(_) => support.weighted(samples, values, channels, [x, y], pixel),
+                _ => support.picked(spec, samples, values, channels, [x, y], pixel),
+            }
+            at += channels.len();
+        }
+    }
+    out
+}
+
+/// Weights of every sample for the pixels around its own.
+struct Support {
+    margin: [i32; 2],
+    /// `x[k][s]`: weight of sample `s` for the pixel `k - margin` columns to the right of its own.
+    x: Vec<Vec<f32>>,
+    y: Vec<Vec<f32>>,
+}
+
+impl Support {
+    fn new(spec: &FilterSpec, samples: &SampleGrid) -> Self {
+        let margin = spec.margin();
+        let shape = match spec.filter {
+            PixelFilter::Weighted(f) => f,
+            _ => Filter::Box,
+        };
+        let weights = |places: &[f32], margin: i32, width: f32| {
+            (-margin..=margin)
+                .map(|k| places.iter().map(|f| shape.weight(f - 0.5 - k as f32, width)).collect())
+                .collect()
+        };
+        Self {
+            margin,
+            x: weights(&samples.fx, margin[0], spec.width[0]),
+            y: weights(&samples.fy, margin[1], spec.width[1]),
+        }
+    }
+
+    /// Calls `visit` with the index of the first sample of each pixel in the support, and their weights in x and y.
+    fn each(&self, samples: &SampleGrid, [x, y]: [i32; 2], mut visit: impl FnMut(usize, &[f32], &[f32])) {
+        let n = samples.per_pixel;
+        for dy in -self.margin[1]..=self.margin[1] {
+            for dx in -self.margin[0]..=self.margin[0] {
+                let first = samples.pixel(x + dx, y + dy) * n;
+                // Seen from there, this pixel lies the other way.
+                let wx = &self.x[(self.margin[0] - dx) as usize][first..first + n];
+                let wy = &self.y[(self.margin[1] - dy) as usize][first..first + n];
+                visit(first, wx, wy);
+            }
+        }
+    }
+
+    fn weighted(
+        &self,
+        samples: &SampleGrid,
+        values: &[f32],
+        channels: &[usize],
+        pixel: [i32; 2],
+        out: &mut [f32],
+    ) {
+        let total = samples.len();
+        let mut weight = [0.0_f32; LANES];
+        self.each(samples, pixel, |_, wx, wy| {
+            for (s, (a, b)) in wx.iter().zip(wy).enumerate() {
+                weight[s % LANES] += a * b;
+            }
+        });
+        let weight: f32 = weight.iter().sum();
+        for (out, channel) in out.iter_mut().zip(channels) {
+            let plane = &values[channel * total..(channel + 1) * total];
+            // Deviations from one value instead of the values: what is constant stays exactly so.
+            let base = plane[samples.pixel(pixel[0], pixel[1]) * samples.per_pixel];
+            let base = if base.is_finite() { base } else { 0.0 };
+            let mut sum = [0.0_f32; LANES];
+            self.each(samples, pixel, |first, wx, wy| {
+                let seen = &plane[first..first + wx.len()];
+                for (s, ((a, b), v)) in wx.iter().zip(wy).zip(seen).enumerate() {
+                    sum[s % LANES] += a * b * (v - base);
+                }
+            });
+            let sum: f32 = sum.iter().sum();
+            *out = if weight == 0.0 { base } else { base + sum / weight };
+        }
+    }
+
+    fn picked(
+        &self,
+        spec: &FilterSpec,
+        samples: &SampleGrid,
+        values: &[f32],
+        channels: &[usize],
+        pixel: [i32; 2],
+        out: &mut [f32],
+    ) {
+        let total = samples.len();
+        for (out, channel) in out.iter_mut().zip(channels) {
+            let plane = &values[channel * total..(channel + 1) * total];
+            let (mut least, mut greatest, mut sum, mut count) = (f32::INFINITY, f32::NEG_INFINITY, 0.0_f64, 0);
+            self.each(samples, pixel, |first, wx, wy| {
+                for (s, (a, b)) in wx.iter().zip(wy).enumerate() {
+                    let v = plane[first + s];
+                    if a * b > 0.0 && v.is_finite() {
+                        least = least.min(v);
+                        greatest = greatest.max(v);
+                        sum += f64::from(v);
+                        count += 1;
+                    }
+                }
+            });
+            *out = match spec.filter {
+                _ if count == 0 => NO_DEPTH,
+                PixelFilter::Min => least,
+                PixelFilter::Max => greatest,
+                _ => (sum / f64::from(count)) as f32,
+            };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hider::SamplePattern;
+    use granita_base::{Params, Reporter};
+
+    fn samples(rect: PixelRect) -> SampleGrid {
+        let camera = granita_scene::Camera {
+            name: "main".into(),
+            world_to_camera: Default::default(),
+            params: Params::new(),
+        };
+        let camera = crate::CameraView::new(&camera, &Reporter::silent());
+        SampleGrid::new(rect, &SamplePattern::new(&camera, false), &camera)
+    }
+
+    const PIXELS: PixelRect = PixelRect { x0: 10, y0: 20, x1: 14, y1: 23 };
+
+    #[test]
+    fn a_constant_stays_exactly_constant() {
+        for shape in Filter::ALL {
+            for width in [1.0, 1.5, 2.0, 3.0, 4.0] {
+                let spec = FilterSpec { filter: PixelFilter::Weighted(shape), width: [width, width] };
+                let samples = samples(PIXELS.grown(2));
+                let values = vec![0.3_f32; samples.len()];
+                let out = filter(&spec, &samples, &values, &[0], &PIXELS);
+                assert!(out.iter().all(|v| *v == 0.3), "{shape:?} {width}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_ramp_stays_a_ramp_within_noise() {
+        let samples = samples(PIXELS.grown(1));
+        let spec = FilterSpec { filter: PixelFilter::Weighted(Filter::Gaussian), width: [2.0, 2.0] };
+        let values = samples.x.clone();
+        let out = filter(&spec, &samples, &values, &[0], &PIXELS);
+        for (i, v) in out.iter().enumerate() {
+            let x = PIXELS.x0 as f32 + (i % 4) as f32 + 0.5;
+            assert!((v - x).abs() < 0.05, "{v} at {x}");
+        }
+    }
+
+    #[test]
+    fn depth_filters() {
+        let samples = samples(PIXELS);
+        let mut values = vec![f32::INFINITY; samples.len()];
+        let n = samples.per_pixel;
+        (values[0], values[1]) = (2.0, 4.0);
+        for (kind, expected) in
+            [(PixelFilter::Min, 2.0), (PixelFilter::Max, 4.0), (PixelFilter::Average, 3.0)]
+        {
+            let spec = FilterSpec { filter: kind, width: [1.0, 1.0] };
+            let out = filter(&spec, &samples, &values, &[0], &PIXELS);
+            assert_eq!((out[0], out[1]), (expected, NO_DEPTH), "{kind:?} of {n} samples");
+        }
+    }
+
+    #[test]
+    fn margins() {
+        let margin = |w: f32| FilterSpec { filter: PixelFilter::Min, width: [w, 1.0] }.margin();
+        assert_eq!([1.0, 1.5, 2.0, 3.0, 3.1, 4.0].map(|w| margin(w)[0]), [0, 1, 1, 1, 2, 2]);
+    }
+}
