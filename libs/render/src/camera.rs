@@ -257,7 +257,7 @@ impl CameraView {
 
     /// Pixels of a crop window: `ceil (xres * xmin)` to `ceil (xres * xmax - 1)` inclusive (reference 4.1),
     /// clamped to the image.
-    fn crop_pixels(crop: [f32; 4], resolution: [u32; 2]) -> PixelRect {
+    pub(crate) fn crop_pixels(crop: [f32; 4], resolution: [u32; 2]) -> PixelRect {
         // In double precision the edge of one crop is the edge of its neighbour for all usual fractions.
         let edge = |fraction: f32, res: u32| {
             let exact = f64::from(fraction) * f64::from(res);

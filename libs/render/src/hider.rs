@@ -10,9 +10,9 @@ mod raster;
 mod samples;
 mod visible;
 
-pub(crate) use composite::{CompositeSettings, Wanted};
+pub(crate) use composite::{CompositeSettings, Wanted, WantedVariable};
 pub(crate) use samples::{SampleGrid, SamplePattern};
-pub(crate) use visible::{Holdout, ShadedGrid, ViewedGrid};
+pub(crate) use visible::{Holdout, NOWHERE, Projector, ShadedGrid, ViewedGrid, pixels_of};
 
 use raster::Raster;
 

@@ -21,20 +21,29 @@
 //!
 //! File formats, scene parsing, the shading language; those are handed in.
 
+mod bucket;
 mod camera;
 mod dicing;
 mod environment;
 mod error;
+mod film;
+mod frame;
 mod hider;
 mod lights;
 mod object;
+<<<<<<< HEAD
 mod raymesh;
+=======
+mod output;
+>>>>>>> c0d889d (wip frame)
 mod raytrace;
 mod sampling;
 mod services;
 mod shading;
 mod spaces;
+mod statistics;
 
 pub use camera::{CameraView, Lens, PixelRect, Projection};
 pub use environment::{Progress, RenderEnvironment, ShaderLibrary, Silent};
 pub use error::RenderError;
+pub use statistics::Statistics;

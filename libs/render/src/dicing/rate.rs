@@ -12,9 +12,6 @@ const LATTICE: usize = 5;
 /// Deepest nesting of splits: enough to halve a piece a million times over in both directions.
 const MAX_DEPTH: u32 = 40;
 
-/// Splits allowed in order to get away from the plane of the eye.
-pub(crate) const MAX_EYE_SPLITS: u32 = 16;
-
 /// Most points along one direction of a grid, whatever the grid size.
 const MAX_POINTS: usize = 1 << 12;
 
@@ -47,7 +44,7 @@ impl DiceSettings {
         let fixed = attributes.floats("dice:fixed");
         Self {
             quality: positive(quality, 1.0).clamp(1e-4, 1e3),
-            gridsize: usize::try_from(gridsize).unwrap_or(256).clamp(4, 1 << 16),
+            gridsize: if gridsize > 0 { (gridsize as usize).clamp(4, 1 << 16) } else { 256 },
             curvature: positive(curvature_deg, 10.0).to_radians(),
             highcurvature: positive(attributes.float("dice:highcurvature"), 120.0).to_radians(),
             binary: attributes.int("dice:binary") != 0,

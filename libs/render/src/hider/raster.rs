@@ -2,6 +2,7 @@
 
 use super::SampleGrid;
 use super::visible::{ShadedGrid, pixels_of};
+use crate::PixelRect;
 use granita_base::{Vec2, Vec3};
 
 /// A grid over samples.
@@ -66,6 +67,11 @@ impl Raster<'_> {
         }
     }
 
+    /// Pixels in which the grid may be seen.
+    fn window(&self) -> PixelRect {
+        self.samples.rect.intersection(&self.grid.rect)
+    }
+
     fn widening(&self, rim: bool) -> f32 {
         if rim { self.grid.rim_px } else { 0.0 }
     }
@@ -74,12 +80,13 @@ impl Raster<'_> {
     fn still(&self, at: usize, rim: [bool; 4], hit: &mut Hit<'_>) {
         let (grid, samples) = (self.grid, self.samples);
         let nu = grid.nu;
+        let near = grid.view.near.max(grid.z_min);
         let corner = [at, at + 1, at + nu + 1, at + nu].map(|i| grid.view.raster[i]);
         let (lo, hi) =
             corner[1..].iter().fold((corner[0], corner[0]), |(lo, hi), c| (lo.min(*c), hi.max(*c)));
         let any_rim = rim.contains(&true);
         let pad = self.widening(any_rim);
-        let rect = pixels_of([lo.x - pad, lo.y - pad, hi.x + pad, hi.y + pad], &samples.rect);
+        let rect = pixels_of([lo.x - pad, lo.y - pad, hi.x + pad, hi.y + pad], &self.window());
         if rect.is_empty() {
             return;
         }
@@ -109,7 +116,7 @@ impl Raster<'_> {
                         let w = [e[1] * inverse, e[2] * inverse, e[0] * inverse].map(|w| w.clamp(0.0, 1.0));
                         let sum = w[0] + w[1] + w[2];
                         let (z, w) = self.depth(p, w, sum);
-                        if !(z >= grid.view.near && z <= grid.view.far) {
+                        if !(z >= near && z <= grid.view.far) {
                             continue;
                         }
                         let (u, v) = place(second == 1, w);
@@ -138,11 +145,12 @@ impl Raster<'_> {
     fn moving(&self, at: usize, rim: [bool; 4], hit: &mut Hit<'_>) {
         let (grid, samples) = (self.grid, self.samples);
         let (nu, view) = (grid.nu, &grid.view);
+        let near = view.near.max(grid.z_min);
         let corners = [at, at + 1, at + nu + 1, at + nu];
         let any_rim = rim.contains(&true);
         let pad = self.widening(any_rim);
         let (b, _) = view.bound(corners.into_iter());
-        let rect = pixels_of([b[0] - pad, b[1] - pad, b[2] + pad, b[3] + pad], &samples.rect);
+        let rect = pixels_of([b[0] - pad, b[1] - pad, b[2] + pad, b[3] + pad], &self.window());
         if rect.is_empty() {
             return;
         }
@@ -173,7 +181,7 @@ impl Raster<'_> {
                         p - origin
                     });
                     if let Some((z, u, v)) = self.ray(p, direction, pixel, rim)
-                        && z >= view.near
+                        && z >= near
                         && z <= view.far
                     {
                         hit(s, z, at as u32, u, v, any_rim);

@@ -1,7 +1,7 @@
 //! Shaded grids as a camera sees them.
 
-use crate::{CameraView, PixelRect, Projection};
-use granita_base::{Color, Vec2, Vec3};
+use crate::{CameraView, Lens, PixelRect, Projection};
+use granita_base::{Bound, Color, Vec2, Vec3};
 
 /// How a surface treats what is behind it (reference 4.4.4 "holdout").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -13,6 +13,62 @@ pub(crate) enum Holdout {
     Matte,
     /// Hides it, and is seen.
     Shaded,
+}
+
+/// A raster box with nothing in it.
+pub(crate) const NOWHERE: [f32; 4] = [f32::INFINITY, f32::INFINITY, f32::NEG_INFINITY, f32::NEG_INFINITY];
+
+/// What projects a box.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Projector {
+    scale: Vec2,
+    center: Vec2,
+    perspective: bool,
+    near: f32,
+    far: f32,
+    lens: Option<Lens>,
+}
+
+impl Projector {
+    /// Of a camera; `defocus` when its lens counts.
+    pub(crate) fn new(camera: &CameraView, defocus: bool) -> Self {
+        Self {
+            scale: camera.raster_scale(1.0),
+            center: camera.raster_center(),
+            perspective: matches!(camera.projection, Projection::Perspective { .. }),
+            near: camera.near,
+            far: camera.far,
+            lens: camera.lens.filter(|_| defocus),
+        }
+    }
+
+    /// Raster box of the part of a camera space box between the clipping planes, as seen from the whole lens.
+    pub(crate) fn raster_box(&self, hull: &Bound) -> [f32; 4] {
+        let (z0, z1) = (hull.min.z.max(self.near), hull.max.z.min(self.far));
+        if hull.is_empty() || z0 > z1 {
+            return NOWHERE;
+        }
+        let mut bound = NOWHERE;
+        for z in [z0, z1] {
+            let scale = if self.perspective { self.scale / z } else { self.scale };
+            let blur = self.lens.map_or(Vec2::ZERO, |lens| {
+                let at_focus = (self.scale / lens.focal_distance).abs();
+                at_focus * (lens.radius * (1.0 - lens.focal_distance / z).abs())
+            });
+            for x in [hull.min.x, hull.max.x] {
+                for y in [hull.min.y, hull.max.y] {
+                    let q = self.center + Vec2::new(x, y) * scale;
+                    bound = [
+                        bound[0].min(q.x - blur.x),
+                        bound[1].min(q.y - blur.y),
+                        bound[2].max(q.x + blur.x),
+                        bound[3].max(q.y + blur.y),
+                    ];
+                }
+            }
+        }
+        bound
+    }
 }
 
 /// The points of a grid as a camera sees them.
@@ -36,9 +92,6 @@ pub(crate) struct ViewedGrid {
     /// Radius of the lens; 0 without one.
     pub(crate) lens_radius: f32,
 }
-
-/// A raster box that is open to all sides: for what crosses the plane of the eye.
-pub(crate) const EVERYWHERE: [f32; 4] = [f32::NEG_INFINITY, f32::NEG_INFINITY, f32::INFINITY, f32::INFINITY];
 
 impl ViewedGrid {
     /// From camera space positions at each of `times`.
@@ -74,38 +127,42 @@ impl ViewedGrid {
         self.center + Vec2::new(p.x, p.y) * scale
     }
 
-    /// Raster box (x0, y0, x1, y1) of some points over the whole shutter and lens, and their least depth.
+    /// Raster box (x0, y0, x1, y1) of some points over the whole shutter and lens, and their least depth; an empty
+    /// box when all of them lie before the near plane, or one is nowhere.
     pub(crate) fn bound(&self, indices: impl Iterator<Item = usize> + Clone) -> ([f32; 4], f32) {
-        let mut bound = [f32::INFINITY, f32::INFINITY, f32::NEG_INFINITY, f32::NEG_INFINITY];
-        let mut z_min = f32::INFINITY;
-        for key in &self.p_cam {
-            for i in indices.clone() {
-                let p = key[i];
-                z_min = z_min.min(p.z);
+        if self.raster.is_empty() {
+            let points = self.p_cam.iter().flat_map(|key| indices.clone().map(|i| key[i]));
+            let mut hull = Bound::EMPTY;
+            for p in points {
                 if !p.is_finite() {
-                    return (EVERYWHERE, f32::NEG_INFINITY);
+                    return (NOWHERE, f32::INFINITY);
                 }
-                if self.perspective && p.z <= self.near * 0.5 {
-                    return (EVERYWHERE, z_min);
-                }
-                let q = match self.raster.get(i) {
-                    Some(r) => r.truncate(),
-                    None => self.project(p),
-                };
-                let blur = if self.lens_radius > 0.0 {
-                    (self.scale / self.focus).abs() * (self.lens_radius * (1.0 - self.focus / p.z).abs())
-                } else {
-                    Vec2::ZERO
-                };
-                bound = [
-                    bound[0].min(q.x - blur.x),
-                    bound[1].min(q.y - blur.y),
-                    bound[2].max(q.x + blur.x),
-                    bound[3].max(q.y + blur.y),
-                ];
+                hull = hull.with(p);
             }
+            return (self.raster_box(&hull), hull.min.z);
+        }
+        let mut bound = NOWHERE;
+        let mut z_min = f32::INFINITY;
+        for i in indices {
+            let q = self.raster[i];
+            z_min = z_min.min(self.p_cam[0][i].z);
+            bound = [bound[0].min(q.x), bound[1].min(q.y), bound[2].max(q.x), bound[3].max(q.y)];
         }
         (bound, z_min)
+    }
+
+    /// Raster box of the part of a camera space box that is not before the near plane.
+    fn raster_box(&self, hull: &Bound) -> [f32; 4] {
+        let lens = Lens { radius: self.lens_radius, focal_distance: self.focus };
+        let projector = Projector {
+            scale: self.scale,
+            center: self.center,
+            perspective: self.perspective,
+            near: self.near,
+            far: self.far,
+            lens: (self.lens_radius > 0.0).then_some(lens),
+        };
+        projector.raster_box(hull)
     }
 }
 
@@ -148,6 +205,10 @@ pub(crate) struct ShadedGrid {
     pub(crate) variables: Vec<f32>,
     /// Per micropolygon (u fastest): whether it is there at all; empty when all are.
     pub(crate) kept: Vec<bool>,
+    /// The pixels that its bound allowed, and its least depth: what a displacement moved beyond is cut off, whichever
+    /// bucket looks.
+    pub(crate) rect: PixelRect,
+    pub(crate) z_min: f32,
     /// How far (pixels) the rim is widened, to close the hairline between grids diced at different rates.
     pub(crate) rim_px: f32,
 }

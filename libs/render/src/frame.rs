@@ -1,0 +1,301 @@
+//! One camera's images, from primitives to filtered pixels.
+
+mod bucket;
+mod job;
+
+use crate::bucket::Buckets;
+use crate::dicing::Measure;
+use crate::environment::Progress;
+use crate::hider::{CompositeSettings, Projector, SamplePattern};
+use crate::output::OutputSet;
+use crate::statistics::{Counters, Statistics, add};
+use crate::{CameraView, PixelRect, RenderError};
+use granita_base::{Color, Location, Reporter, Severity};
+use granita_gsl::ir::ValueType;
+use granita_scene::{Primitive, Scene};
+use granita_shade::Grid;
+use job::Job;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+pub(crate) use crate::hider::Holdout;
+
+/// What the frame must know of an object without running its shaders.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ObjectTraits {
+    /// Known to be opaque without running a shader.
+    pub(crate) opaque: bool,
+    /// "holdout".
+    pub(crate) holdout: Holdout,
+    /// Whether a displacement shader runs.
+    pub(crate) displaces: bool,
+    /// Bound of displacement in world units.
+    pub(crate) max_displacement_world: f32,
+}
+
+/// Shades grids. The frame knows no shaders; tests shade with closures of their own.
+pub(crate) trait FrameShader: Sync {
+    /// State of an object, shared by the primitives that have it.
+    type Object: Send + Sync;
+    /// What one thread keeps from grid to grid.
+    type Thread<'a>
+    where
+        Self: 'a;
+
+    /// The state of a primitive's object.
+    fn object(&self, primitive: &Primitive) -> Arc<Self::Object>;
+    /// What must be known of it.
+    fn traits(&self, object: &Self::Object) -> ObjectTraits;
+    /// For a new thread.
+    fn thread(&self) -> Self::Thread<'_>;
+    /// Displaces a grid.
+    fn displace(&self, thread: &mut Self::Thread<'_>, object: &Self::Object, grid: &mut Grid);
+    /// Shades a grid; returns the wanted variables, component by component.
+    fn shade(
+        &self,
+        thread: &mut Self::Thread<'_>,
+        object: &Self::Object,
+        grid: &mut Grid,
+        wanted: &[(Arc<str>, ValueType)],
+    ) -> Vec<Option<Vec<f32>>>;
+}
+
+/// What a frame is told apart from its scene and shaders.
+pub(crate) struct FrameOptions<'a> {
+    /// The camera that is rendered.
+    pub(crate) camera: &'a CameraView,
+    /// The first camera: splits, dicing and shading are as it sees them.
+    pub(crate) dicing_camera: &'a CameraView,
+    /// Threads, at least 1.
+    pub(crate) threads: usize,
+    pub(crate) reporter: &'a Reporter,
+    pub(crate) progress: &'a dyn Progress,
+    pub(crate) stop: &'a AtomicBool,
+    /// Scene files, for messages.
+    pub(crate) scene_files: &'a [String],
+}
+
+/// A frame being rendered.
+struct Frame<'a, S: FrameShader> {
+    options: FrameOptions<'a>,
+    shader: &'a S,
+    outputs: &'a OutputSet,
+    pattern: SamplePattern,
+    projector: Projector,
+    measure: Measure<'a>,
+    composite: CompositeSettings,
+    buckets: Buckets,
+    /// Pixels whose samples count: the crop window and the margins of the filters.
+    region: PixelRect,
+    margin: i32,
+    gridsize: i32,
+    counters: Counters,
+}
+
+/// Renders one camera into the pixels of `outputs`. Returns what was done, and whether all buckets were.
+///
+/// Errors: [`RenderError::Stopped`] when `options.stop` was set; the pixels are not complete then.
+pub(crate) fn render<S: FrameShader>(
+    scene: &Scene,
+    shader: &S,
+    options: FrameOptions<'_>,
+    outputs: &mut OutputSet,
+) -> Result<(Statistics, bool), RenderError> {
+    let begin = Instant::now();
+    let (camera, threads) = (options.camera, options.threads.max(1));
+    let (progress, stop) = (options.progress, options.stop);
+    // The whole scene counts, not what is in view: a crop must not change the samples.
+    let moving = camera.world_to_camera.is_moving()
+        || scene.primitives.iter().any(|p| p.keys.len() > 1 || p.attributes.to_world.is_moving());
+    let pattern = SamplePattern::new(camera, moving);
+    let margin = outputs.margin();
+    let margin = margin[0].max(margin[1]);
+    let color = |name: &str| match scene.floats(name)[..] {
+        [r, g, b] => Color::new(r, g, b),
+        _ => Color::ONE,
+    };
+    // The pixels are filled while the frame reads the plan: they are kept apart.
+    let mut images: Vec<Vec<f32>> = outputs.images.iter_mut().map(|i| std::mem::take(&mut i.pixels)).collect();
+    let frame = Frame {
+        shader,
+        outputs,
+        pattern,
+        projector: Projector::new(camera, pattern.defocus),
+        measure: Measure::on_raster(options.dicing_camera),
+        composite: CompositeSettings {
+            opacity_threshold: color("limits:opacitythreshold"),
+            depth_threshold: color("shadow:opacitythreshold"),
+            layers: match scene.globals.get("limits:transparentlayers").map(|_| scene.int("limits:transparentlayers")) {
+                Some(n) if n >= 0 => usize::try_from(n).ok(),
+                _ => None,
+            },
+            depths: outputs.wanted.depths,
+        },
+        buckets: Buckets::new(&camera.crop, camera.bucketsize, &camera.bucketorder, pattern.per_pixel()),
+        region: camera.crop.grown(margin),
+        margin,
+        gridsize: scene.int("limits:gridsize"),
+        counters: Counters::default(),
+        options,
+    };
+    let (failed, filled) = if camera.crop.is_empty() {
+        (0, Vec::new())
+    } else {
+        let jobs = frame.jobs(scene, threads);
+        progress.begin(frame.buckets.order.len() as u64);
+        let result = frame.run(&jobs, threads);
+        progress.end();
+        result
+    };
+    let statistics = frame.counters.statistics(begin.elapsed(), threads);
+    let crop = camera.crop;
+    let order = std::mem::take(&mut { frame }.buckets.order);
+    for (image, pixels) in outputs.images.iter_mut().zip(images.drain(..)) {
+        image.pixels = pixels;
+    }
+    for (index, values) in filled {
+        for (image, values) in outputs.images.iter_mut().zip(&values) {
+            image.store(&crop, &order[index], values);
+        }
+    }
+    if stop.load(Ordering::Relaxed) {
+        return Err(RenderError::Stopped);
+    }
+    Ok((statistics, failed == 0))
+}
+
+/// Pixels of the images of one bucket, by the bucket's position in the order.
+type Filled = Vec<(usize, Vec<Vec<f32>>)>;
+
+impl<S: FrameShader> Frame<'_, S> {
+    /// Builds the primitives that this camera sees, for their bounds, and sorts them into buckets.
+    fn jobs(&self, scene: &Scene, threads: usize) -> Jobs<S::Object> {
+        let visible: Vec<&Arc<Primitive>> = scene.primitives.iter().filter(|p| self.is_visible(p)).collect();
+        add(&self.counters.primitives, visible.len());
+        let next = AtomicUsize::new(0);
+        let made: Mutex<Vec<(usize, Job<S::Object>)>> = Mutex::default();
+        std::thread::scope(|scope| {
+            for _ in 0..threads.min(visible.len().max(1)) {
+                scope.spawn(|| {
+                    let mut mine = Vec::new();
+                    loop {
+                        let index = next.fetch_add(1, Ordering::Relaxed);
+                        let Some(primitive) = visible.get(index) else { break };
+                        let job = catch_unwind(AssertUnwindSafe(|| self.job(primitive)));
+                        match job {
+                            Ok(Some(job)) => mine.push((index, job)),
+                            Ok(None) => (),
+                            Err(panic) => self.options.reporter.say(
+                                Severity::Error,
+                                &primitive.at,
+                                format!(
+                                    "a {} is left out: building it failed: {}",
+                                    primitive.shape.call_name(),
+                                    panic_text(&*panic)
+                                ),
+                            ),
+                        }
+                    }
+                    made.lock().unwrap_or_else(PoisonError::into_inner).extend(mine);
+                });
+            }
+        });
+        let mut made = made.into_inner().unwrap_or_else(PoisonError::into_inner);
+        made.sort_by_key(|(index, _)| *index);
+        let list: Vec<Job<S::Object>> = made.into_iter().map(|(_, job)| job).collect();
+        let mut of_bucket = vec![Vec::new(); self.buckets.order.len()];
+        for (index, job) in list.iter().enumerate() {
+            for bucket in self.buckets.touching(&job.rect.grown(self.margin)) {
+                of_bucket[bucket as usize].push(index);
+            }
+        }
+        Jobs { list, of_bucket }
+    }
+
+    /// Whether this camera's geometry set, or "camera", holds the primitive (reference 4.4.3).
+    fn is_visible(&self, primitive: &Primitive) -> bool {
+        let name = &self.options.camera.name;
+        let sets = &primitive.attributes.geometry_sets;
+        sets.iter().any(|set| set == name || &**set == "camera")
+    }
+
+    /// Renders all buckets; returns how many failed, and the pixels of the others.
+    fn run(&self, jobs: &Jobs<S::Object>, threads: usize) -> (usize, Filled) {
+        let total = self.buckets.order.len();
+        let (next, done, failed) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicUsize::new(0));
+        let filled: Mutex<Filled> = Mutex::new(Vec::with_capacity(total));
+        std::thread::scope(|scope| {
+            for _ in 0..threads.min(total) {
+                scope.spawn(|| {
+                    let mut thread = self.shader.thread();
+                    while !self.options.stop.load(Ordering::Relaxed) {
+                        let index = next.fetch_add(1, Ordering::Relaxed);
+                        if index >= total {
+                            break;
+                        }
+                        let result = catch_unwind(AssertUnwindSafe(|| self.bucket(jobs, index, &mut thread)));
+                        match result {
+                            Ok(values) => {
+                                filled.lock().unwrap_or_else(PoisonError::into_inner).push((index, values));
+                            }
+                            Err(panic) => {
+                                failed.fetch_add(1, Ordering::Relaxed);
+                                self.report_panic(index, &panic_text(&*panic));
+                                // Whatever it was doing is half done.
+                                thread = self.shader.thread();
+                            }
+                        }
+                        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                        self.options.progress.done(done as u64);
+                    }
+                });
+            }
+        });
+        add(&self.counters.buckets, total);
+        (failed.into_inner(), filled.into_inner().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Says which bucket failed, and how to render only that one.
+    fn report_panic(&self, index: usize, what: &str) {
+        let bucket = self.buckets.order[index];
+        let [width, height] = self.options.camera.resolution.map(|r| f64::from(r));
+        let crop = [
+            f64::from(bucket.x0) / width,
+            f64::from(bucket.x1) / width,
+            f64::from(bucket.y0) / height,
+            f64::from(bucket.y1) / height,
+        ];
+        let crop = crop.map(|c| c.to_string()).join(" ");
+        self.options.reporter.say(
+            Severity::Error,
+            &Location::default(),
+            format!(
+                "bucket x {}..{} y {}..{} of camera \"{}\" is left black: {what}; to render it alone: gelato -crop {crop} {}",
+                bucket.x0,
+                bucket.x1,
+                bucket.y0,
+                bucket.y1,
+                self.options.camera.name,
+                self.options.scene_files.join(" ")
+            ),
+        );
+    }
+}
+
+/// The primitives of a frame.
+struct Jobs<O> {
+    list: Vec<Job<O>>,
+    /// Indices into `list` of what a bucket may see.
+    of_bucket: Vec<Vec<usize>>,
+}
+
+/// What a panic said.
+fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
+    panic
+        .downcast_ref::<&str>()
+        .map(|s| (*s).to_owned())
+        .or_else(|| panic.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "an internal error without a message".to_owned())
+}

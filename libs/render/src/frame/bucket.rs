@@ -1,0 +1,254 @@
+//! One bucket: collect, hide, filter; and the making of its grids.
+
+use super::job::{Job, LeafSlot};
+use super::{Frame, FrameShader, Holdout, Jobs};
+use crate::dicing::{GridView, Leaf, Viewer, Viewpoint, key_at, make_grid};
+use crate::film;
+use crate::hider::{SampleGrid, ShadedGrid, Surfaces, ViewedGrid};
+use crate::statistics::{add, add_time};
+use crate::Projection;
+use granita_base::{Color, Severity, Vec3};
+use granita_geom::Dice;
+use granita_shade::{Grid, Lanes3, RayKind};
+use std::time::Instant;
+
+impl<S: FrameShader> Frame<'_, S> {
+    /// Renders a bucket; returns the pixels of every image.
+    pub(super) fn bucket(
+        &self,
+        jobs: &Jobs<S::Object>,
+        index: usize,
+        thread: &mut S::Thread<'_>,
+    ) -> Vec<Vec<f32>> {
+        let rect = self.buckets.order[index];
+        let samples = SampleGrid::new(rect.grown(self.margin), &self.pattern, self.options.camera);
+        let mut surfaces = Surfaces::new(&samples, self.composite);
+        let bucket = u32::try_from(index).unwrap_or(u32::MAX);
+        // Front to back, so that what is hidden is found hidden before it is shaded. The order among any two grids
+        // is the same in every bucket.
+        let mut order: Vec<(f32, usize, u32)> = Vec::new();
+        for &j in &jobs.of_bucket[index] {
+            let split = self.split(&jobs.list[j]);
+            order.extend(split.leaves_of(bucket).map(|leaf| (split.leaves[leaf as usize].z_min, j, leaf)));
+        }
+        order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
+        let mut hiding = std::time::Duration::ZERO;
+        for (z_min, j, leaf) in order {
+            let job = &jobs.list[j];
+            let slot = &self.split(job).leaves[leaf as usize];
+            // What lies behind the first surface counts for "avgz".
+            let may_cull = job.culls_hidden && !self.outputs.needs_second_surface;
+            if may_cull && surfaces.hides(&slot.rect, z_min) {
+                add(&self.counters.grids_hidden, 1);
+            } else if let Some(grid) = slot.grid(|leaf| self.shade(job, slot, leaf, thread)) {
+                let begin = Instant::now();
+                surfaces.add(&grid);
+                hiding += begin.elapsed();
+            }
+            slot.release();
+        }
+        let begin = Instant::now();
+        let values = surfaces.resolve(&self.outputs.wanted);
+        add_time(&self.counters.hide_nanos, hiding + begin.elapsed());
+        add(&self.counters.samples, rect.width() * rect.height() * samples.per_pixel);
+        let begin = Instant::now();
+        let images = &self.outputs.images;
+        let pixels = images.iter().map(|i| film::filter(&i.filter, &samples, &values, &i.channels, &rect)).collect();
+        add_time(&self.counters.filter_nanos, begin.elapsed());
+        pixels
+    }
+
+    /// Dices, displaces and shades a grid; `None` when nothing of it can be seen.
+    fn shade(
+        &self,
+        job: &Job<S::Object>,
+        slot: &LeafSlot,
+        leaf: &Leaf,
+        thread: &mut S::Thread<'_>,
+    ) -> Option<ShadedGrid> {
+        let begin = Instant::now();
+        let (primitive, placement) = (&*job.primitive, &job.placement);
+        let dicing_camera = self.options.dicing_camera;
+        let key_times = leaf.piece.key_times();
+        let dice = leaf.dice(&Viewer::new(dicing_camera, placement, key_times));
+        if dice.nu < 2 || dice.nv < 2 || dice.p.is_empty() {
+            return None;
+        }
+        let view = GridView {
+            viewpoint: match dicing_camera.projection {
+                Projection::Perspective { .. } => Viewpoint::From(dicing_camera.position_world()),
+                Projection::Orthographic => Viewpoint::Along(dicing_camera.direction_world()),
+            },
+            time: dicing_camera.shading_time(),
+            dtime: self.options.camera.shutter[1] - self.options.camera.shutter[0],
+            ray: RayKind::default(),
+        };
+        let mut grid = make_grid(&dice, key_times, primitive, placement, &view);
+        add_time(&self.counters.dice_nanos, begin.elapsed());
+        let begin = Instant::now();
+        let before = job.traits.displaces.then(|| grid.p.clone());
+        if job.traits.displaces {
+            self.shader.displace(thread, &job.object, &mut grid);
+        }
+        let kept = kept(&dice, job, &grid);
+        if kept.as_ref().is_some_and(|kept| !kept.contains(&true)) {
+            return None;
+        }
+        let matte = job.traits.holdout == Holdout::Matte;
+        let must_shade = !matte && (self.outputs.needs_shading || !job.traits.opaque);
+        let n = grid.len();
+        let mut variables = Vec::new();
+        if must_shade {
+            let wanted = &self.outputs.variables;
+            let found = self.shader.shade(thread, &job.object, &mut grid, wanted);
+            for (k, (_, ty)) in wanted.iter().enumerate() {
+                let size = ty.components() * n;
+                match found.get(k) {
+                    Some(Some(values)) if values.len() == size => variables.extend_from_slice(values),
+                    // A shader without the variable shows 0 (reference 7.3.6).
+                    _ => variables.resize(variables.len() + size, 0.0),
+                }
+            }
+            add(&self.counters.grids_shaded, 1);
+            add(&self.counters.points_shaded, n);
+        } else {
+            add(&self.counters.grids_unshaded, 1);
+        }
+        add_time(&self.counters.shade_nanos, begin.elapsed());
+        let (mut color, mut opacity) = (Vec::new(), Vec::new());
+        if must_shade {
+            color = self.colors(&grid.c, job, "colour");
+            opacity = self.colors(&grid.opacity, job, "opacity");
+        }
+        let opaque = opacity.iter().all(|o| o.cmpge(Color::ONE).all());
+        if opaque {
+            opacity = Vec::new();
+        }
+        let p_cam = self.positions(&dice, key_times, job, &grid, before.as_ref());
+        let shaded = ShadedGrid {
+            nu: dice.nu,
+            nv: dice.nv,
+            primitive: primitive.id,
+            view: ViewedGrid::new(
+                self.options.camera,
+                placement.times().to_vec(),
+                p_cam,
+                self.pattern.defocus,
+            ),
+            color,
+            opacity,
+            opaque,
+            holdout: job.traits.holdout,
+            variables,
+            kept: kept.unwrap_or_default(),
+            rect: slot.rect,
+            z_min: slot.z_min,
+            rim_px: (0.02 / job.settings.quality).clamp(0.02, 0.25),
+        };
+        if before.is_some() {
+            self.check_displacement(&shaded, job);
+        }
+        Some(shaded)
+    }
+
+    /// Camera space positions at all times of the placement.
+    ///
+    /// A displacement is computed once, when the shutter opens, and moves with the surface.
+    fn positions(
+        &self,
+        dice: &Dice,
+        key_times: &[f32],
+        job: &Job<S::Object>,
+        grid: &Grid,
+        before: Option<&Lanes3>,
+    ) -> Vec<Vec<Vec3>> {
+        let placement = &job.placement;
+        let world_to_camera = &self.options.camera.world_to_camera;
+        let back = placement.to_world.at(grid.time).inverse();
+        let offset = |i: usize| match before {
+            Some(before) => back.vector(grid.p.get(i) - before.get(i)),
+            None => Vec3::ZERO,
+        };
+        let at = |time: f32| {
+            let to_camera = world_to_camera.at(time);
+            if time == grid.time {
+                // The very points that were shaded.
+                return (0..grid.len()).map(|i| to_camera.point(grid.p.get(i))).collect();
+            }
+            let to_world = placement.to_world.at(time);
+            let (a, b, alpha) = key_at(key_times, time);
+            let object = |i: usize| {
+                let p = dice.p[a][i];
+                if alpha == 0.0 { p } else { p.lerp(dice.p[b][i], alpha) }
+            };
+            (0..grid.len()).map(|i| to_camera.point(to_world.point(object(i) + offset(i)))).collect()
+        };
+        placement.times().iter().map(|time| at(*time)).collect()
+    }
+
+    /// Colours of a grid; what is no number becomes black, with one message per object.
+    fn colors(&self, lanes: &Lanes3, job: &Job<S::Object>, what: &str) -> Vec<Color> {
+        let mut bad = false;
+        let colors = (0..lanes.len())
+            .map(|i| {
+                let c = lanes.get(i);
+                if c.is_finite() {
+                    return c;
+                }
+                bad = true;
+                Color::from_array(c.to_array().map(|v| if v.is_finite() { v } else { 0.0 }))
+            })
+            .collect();
+        if bad {
+            let name = job.primitive.attributes.name();
+            self.options.reporter.once(
+                &format!("not finite {what} {name}"),
+                Severity::Warning,
+                &job.primitive.at,
+                format!("object \"{name}\": its shader gave a {what} that is no finite number; 0 is used"),
+            );
+        }
+        colors
+    }
+
+    /// Warns about points that a displacement moved out of the bound it declared.
+    fn check_displacement(&self, grid: &ShadedGrid, job: &Job<S::Object>) {
+        let ([x0, y0, x1, y1], z) = grid.view.bound(0..grid.nu * grid.nv);
+        let (rect, region) = (grid.rect, self.region);
+        let outside = (x0 < rect.x0 as f32 && rect.x0 > region.x0)
+            || (y0 < rect.y0 as f32 && rect.y0 > region.y0)
+            || (x1 > rect.x1 as f32 && rect.x1 < region.x1)
+            || (y1 > rect.y1 as f32 && rect.y1 < region.y1)
+            || z < grid.z_min;
+        if outside {
+            let attributes = &job.primitive.attributes;
+            let (name, radius) = (attributes.name(), attributes.float("displace:maxradius"));
+            self.options.reporter.once(
+                &format!("displacement bound {name}"),
+                Severity::Warning,
+                &job.primitive.at,
+                format!("object \"{name}\": displaced farther than \"displace:maxradius\" {radius}; it is cut off"),
+            );
+        }
+    }
+}
+
+/// Which micropolygons are there: not trimmed away, and not facing away where "twosided" is 0; `None` for all.
+fn kept<O>(dice: &Dice, job: &Job<O>, grid: &Grid) -> Option<Vec<bool>> {
+    let attributes = &job.primitive.attributes;
+    let (mu, mv) = (dice.nu - 1, dice.nv - 1);
+    let mut kept = dice.mask.as_ref().map(|mask| {
+        let inside = &*attributes.string("trimcurve:sense") != "outside";
+        mask.iter().map(|m| *m == inside).collect::<Vec<bool>>()
+    });
+    if attributes.int("twosided") == 0 {
+        let kept = kept.get_or_insert_with(|| vec![true; mu * mv]);
+        let away = |i: usize| grid.ng.get(i).dot(grid.i.get(i)) > 0.0;
+        for (at, kept) in kept.iter_mut().enumerate() {
+            let corner = at / mu * dice.nu + at % mu;
+            let corners = [corner, corner + 1, corner + dice.nu, corner + dice.nu + 1];
+            *kept &= !corners.into_iter().all(away);
+        }
+    }
+    kept
+}

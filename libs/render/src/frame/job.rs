@@ -1,0 +1,214 @@
+//! A primitive on its way to grids.
+
+use super::{Frame, FrameShader, ObjectTraits};
+use crate::PixelRect;
+use crate::dicing::{DiceSettings, Leaf, Placement, Plan};
+use crate::hider::{NOWHERE, ShadedGrid, pixels_of};
+use crate::statistics::add;
+use granita_base::{Bound, Severity, Vec3};
+use granita_geom::{Piece, ShapeKey, Surface};
+use granita_scene::Primitive;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+/// A primitive that is in view.
+pub(super) struct Job<O> {
+    pub(super) primitive: Arc<Primitive>,
+    pub(super) object: Arc<O>,
+    pub(super) traits: ObjectTraits,
+    pub(super) settings: DiceSettings,
+    pub(super) placement: Placement,
+    /// Pixels in which it may be seen, inside the frame's region.
+    pub(super) rect: PixelRect,
+    pub(super) culls_hidden: bool,
+    /// Until it is split.
+    pieces: Mutex<Vec<Piece>>,
+    split: OnceLock<Split>,
+}
+
+/// The grids of a primitive.
+pub(super) struct Split {
+    pub(super) leaves: Vec<LeafSlot>,
+    /// (bucket, leaf), sorted.
+    of_bucket: Vec<(u32, u32)>,
+}
+
+impl Split {
+    /// Leaves that a bucket may see, in order.
+    pub(super) fn leaves_of(&self, bucket: u32) -> impl Iterator<Item = u32> + '_ {
+        let from = self.of_bucket.partition_point(|(b, _)| *b < bucket);
+        self.of_bucket[from..].iter().take_while(move |(b, _)| *b == bucket).map(|(_, leaf)| *leaf)
+    }
+}
+
+/// A grid that is shaded once and dropped after its last use.
+pub(super) struct LeafSlot {
+    /// Pixels in which it may be seen.
+    pub(super) rect: PixelRect,
+    /// Nothing of it is nearer.
+    pub(super) z_min: f32,
+    state: Mutex<LeafState>,
+    /// Buckets that have not yet looked at it.
+    uses: AtomicU32,
+}
+
+enum LeafState {
+    /// Not diced yet.
+    Waiting(Leaf),
+    /// Diced and shaded; `None` when nothing is left to see.
+    Ready(Option<Arc<ShadedGrid>>),
+    /// Its last bucket is done.
+    Gone,
+}
+
+impl LeafSlot {
+    /// The grid, made by `make` for the first one who asks; others wait.
+    pub(super) fn grid(&self, make: impl FnOnce(&Leaf) -> Option<ShadedGrid>) -> Option<Arc<ShadedGrid>> {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        if let LeafState::Waiting(leaf) = &*state {
+            let grid = make(leaf).map(Arc::new);
+            *state = LeafState::Ready(grid);
+        }
+        match &*state {
+            LeafState::Ready(grid) => grid.clone(),
+            _ => None,
+        }
+    }
+
+    /// One bucket is done with it.
+    pub(super) fn release(&self) {
+        if self.uses.fetch_sub(1, Ordering::AcqRel) == 1 {
+            *self.state.lock().unwrap_or_else(PoisonError::into_inner) = LeafState::Gone;
+        }
+    }
+}
+
+/// Where a piece may be seen.
+struct Seen {
+    bound_px: [f32; 4],
+    z_min: f32,
+}
+
+impl<S: FrameShader> Frame<'_, S> {
+    /// Builds a primitive for its bound; `None` when there is nothing to see.
+    pub(super) fn job(&self, primitive: &Arc<Primitive>) -> Option<Job<S::Object>> {
+        let attributes = &primitive.attributes;
+        let keys: Vec<ShapeKey<'_>> =
+            primitive.keys.iter().map(|k| ShapeKey { time: k.time, params: &k.params }).collect();
+        let reporter = self.options.reporter;
+        let name = attributes.name();
+        let mut report = |severity: Severity, text: String| {
+            let text = if name.is_empty() { text } else { format!("object \"{name}\": {text}") };
+            reporter.once(&text.clone(), severity, &primitive.at, text);
+        };
+        let pieces = match granita_geom::build(&primitive.shape, &keys, attributes.trim.as_deref(), &mut report) {
+            Ok(pieces) => pieces,
+            Err(error) => {
+                report(Severity::Error, format!("{} is left out: {error}", primitive.shape.call_name()));
+                return None;
+            }
+        };
+        add(&self.counters.primitives_built, 1);
+        let object = self.shader.object(primitive);
+        let traits = self.shader.traits(&object);
+        let shape_times = pieces.first().map_or(&[][..], |p| p.key_times());
+        let cameras = [&self.options.camera.world_to_camera, &self.options.dicing_camera.world_to_camera];
+        let shutter =
+            if self.pattern.blur { self.options.camera.shutter } else { [self.options.camera.shutter[0]; 2] };
+        let placement = Placement::new(&attributes.to_world, shape_times, &cameras, shutter);
+        let mut bound_px = NOWHERE;
+        for piece in &pieces {
+            let seen = self.seen(&**piece, &placement, &traits);
+            bound_px = union(bound_px, seen.bound_px);
+        }
+        let rect = pixels_of(bound_px, &self.region);
+        if rect.is_empty() {
+            add(&self.counters.primitives_off_screen, 1);
+            return None;
+        }
+        Some(Job {
+            settings: DiceSettings::new(attributes, self.gridsize, self.options.dicing_camera),
+            culls_hidden: attributes.int("cull:occlusion") != 0,
+            primitive: primitive.clone(),
+            object,
+            traits,
+            placement,
+            rect,
+            pieces: Mutex::new(pieces),
+            split: OnceLock::new(),
+        })
+    }
+
+    /// The grids of a primitive, made for the first bucket that asks.
+    pub(super) fn split<'j>(&self, job: &'j Job<S::Object>) -> &'j Split {
+        job.split.get_or_init(|| {
+            add(&self.counters.primitives_split, 1);
+            let pieces = std::mem::take(&mut *job.pieces.lock().unwrap_or_else(PoisonError::into_inner));
+            let mut leaves = Vec::new();
+            let mut of_bucket = Vec::new();
+            let mut stack: Vec<(Piece, u32)> = pieces.into_iter().rev().map(|p| (p, 0)).collect();
+            while let Some((piece, depth)) = stack.pop() {
+                let seen = self.seen(&*piece, &job.placement, &job.traits);
+                let rect = pixels_of(seen.bound_px, &self.region);
+                if rect.is_empty() {
+                    add(&self.counters.pieces_culled, 1);
+                    continue;
+                }
+                match self.measure.plan(&*piece, &job.placement, &job.settings, depth) {
+                    Plan::Split(direction) => {
+                        stack.extend(piece.split(direction).into_iter().rev().map(|p| (p, depth + 1)));
+                    }
+                    Plan::Dice { nu, nv } => {
+                        let Ok(index) = u32::try_from(leaves.len()) else { break };
+                        let mut uses = 0;
+                        for bucket in self.buckets.touching(&rect.grown(self.margin)) {
+                            of_bucket.push((bucket, index));
+                            uses += 1;
+                        }
+                        leaves.push(LeafSlot {
+                            rect,
+                            z_min: seen.z_min,
+                            state: Mutex::new(LeafState::Waiting(Leaf { piece, nu, nv })),
+                            uses: AtomicU32::new(uses),
+                        });
+                    }
+                }
+            }
+            add(&self.counters.grids, leaves.len());
+            of_bucket.sort_unstable();
+            Split { leaves, of_bucket }
+        })
+    }
+
+    /// Bounds a piece over the whole shutter and lens, displacement included.
+    fn seen(&self, piece: &dyn Surface, placement: &Placement, traits: &ObjectTraits) -> Seen {
+        let world_to_camera = &self.options.camera.world_to_camera;
+        let mut boxes: Vec<Bound> = Vec::with_capacity(placement.times().len());
+        for &time in placement.times() {
+            let to_camera = world_to_camera.at(time);
+            let bound = Placement::object_bound(piece, time).transformed(&placement.to_world.at(time).then(&to_camera));
+            let stretch =
+                [Vec3::X, Vec3::Y, Vec3::Z].map(|a| to_camera.vector(a).length()).into_iter().fold(0.0, f32::max);
+            boxes.push(bound.padded(traits.max_displacement_world * stretch));
+        }
+        let hull = boxes.iter().copied().fold(Bound::EMPTY, Bound::union);
+        if !hull.is_finite() || hull.is_empty() {
+            return Seen { bound_px: NOWHERE, z_min: f32::INFINITY };
+        }
+        // What passes the near plane is bounded as a whole: its parts move through it between the times.
+        let bound_px = if hull.min.z < self.options.camera.near {
+            self.projector.raster_box(&hull)
+        } else {
+            boxes.iter().map(|b| self.projector.raster_box(b)).fold(NOWHERE, union)
+        };
+        // A little room for rounding, for widened rims, and for widths given in pixels.
+        let room = 0.3 + piece.raster_width() * 0.5;
+        let bound_px = [bound_px[0] - room, bound_px[1] - room, bound_px[2] + room, bound_px[3] + room];
+        Seen { bound_px, z_min: hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6 }
+    }
+}
+
+/// The box around two raster boxes.
+fn union(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
+    [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
+}

@@ -1,0 +1,338 @@
+//! The images of a frame: what goes into them, and how they are written (reference 4.2, 7.3).
+
+use crate::film::{FilterSpec, PixelFilter};
+use crate::hider::{Wanted, WantedVariable};
+use crate::{CameraView, PixelRect, RenderError};
+use granita_base::{BaseType, Filter, Location, Param, ParamType, Params, Reporter, Severity};
+use granita_gsl::ir::ValueType;
+use granita_image::{CreateOptions, FormatRegistry, ImageSpec, PixelType, Placement, Quantize};
+use granita_scene::Output;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Parameters of `Output` that the renderer itself understands; all others go to the format.
+const OWN_PARAMETERS: [&str; 11] = [
+    "filter",
+    "filterwidth",
+    "gain",
+    "gamma",
+    "dither",
+    "quantize",
+    "stereo:left",
+    "stereo:right",
+    "zchannels",
+    "opaquewidth",
+    "dynamic",
+];
+
+/// Most bytes that the pixels of one image may take while the frame is rendered.
+const MAX_IMAGE_BYTES: u64 = 1 << 37;
+
+/// What an image shows.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Data {
+    Color { alpha: bool },
+    Depth { middle: bool },
+    Variable { name: Arc<str>, ty: ValueType },
+}
+
+/// Everything that the outputs of one camera want from the hider.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct OutputSet {
+    /// In order of declaration.
+    pub(crate) images: Vec<OutputImage>,
+    /// Shader variables to compute.
+    pub(crate) variables: Vec<(Arc<str>, ValueType)>,
+    /// Sample channels.
+    pub(crate) wanted: Wanted,
+    /// Whether any image shows colours or variables, so that surfaces must be shaded.
+    pub(crate) needs_shading: bool,
+    /// Whether what is hidden behind the first surface counts.
+    pub(crate) needs_second_surface: bool,
+}
+
+/// One image to make.
+#[derive(Clone, Debug)]
+pub(crate) struct OutputImage {
+    /// Where it goes.
+    pub(crate) path: PathBuf,
+    format: String,
+    pub(crate) filter: FilterSpec,
+    /// Sample channels that are filtered into its channels.
+    pub(crate) channels: Vec<usize>,
+    names: Vec<String>,
+    /// Gain and gamma apply.
+    is_color: bool,
+    params: Params,
+    /// Filtered pixels of the crop window, channels side by side.
+    pub(crate) pixels: Vec<f32>,
+}
+
+impl OutputSet {
+    /// From the outputs of one camera. Those that cannot be made are reported and left out.
+    pub(crate) fn new(
+        outputs: &[&Output],
+        camera: &CameraView,
+        registry: &FormatRegistry,
+        reporter: &Reporter,
+    ) -> Result<Self, RenderError> {
+        let mut set = Self::default();
+        let mut datas = Vec::new();
+        for output in outputs {
+            if let Some(data) = accepted(output, registry, reporter) {
+                match &data {
+                    Data::Color { .. } => set.needs_shading = true,
+                    Data::Depth { middle } => {
+                        set.wanted.depths = true;
+                        set.needs_second_surface |= *middle;
+                    }
+                    Data::Variable { name, ty } => {
+                        set.needs_shading = true;
+                        if !set.variables.iter().any(|(n, t)| n == name && t == ty) {
+                            set.variables.push((name.clone(), *ty));
+                        }
+                    }
+                }
+                datas.push((*output, data));
+            }
+        }
+        let mut offset = 0;
+        for (_, ty) in &set.variables {
+            let width = ty.components();
+            let is_color = *ty == ValueType::Color;
+            set.wanted.variables.push(WantedVariable { offset, width, is_color });
+            offset += width;
+        }
+        for (output, data) in datas {
+            let image = set.image(output, &data, camera, reporter)?;
+            set.images.push(image);
+        }
+        Ok(set)
+    }
+
+    fn image(
+        &self,
+        output: &Output,
+        data: &Data,
+        camera: &CameraView,
+        reporter: &Reporter,
+    ) -> Result<OutputImage, RenderError> {
+        let strings = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>();
+        let (channels, names) = match data {
+            Data::Color { alpha: false } => (vec![0, 1, 2], strings(&["R", "G", "B"])),
+            Data::Color { alpha: true } => (vec![0, 1, 2, 3], strings(&["R", "G", "B", "A"])),
+            Data::Depth { middle } => (vec![4 + usize::from(*middle)], strings(&["Z"])),
+            Data::Variable { name, ty } => {
+                let same = |v: &(Arc<str>, ValueType)| v.0 == *name && v.1 == *ty;
+                let index = self.variables.iter().position(same).unwrap_or(0);
+                let first = self.wanted.variable_channel(index);
+                let n = ty.components();
+                let names = match n {
+                    1 => vec![name.to_string()],
+                    3 => strings(&["R", "G", "B"]),
+                    _ => ImageSpec::default_channels(n),
+                };
+                ((first..first + n).collect(), names)
+            }
+        };
+        let crop = &camera.crop;
+        let values = (crop.width() as u64)
+            .checked_mul(crop.height() as u64)
+            .and_then(|n| n.checked_mul(channels.len() as u64 * 4))
+            .unwrap_or(u64::MAX);
+        if values > MAX_IMAGE_BYTES {
+            return Err(RenderError::Limit { what: "size of an image in bytes", asked: values, max: MAX_IMAGE_BYTES });
+        }
+        Ok(OutputImage {
+            path: PathBuf::from(&*output.name),
+            format: output.format.to_string(),
+            filter: filter_spec(output, data, reporter),
+            pixels: vec![0.0; crop.width() * crop.height() * channels.len()],
+            channels,
+            names,
+            is_color: matches!(data, Data::Color { .. } | Data::Variable { ty: ValueType::Color, .. }),
+            params: params(output, data),
+        })
+    }
+
+    /// Largest margin of all filters, in x and y.
+    pub(crate) fn margin(&self) -> [i32; 2] {
+        self.images.iter().map(|i| i.filter.margin()).fold([0, 0], |a, b| [a[0].max(b[0]), a[1].max(b[1])])
+    }
+}
+
+/// What an output shows; `None` (reported) when it cannot be made, or is deleted by the format "null".
+fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> Option<Data> {
+    let refuse = |severity, what: String| {
+        reporter.once(
+            &format!("output {} {what}", output.name),
+            severity,
+            &Location::default(),
+            format!("output \"{}\": {what}", output.name),
+        );
+        None
+    };
+    let format = &*output.format;
+    if format.is_empty() || format == "null" {
+        return None;
+    }
+    if format == "iv" || format.starts_with("0x") {
+        return refuse(Severity::Warning, format!("format \"{format}\" is not supported yet"));
+    }
+    let Some(known) = registry.by_name(format) else {
+        let names = registry.names().join(", ");
+        return refuse(Severity::Error, format!("unknown image format \"{format}\" (known: {names})"));
+    };
+    if !known.supports("write") {
+        return refuse(Severity::Error, format!("format \"{format}\" cannot be written"));
+    }
+    if output.params.int("dynamic").is_some_and(|d| d != 0) {
+        refuse(Severity::Warning, "dynamic images are not supported yet; it is rendered whole".to_owned())
+    } else {
+        None::<()>
+    };
+    match &*output.data {
+        "rgb" => Some(Data::Color { alpha: false }),
+        "rgba" => Some(Data::Color { alpha: true }),
+        "z" => Some(Data::Depth { middle: false }),
+        "avgz" => Some(Data::Depth { middle: true }),
+        "volz" => refuse(Severity::Warning, "data \"volz\" is not supported yet".to_owned()),
+        other => match ParamType::parse(other) {
+            Ok((ty, name)) => {
+                let value = match ty.base {
+                    BaseType::Float => ValueType::Float,
+                    BaseType::Color => ValueType::Color,
+                    BaseType::Point => ValueType::Point,
+                    BaseType::Vector => ValueType::Vector,
+                    BaseType::Normal => ValueType::Normal,
+                    BaseType::Matrix => ValueType::Matrix,
+                    _ => return refuse(Severity::Error, format!("data \"{other}\" cannot be shown in an image")),
+                };
+                if ty.array.is_some() {
+                    return refuse(Severity::Warning, format!("data \"{other}\": an array is not supported yet"));
+                }
+                Some(Data::Variable { name: name.into(), ty: value })
+            }
+            Err(error) => refuse(Severity::Error, error.to_string()),
+        },
+    }
+}
+
+/// "filter" and "filterwidth". Depths are not blurred: unless told otherwise, they take the least depth of
+/// their own pixel.
+fn filter_spec(output: &Output, data: &Data, reporter: &Reporter) -> FilterSpec {
+    let depth = matches!(data, Data::Depth { .. });
+    let filter = match output.params.string("filter").map(|f| &**f) {
+        None if depth => PixelFilter::Min,
+        None => PixelFilter::Weighted(Filter::Gaussian),
+        Some("min") if depth => PixelFilter::Min,
+        Some("max") if depth => PixelFilter::Max,
+        Some("average") if depth => PixelFilter::Average,
+        // A mean over depths and infinity would mean nothing: every shape averages what is there.
+        Some(_) if depth => PixelFilter::Average,
+        Some(name) => PixelFilter::Weighted(Filter::from_word(name).unwrap_or_else(|| {
+            reporter.once(
+                &format!("filter {name}"),
+                Severity::Warning,
+                &Location::default(),
+                format!("output \"{}\": unknown filter \"{name}\"; \"gaussian\" is used", output.name),
+            );
+            Filter::Gaussian
+        })),
+    };
+    let default = if depth { [1.0; 2] } else { [2.0; 2] };
+    let width = match output.params.floats("filterwidth").as_deref() {
+        Some([w]) => [*w, *w],
+        Some([x, y, ..]) => [*x, *y],
+        _ => default,
+    };
+    let usable = |w: f32, default: f32| {
+        if w.is_finite() && w > 0.0 && w <= 64.0 {
+            return w;
+        }
+        reporter.once(
+            &format!("filterwidth {}", output.name),
+            Severity::Warning,
+            &Location::default(),
+            format!("output \"{}\": filter width {w} is outside 0 to 64; {default} is used", output.name),
+        );
+        default
+    };
+    // A filter narrower than the distance between samples would miss pixels.
+    FilterSpec { filter, width: [usable(width[0], default[0]).max(0.25), usable(width[1], default[1]).max(0.25)] }
+}
+
+/// The parameters of an output, with floats for depths and variables of no colour unless "quantize" is given.
+fn params(output: &Output, data: &Data) -> Params {
+    let mut params = output.params.clone();
+    if matches!(data, Data::Depth { .. }) && params.get("quantize").is_none() {
+        let ty = ParamType::array(BaseType::Int, 4);
+        params.set(Param { name: "quantize".into(), ty, data: [0, 0, 0, 0][..].into() });
+    }
+    params
+}
+
+impl OutputImage {
+    /// Takes the filtered pixels of a bucket.
+    pub(crate) fn store(&mut self, crop: &PixelRect, bucket: &PixelRect, values: &[f32]) {
+        let n = self.channels.len();
+        let row = bucket.width() * n;
+        for (j, line) in values.chunks_exact(row).enumerate() {
+            let y = (bucket.y0 - crop.y0) as usize + j;
+            let at = (y * crop.width() + (bucket.x0 - crop.x0) as usize) * n;
+            self.pixels[at..at + row].copy_from_slice(line);
+        }
+    }
+
+    /// Writes the image; it appears complete under its name, or not at all.
+    pub(crate) fn write(&self, camera: &CameraView, registry: &FormatRegistry) -> Result<(), RenderError> {
+        let format = registry.by_name(&self.format).ok_or_else(|| RenderError::Misuse {
+            what: format!("unknown image format \"{}\"", self.format),
+        })?;
+        let crop = &camera.crop;
+        let (mut quantize, stored) = Quantize::for_output(&**format, &self.params);
+        if !self.is_color {
+            (quantize.gain, quantize.gamma) = (1.0, 1.0);
+        }
+        // Depths need all their bits, also in a format that usually stores halves.
+        let stored = match stored {
+            PixelType::Half if self.names == ["Z"] && format.supports("float") => PixelType::Float,
+            other => other,
+        };
+        let spec = self.spec(camera, stored);
+        let n = self.channels.len();
+        let mut file = format.create(&self.path, &CreateOptions { spec: &spec, levels: 1 })?;
+        let alpha = spec.alpha_channel();
+        let row = crop.width() * n;
+        const ROWS: usize = 64;
+        for (k, values) in self.pixels.chunks(row * ROWS).enumerate() {
+            let y = crop.y0 + (k * ROWS) as i32;
+            let at = Placement { x: crop.x0, y, width: crop.width(), nchannels: n, alpha };
+            file.write_rows(&quantize.apply(values, &at, stored))?;
+        }
+        file.close()?;
+        Ok(())
+    }
+
+    fn spec(&self, camera: &CameraView, stored: PixelType) -> ImageSpec {
+        let crop = &camera.crop;
+        let [width, height] = [crop.width() as u32, crop.height() as u32];
+        let mut spec = ImageSpec::new(width, height, self.channels.len(), stored);
+        (spec.x, spec.y) = (crop.x0, crop.y0);
+        (spec.full_width, spec.full_height) = (camera.resolution[0], camera.resolution[1]);
+        spec.channels = self.names.clone();
+        let software = Param {
+            name: "software".into(),
+            ty: ParamType::of(BaseType::String),
+            data: (&*format!("Granita {}", granita_base::VERSION)).into(),
+        };
+        spec.attributes.set(software);
+        for param in &camera.metadata() {
+            spec.attributes.set(param.clone());
+        }
+        for param in self.params.iter().filter(|p| !OWN_PARAMETERS.contains(&&*p.name)) {
+            spec.attributes.set(param.clone());
+        }
+        spec
+    }
+}

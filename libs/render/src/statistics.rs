@@ -1,0 +1,129 @@
+//! What a frame did, what it could leave out, and what that cost.
+
+use std::fmt::Write;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+/// Counters of one frame, added to from any thread.
+#[derive(Debug, Default)]
+pub(crate) struct Counters {
+    pub(crate) primitives: AtomicU64,
+    pub(crate) primitives_built: AtomicU64,
+    pub(crate) primitives_off_screen: AtomicU64,
+    pub(crate) primitives_split: AtomicU64,
+    pub(crate) pieces_culled: AtomicU64,
+    pub(crate) grids: AtomicU64,
+    pub(crate) grids_shaded: AtomicU64,
+    pub(crate) grids_unshaded: AtomicU64,
+    pub(crate) points_shaded: AtomicU64,
+    pub(crate) grids_hidden: AtomicU64,
+    pub(crate) samples: AtomicU64,
+    pub(crate) buckets: AtomicU64,
+    pub(crate) shade_nanos: AtomicU64,
+    pub(crate) dice_nanos: AtomicU64,
+    pub(crate) hide_nanos: AtomicU64,
+    pub(crate) filter_nanos: AtomicU64,
+}
+
+/// Adds to a counter.
+pub(crate) fn add(counter: &AtomicU64, n: usize) {
+    counter.fetch_add(n as u64, Ordering::Relaxed);
+}
+
+/// Adds a time to a counter of nanoseconds.
+pub(crate) fn add_time(counter: &AtomicU64, time: Duration) {
+    counter.fetch_add(u64::try_from(time.as_nanos()).unwrap_or(u64::MAX), Ordering::Relaxed);
+}
+
+/// What a frame did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[allow(missing_docs, reason = "the names say it")]
+pub struct Statistics {
+    pub primitives: u64,
+    pub primitives_built: u64,
+    /// Built for their bound, and dropped because they are not in view.
+    pub primitives_off_screen: u64,
+    /// Split because a bucket may see them.
+    pub primitives_split: u64,
+    /// Pieces of split primitives that are not in view.
+    pub pieces_culled: u64,
+    pub grids: u64,
+    /// Grids whose surface shaders ran.
+    pub grids_shaded: u64,
+    /// Grids that were diced without running surface shaders, which nobody wanted.
+    pub grids_unshaded: u64,
+    pub points_shaded: u64,
+    /// Visits of grids by buckets that found them hidden.
+    pub grids_hidden: u64,
+    pub samples: u64,
+    pub buckets: u64,
+    /// Sums over all threads.
+    pub shade_time: Duration,
+    pub dice_time: Duration,
+    pub hide_time: Duration,
+    pub filter_time: Duration,
+    /// From beginning to end.
+    pub frame_time: Duration,
+    pub threads: usize,
+}
+
+impl Counters {
+    /// The counters as they stand.
+    pub(crate) fn statistics(&self, frame_time: Duration, threads: usize) -> Statistics {
+        let n = |c: &AtomicU64| c.load(Ordering::Relaxed);
+        let time = |c: &AtomicU64| Duration::from_nanos(n(c));
+        Statistics {
+            primitives: n(&self.primitives),
+            primitives_built: n(&self.primitives_built),
+            primitives_off_screen: n(&self.primitives_off_screen),
+            primitives_split: n(&self.primitives_split),
+            pieces_culled: n(&self.pieces_culled),
+            grids: n(&self.grids),
+            grids_shaded: n(&self.grids_shaded),
+            grids_unshaded: n(&self.grids_unshaded),
+            points_shaded: n(&self.points_shaded),
+            grids_hidden: n(&self.grids_hidden),
+            samples: n(&self.samples),
+            buckets: n(&self.buckets),
+            shade_time: time(&self.shade_nanos),
+            dice_time: time(&self.dice_nanos),
+            hide_time: time(&self.hide_nanos),
+            filter_time: time(&self.filter_nanos),
+            frame_time,
+            threads,
+        }
+    }
+}
+
+impl Statistics {
+    /// A table for people, without a final line break.
+    pub fn report(&self, camera: &str) -> String {
+        let seconds = |d: Duration| format!("{:.3} s", d.as_secs_f64());
+        let unused_primitives = self.primitives_built.saturating_sub(self.primitives_split);
+        let rows: [(&str, String); 14] = [
+            ("frame", format!("{} with {} threads", seconds(self.frame_time), self.threads)),
+            ("buckets", self.buckets.to_string()),
+            ("samples", self.samples.to_string()),
+            ("primitives", self.primitives.to_string()),
+            ("  not in view", self.primitives_off_screen.to_string()),
+            ("  never split", unused_primitives.saturating_sub(self.primitives_off_screen).to_string()),
+            ("pieces not in view", self.pieces_culled.to_string()),
+            ("grids", self.grids.to_string()),
+            ("  shaded", format!("{} ({} points)", self.grids_shaded, self.points_shaded)),
+            ("  diced, shading not needed", self.grids_unshaded.to_string()),
+            (
+                "  never diced",
+                self.grids.saturating_sub(self.grids_shaded + self.grids_unshaded).to_string(),
+            ),
+            ("visits that found a grid hidden", self.grids_hidden.to_string()),
+            ("dice + shade, all threads", format!("{} + {}", seconds(self.dice_time), seconds(self.shade_time))),
+            ("hide + filter, all threads", format!("{} + {}", seconds(self.hide_time), seconds(self.filter_time))),
+        ];
+        let mut text = format!("Statistics of camera \"{camera}\"");
+        for (what, value) in rows {
+            // Writing to a string does not fail.
+            let _ = write!(text, "\n  {what:<34} {value}");
+        }
+        text
+    }
+}
