@@ -46,7 +46,8 @@ impl Buckets {
         for (at, (i, j)) in cells.iter().enumerate() {
             position[j * nx + i] = u32::try_from(at).unwrap_or(u32::MAX);
         }
-        let rect = |&(i, j): &(usize, usize)| PixelRect { x0: xs[i], x1: xs[i + 1], y0: ys[j], y1: ys[j + 1] };
+        let rect =
+            |&(i, j): &(usize, usize)| PixelRect { x0: xs[i], x1: xs[i + 1], y0: ys[j], y1: ys[j + 1] };
         Self { order: cells.iter().map(rect).collect(), xs, ys, position }
     }
 

@@ -10,7 +10,6 @@ mod rate;
 pub(crate) use grid::{GridView, Viewpoint, make_grid};
 pub(crate) use motion::{Placement, Viewer, key_at, points_at};
 pub(crate) use rate::{DiceSettings, Measure, Plan};
-pub(crate) use rate::{DiceSettings, Measure, Plan};
 
 use granita_geom::{Dice, Piece};
 

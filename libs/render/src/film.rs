@@ -156,7 +156,8 @@ impl Support {
         let total = samples.len();
         for (out, channel) in out.iter_mut().zip(channels) {
             let plane = &values[channel * total..(channel + 1) * total];
-            let (mut least, mut greatest, mut sum, mut count) = (f32::INFINITY, f32::NEG_INFINITY, 0.0_f64, 0);
+            let (mut least, mut greatest, mut sum, mut count) =
+                (f32::INFINITY, f32::NEG_INFINITY, 0.0_f64, 0);
             self.each(samples, pixel, |first, wx, wy| {
                 for (s, (a, b)) in wx.iter().zip(wy).enumerate() {
                     let v = plane[first + s];

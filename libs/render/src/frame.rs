@@ -117,7 +117,8 @@ pub(crate) fn render<S: FrameShader>(
         _ => Color::ONE,
     };
     // The pixels are filled while the frame reads the plan: they are kept apart.
-    let mut images: Vec<Vec<f32>> = outputs.images.iter_mut().map(|i| std::mem::take(&mut i.pixels)).collect();
+    let mut images: Vec<Vec<f32>> =
+        outputs.images.iter_mut().map(|i| std::mem::take(&mut i.pixels)).collect();
     let frame = Frame {
         shader,
         outputs,
@@ -127,7 +128,11 @@ pub(crate) fn render<S: FrameShader>(
         composite: CompositeSettings {
             opacity_threshold: color("limits:opacitythreshold"),
             depth_threshold: color("shadow:opacitythreshold"),
-            layers: match scene.globals.get("limits:transparentlayers").map(|_| scene.int("limits:transparentlayers")) {
+            layers: match scene
+                .globals
+                .get("limits:transparentlayers")
+                .map(|_| scene.int("limits:transparentlayers"))
+            {
                 Some(n) if n >= 0 => usize::try_from(n).ok(),
                 _ => None,
             },

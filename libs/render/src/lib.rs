@@ -31,12 +31,10 @@ mod frame;
 mod hider;
 mod lights;
 mod object;
-<<<<<<< HEAD
-mod raymesh;
-=======
 mod output;
->>>>>>> c0d889d (wip frame)
+mod raymesh;
 mod raytrace;
+mod renderer;
 mod sampling;
 mod services;
 mod shading;
@@ -46,4 +44,5 @@ mod statistics;
 pub use camera::{CameraView, Lens, PixelRect, Projection};
 pub use environment::{Progress, RenderEnvironment, ShaderLibrary, Silent};
 pub use error::RenderError;
+pub use renderer::{FrameReport, Renderer};
 pub use statistics::Statistics;

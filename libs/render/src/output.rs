@@ -141,7 +141,11 @@ impl OutputSet {
             .and_then(|n| n.checked_mul(channels.len() as u64 * 4))
             .unwrap_or(u64::MAX);
         if values > MAX_IMAGE_BYTES {
-            return Err(RenderError::Limit { what: "size of an image in bytes", asked: values, max: MAX_IMAGE_BYTES });
+            return Err(RenderError::Limit {
+                what: "size of an image in bytes",
+                asked: values,
+                max: MAX_IMAGE_BYTES,
+            });
         }
         Ok(OutputImage {
             path: PathBuf::from(&*output.name),
@@ -187,10 +191,11 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
         return refuse(Severity::Error, format!("format \"{format}\" cannot be written"));
     }
     if output.params.int("dynamic").is_some_and(|d| d != 0) {
-        refuse(Severity::Warning, "dynamic images are not supported yet; it is rendered whole".to_owned())
-    } else {
-        None::<()>
-    };
+        let _ = refuse(
+            Severity::Warning,
+            "dynamic images are not supported yet; it is rendered whole".to_owned(),
+        );
+    }
     match &*output.data {
         "rgb" => Some(Data::Color { alpha: false }),
         "rgba" => Some(Data::Color { alpha: true }),
@@ -206,10 +211,18 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
                     BaseType::Vector => ValueType::Vector,
                     BaseType::Normal => ValueType::Normal,
                     BaseType::Matrix => ValueType::Matrix,
-                    _ => return refuse(Severity::Error, format!("data \"{other}\" cannot be shown in an image")),
+                    _ => {
+                        return refuse(
+                            Severity::Error,
+                            format!("data \"{other}\" cannot be shown in an image"),
+                        );
+                    }
                 };
                 if ty.array.is_some() {
-                    return refuse(Severity::Warning, format!("data \"{other}\": an array is not supported yet"));
+                    return refuse(
+                        Severity::Warning,
+                        format!("data \"{other}\": an array is not supported yet"),
+                    );
                 }
                 Some(Data::Variable { name: name.into(), ty: value })
             }
@@ -259,7 +272,10 @@ fn filter_spec(output: &Output, data: &Data, reporter: &Reporter) -> FilterSpec 
         default
     };
     // A filter narrower than the distance between samples would miss pixels.
-    FilterSpec { filter, width: [usable(width[0], default[0]).max(0.25), usable(width[1], default[1]).max(0.25)] }
+    FilterSpec {
+        filter,
+        width: [usable(width[0], default[0]).max(0.25), usable(width[1], default[1]).max(0.25)],
+    }
 }
 
 /// The parameters of an output, with floats for depths and variables of no colour unless "quantize" is given.

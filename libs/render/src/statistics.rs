@@ -111,13 +111,16 @@ impl Statistics {
             ("grids", self.grids.to_string()),
             ("  shaded", format!("{} ({} points)", self.grids_shaded, self.points_shaded)),
             ("  diced, shading not needed", self.grids_unshaded.to_string()),
-            (
-                "  never diced",
-                self.grids.saturating_sub(self.grids_shaded + self.grids_unshaded).to_string(),
-            ),
+            ("  never diced", self.grids.saturating_sub(self.grids_shaded + self.grids_unshaded).to_string()),
             ("visits that found a grid hidden", self.grids_hidden.to_string()),
-            ("dice + shade, all threads", format!("{} + {}", seconds(self.dice_time), seconds(self.shade_time))),
-            ("hide + filter, all threads", format!("{} + {}", seconds(self.hide_time), seconds(self.filter_time))),
+            (
+                "dice + shade, all threads",
+                format!("{} + {}", seconds(self.dice_time), seconds(self.shade_time)),
+            ),
+            (
+                "hide + filter, all threads",
+                format!("{} + {}", seconds(self.hide_time), seconds(self.filter_time)),
+            ),
         ];
         let mut text = format!("Statistics of camera \"{camera}\"");
         for (what, value) in rows {

@@ -44,11 +44,6 @@ impl Placement {
         &self.times
     }
 
-    /// Whether there is more than one time.
-    pub(crate) fn is_moving(&self) -> bool {
-        self.times.len() > 1
-    }
-
     /// Object space bound at a time: the keys' bounds blended as their points are.
     pub(crate) fn object_bound(surface: &dyn Surface, time: f32) -> Bound {
         let (key, next, alpha) = key_at(surface.key_times(), time);

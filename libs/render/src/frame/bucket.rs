@@ -2,11 +2,11 @@
 
 use super::job::{Job, LeafSlot};
 use super::{Frame, FrameShader, Holdout, Jobs};
+use crate::Projection;
 use crate::dicing::{GridView, Leaf, Viewer, Viewpoint, key_at, make_grid};
 use crate::film;
 use crate::hider::{SampleGrid, ShadedGrid, Surfaces, ViewedGrid};
 use crate::statistics::{add, add_time};
-use crate::Projection;
 use granita_base::{Color, Severity, Vec3};
 use granita_geom::Dice;
 use granita_shade::{Grid, Lanes3, RayKind};
@@ -53,7 +53,8 @@ impl<S: FrameShader> Frame<'_, S> {
         add(&self.counters.samples, rect.width() * rect.height() * samples.per_pixel);
         let begin = Instant::now();
         let images = &self.outputs.images;
-        let pixels = images.iter().map(|i| film::filter(&i.filter, &samples, &values, &i.channels, &rect)).collect();
+        let pixels =
+            images.iter().map(|i| film::filter(&i.filter, &samples, &values, &i.channels, &rect)).collect();
         add_time(&self.counters.filter_nanos, begin.elapsed());
         pixels
     }
@@ -227,7 +228,9 @@ impl<S: FrameShader> Frame<'_, S> {
                 &format!("displacement bound {name}"),
                 Severity::Warning,
                 &job.primitive.at,
-                format!("object \"{name}\": displaced farther than \"displace:maxradius\" {radius}; it is cut off"),
+                format!(
+                    "object \"{name}\": displaced farther than \"displace:maxradius\" {radius}; it is cut off"
+                ),
             );
         }
     }

@@ -101,13 +101,14 @@ impl<S: FrameShader> Frame<'_, S> {
             let text = if name.is_empty() { text } else { format!("object \"{name}\": {text}") };
             reporter.once(&text.clone(), severity, &primitive.at, text);
         };
-        let pieces = match granita_geom::build(&primitive.shape, &keys, attributes.trim.as_deref(), &mut report) {
-            Ok(pieces) => pieces,
-            Err(error) => {
-                report(Severity::Error, format!("{} is left out: {error}", primitive.shape.call_name()));
-                return None;
-            }
-        };
+        let pieces =
+            match granita_geom::build(&primitive.shape, &keys, attributes.trim.as_deref(), &mut report) {
+                Ok(pieces) => pieces,
+                Err(error) => {
+                    report(Severity::Error, format!("{} is left out: {error}", primitive.shape.call_name()));
+                    return None;
+                }
+            };
         add(&self.counters.primitives_built, 1);
         let object = self.shader.object(primitive);
         let traits = self.shader.traits(&object);
@@ -186,9 +187,12 @@ impl<S: FrameShader> Frame<'_, S> {
         let mut boxes: Vec<Bound> = Vec::with_capacity(placement.times().len());
         for &time in placement.times() {
             let to_camera = world_to_camera.at(time);
-            let bound = Placement::object_bound(piece, time).transformed(&placement.to_world.at(time).then(&to_camera));
-            let stretch =
-                [Vec3::X, Vec3::Y, Vec3::Z].map(|a| to_camera.vector(a).length()).into_iter().fold(0.0, f32::max);
+            let bound = Placement::object_bound(piece, time)
+                .transformed(&placement.to_world.at(time).then(&to_camera));
+            let stretch = [Vec3::X, Vec3::Y, Vec3::Z]
+                .map(|a| to_camera.vector(a).length())
+                .into_iter()
+                .fold(0.0, f32::max);
             boxes.push(bound.padded(traits.max_displacement_world * stretch));
         }
         let hull = boxes.iter().copied().fold(Bound::EMPTY, Bound::union);

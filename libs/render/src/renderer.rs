@@ -1,0 +1,209 @@
+//! The door to this crate: a scene in, image files out.
+
+use crate::environment::RenderEnvironment;
+use crate::frame::{self, FrameOptions, FrameShader, ObjectTraits};
+use crate::object::{Holdout, ObjectState};
+use crate::output::OutputSet;
+use crate::shading::{ShaderThread, ShadingContext};
+use crate::{CameraView, RenderError, Statistics, hider};
+use granita_base::{Location, Severity};
+use granita_gsl::ir::ValueType;
+use granita_scene::{Output, Primitive, Scene};
+use granita_shade::Grid;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Renders scenes. Holds nothing of a scene after its frame is done.
+#[derive(Clone, Debug)]
+pub struct Renderer {
+    environment: RenderEnvironment,
+}
+
+/// What came out of a frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameReport {
+    /// Files written, in order of declaration.
+    pub images: Vec<PathBuf>,
+    /// Whether every pixel was rendered and every image written.
+    pub complete: bool,
+    /// What was done for each camera that has images, by its name.
+    pub statistics: Vec<(Arc<str>, Statistics)>,
+}
+
+impl Renderer {
+    /// A renderer with these formats, shaders and so on.
+    pub fn new(environment: RenderEnvironment) -> Self {
+        Self { environment }
+    }
+
+    /// Renders the images of `camera`, or of all cameras that have any.
+    ///
+    /// What goes wrong with one image or one bucket is reported and leaves the others alone; see
+    /// [`FrameReport::complete`].
+    ///
+    /// Errors: [`RenderError::Misuse`] when there is no camera (of that name),
+    /// [`RenderError::Limit`] for images that are too large, [`RenderError::Stopped`].
+    pub fn render(&self, scene: &Arc<Scene>, camera: Option<&str>) -> Result<FrameReport, RenderError> {
+        let environment = &self.environment;
+        let reporter = &environment.reporter;
+        let mut views: Vec<CameraView> = scene.cameras.iter().map(|c| CameraView::new(c, reporter)).collect();
+        if let Some(crop) = environment.crop {
+            for view in &mut views {
+                view.crop = CameraView::crop_pixels(crop, view.resolution);
+            }
+        }
+        let first = views
+            .first()
+            .ok_or_else(|| RenderError::Misuse { what: "the scene has no camera".to_owned() })?;
+        if let Some(name) = camera
+            && !views.iter().any(|v| &*v.name == name)
+        {
+            return Err(RenderError::Misuse { what: format!("the scene has no camera \"{name}\"") });
+        }
+        for output in scene.outputs.iter().filter(|o| !views.iter().any(|v| v.name == o.camera)) {
+            reporter.error(format!("output \"{}\": there is no camera \"{}\"", output.name, output.camera));
+        }
+        self.report_unsupported(scene);
+        let threads = match environment.threads {
+            0 => usize::try_from(scene.int("limits:threads")).unwrap_or(1).max(1),
+            n => n,
+        };
+        let mut report = FrameReport { complete: true, ..FrameReport::default() };
+        for view in views.iter().filter(|v| camera.is_none_or(|name| &*v.name == name)) {
+            let outputs: Vec<&Output> = scene.outputs.iter().filter(|o| o.camera == view.name).collect();
+            let mut outputs = OutputSet::new(&outputs, view, &environment.registry, reporter)?;
+            if outputs.images.is_empty() {
+                continue;
+            }
+            if view.crop.is_empty() {
+                reporter.error(format!("camera \"{}\": its crop window holds no pixel", view.name));
+                report.complete = false;
+                continue;
+            }
+            // Shading always looks from the first camera (reference 7.7).
+            let shading = ShadingContext::new(scene, first, environment);
+            let options = FrameOptions {
+                camera: view,
+                dicing_camera: first,
+                threads,
+                reporter,
+                progress: &*environment.progress,
+                stop: &environment.stop,
+                scene_files: &environment.scene_files,
+            };
+            let (statistics, complete) = frame::render(scene, &shading, options, &mut outputs)?;
+            report.complete &= complete;
+            for image in &outputs.images {
+                match image.write(view, &environment.registry) {
+                    Ok(()) => report.images.push(image.path.clone()),
+                    Err(error) => {
+                        reporter.error(format!("output \"{}\": {error}", image.path.display()));
+                        report.complete = false;
+                    }
+                }
+            }
+            self.print_statistics(scene, view, &statistics)?;
+            report.statistics.push((view.name.clone(), statistics));
+        }
+        Ok(report)
+    }
+
+    /// Names the features of the scene that this renderer does not have.
+    fn report_unsupported(&self, scene: &Scene) {
+        let say = |what: &str| {
+            self.environment.reporter.once(
+                &format!("unsupported {what}"),
+                Severity::Warning,
+                &Location::default(),
+                format!("{what} is not supported yet"),
+            );
+        };
+        for camera in &scene.cameras {
+            if camera.params.float("stereo:separation").is_some_and(|s| s != 0.0) {
+                say("\"stereo:separation\" (the centre view is rendered)");
+            }
+            if camera.params.string("hider").is_some_and(|h| &**h != "default") {
+                say("a \"hider\" other than \"default\"");
+            }
+            if camera.params.string("shadertype").is_some_and(|s| &**s != "gsl") {
+                say("a \"shadertype\" other than \"gsl\"");
+            }
+            let limit = |name: &str, off: f32| camera.params.float(name).is_some_and(|v| v != off);
+            let preview = camera.params.float("preview").is_some_and(|p| p > 0.0);
+            if preview && (limit("preview:limitpixelsize", 0.0) || limit("preview:limitdistance", 1.0e38)) {
+                say("drawing objects as boxes in preview mode");
+            }
+        }
+        for (attribute, what) in [
+            ("griddump:filename", "\"griddump:filename\""),
+            ("net:workers", "network rendering (\"net:workers\")"),
+        ] {
+            if !scene.string(attribute).is_empty() {
+                say(what);
+            }
+        }
+    }
+
+    /// "statistics:level" and "statistics:filename" (reference 4.3.7).
+    fn print_statistics(
+        &self,
+        scene: &Scene,
+        view: &CameraView,
+        statistics: &Statistics,
+    ) -> Result<(), RenderError> {
+        if scene.int("statistics:level").max(self.environment.statistics) <= 0 {
+            return Ok(());
+        }
+        let text = statistics.report(&view.name);
+        let file = scene.string("statistics:filename");
+        if file.is_empty() {
+            self.environment.reporter.say(Severity::Message, &Location::default(), format!("{text}\n"));
+            return Ok(());
+        }
+        let path = PathBuf::from(&*file);
+        let io = |source| RenderError::Io { path: path.clone(), source };
+        let beside = path.with_extension("statistics-being-written");
+        std::fs::write(&beside, format!("{text}\n")).map_err(io)?;
+        std::fs::rename(&beside, &path).map_err(io)
+    }
+}
+
+impl FrameShader for ShadingContext {
+    type Object = ObjectState;
+    type Thread<'a> = ShaderThread<'a>;
+
+    fn object(&self, primitive: &Primitive) -> Arc<ObjectState> {
+        ShadingContext::object(self, primitive)
+    }
+
+    fn traits(&self, object: &ObjectState) -> ObjectTraits {
+        ObjectTraits {
+            opaque: object.opaque,
+            holdout: match object.holdout {
+                Holdout::No => hider::Holdout::None,
+                Holdout::Matte => hider::Holdout::Matte,
+                Holdout::Shaded => hider::Holdout::Shaded,
+            },
+            displaces: object.displacement.is_some(),
+            max_displacement_world: object.max_displacement_world,
+        }
+    }
+
+    fn thread(&self) -> ShaderThread<'_> {
+        ShaderThread::new(self)
+    }
+
+    fn displace(&self, thread: &mut ShaderThread<'_>, object: &ObjectState, grid: &mut Grid) {
+        thread.displace(object, grid);
+    }
+
+    fn shade(
+        &self,
+        thread: &mut ShaderThread<'_>,
+        object: &ObjectState,
+        grid: &mut Grid,
+        wanted: &[(Arc<str>, ValueType)],
+    ) -> Vec<Option<Vec<f32>>> {
+        thread.shade(object, grid, wanted)
+    }
+}
