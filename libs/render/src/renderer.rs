@@ -60,9 +60,6 @@ impl Renderer {
         {
             return Err(RenderError::Misuse { what: format!("the scene has no camera \"{name}\"") });
         }
-        for output in scene.outputs.iter().filter(|o| !views.iter().any(|v| v.name == o.camera)) {
-            reporter.error(format!("output \"{}\": there is no camera \"{}\"", output.name, output.camera));
-        }
         self.report_unsupported(scene);
         let threads = match environment.threads {
             0 => usize::try_from(scene.int("limits:threads")).unwrap_or(1).max(1),
