@@ -1,7 +1,100 @@
 //! The shading language: source text to checked IR to `.gso`, and the parameter query.
+//!
+//! [`compile`] goes through the stages: preprocessor (tokens, never text, so that every token knows its place),
+//! parser (`ast`), checker (`hir`: names resolved, overloads chosen from the one table of `builtins`), lowering
+//! ([`ir`]: functions put in place, structured statements over typed symbols). [`gso`] stores a module,
+//! [`GsoArgs`] tells its parameters without the rest.
+//!
+//! Nothing here reads files or the environment: included files come through a loader that the caller gives.
+//! Every input is bounded: macros, nesting and the size of what is made have limits, and passing one is an
+//! error with a place. Optimisation is deliberately absent beyond constants: the executor works on whole grids.
+//!
+//! ```
+//! use granita_gsl::{CompileOptions, compile};
+//! let source = "surface red (float Kd = 0.5) { C = Kd * color (1, 0, 0); }";
+//! let compiled = compile(source, "red.gsl", &CompileOptions::default()).unwrap();
+//! assert_eq!(&*compiled.module.name, "red");
+//! let mistake = compile("surface red () { C = colr; }", "red.gsl", &CompileOptions::default()).unwrap_err();
+//! assert_eq!(mistake[0].at.to_string(), "red.gsl:1:22");
+//! ```
 
+mod access;
+mod ast;
+mod builtins;
+mod check;
+mod check_expr;
+mod condition;
+mod diagnostic;
 mod func;
+mod hir;
 pub mod ir;
+mod lower;
+mod parse;
+mod preprocess;
+mod source;
+mod token;
 
+pub use diagnostic::Diagnostic;
 pub use func::Func;
 pub use ir::Module;
+
+use std::io;
+
+/// Gives the text of an included file; `None` when there is no such file.
+pub type Loader<'a> = &'a dyn Fn(&str) -> io::Result<Option<String>>;
+
+/// How to compile.
+#[derive(Clone, Copy, Default)]
+pub struct CompileOptions<'a> {
+    /// Folders that `#include` looks in, in order.
+    pub include_paths: &'a [String],
+    /// Macros: name and value; without a value it is 1.
+    pub defines: &'a [(String, Option<String>)],
+    /// Macros that are not defined after all (as `GELATO`, which always is).
+    pub undefines: &'a [String],
+    /// Reads included files; without one `#include` is a mistake.
+    pub loader: Option<Loader<'a>>,
+}
+
+impl std::fmt::Debug for CompileOptions<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("CompileOptions")
+            .field("include_paths", &self.include_paths)
+            .field("defines", &self.defines)
+            .field("undefines", &self.undefines)
+            .field("loader", &self.loader.is_some())
+            .finish()
+    }
+}
+
+/// A shader without mistakes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Compiled {
+    /// The shader.
+    pub module: Module,
+    /// What looks wrong, in the order of the source.
+    pub warnings: Vec<Diagnostic>,
+}
+
+/// Compiles the shader in `source`.
+///
+/// `file` names it in messages, and included files are looked for beside it. A file holds one shader and the
+/// functions before it.
+///
+/// # Errors
+/// All mistakes that were found and all warnings, in the order of the source; at least one is an error.
+pub fn compile(source: &str, file: &str, options: &CompileOptions<'_>) -> Result<Compiled, Vec<Diagnostic>> {
+    let mut diags = diagnostic::Diagnostics::default();
+    let tokens = preprocess::preprocess(source, file, options, &mut diags);
+    let Some(shader) = parse::parse(&tokens, &mut diags) else { return Err(diags.finish()) };
+    if diags.has_errors() {
+        // What was passed over would be missed everywhere; the messages would only mislead.
+        return Err(diags.finish());
+    }
+    let shader = check::check(shader, &mut diags);
+    let module = lower::lower(&shader, &mut diags);
+    if diags.has_errors() {
+        return Err(diags.finish());
+    }
+    Ok(Compiled { module, warnings: diags.finish() })
+}

@@ -1,0 +1,1009 @@
+//! The checker's expressions: types, conversions, overloads, constants.
+//!
+//! Some functions return what their context wants (`noise`, `texture`, `random`). So a check has a wanted type,
+//! which assignments, casts and arguments give and which arithmetic hands down to both operands; and before
+//! an overload is chosen, [`Checker::possible`] tells what types an argument could have.
+
+use crate::ast::{self, Binary};
+use crate::builtins::{self, Arg, Choice, NUMBERS, Rest, Ret, Signature, TypeSet};
+use crate::check::{Checker, opcode};
+use crate::diagnostic::suggestion;
+use crate::hir::*;
+use crate::ir::{ConstValue, OpCode, SymbolType, ValueType};
+use crate::source::Pos;
+use std::sync::Arc;
+
+/// What type an expression can have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Possible {
+    Value(ValueType),
+    Array(ValueType),
+    /// What the context wants of these.
+    Wanted(TypeSet),
+    /// It is wrong; a message will say so.
+    Bad,
+}
+
+/// A chosen overload and the type of its `Same` arguments.
+type Chosen = (&'static Signature, Option<ValueType>);
+
+impl Checker<'_> {
+    // What types are possible.
+
+    pub(crate) fn possible(&self, expr: &ast::Expr) -> Possible {
+        use Possible::Value;
+        match &expr.kind {
+            ast::ExprKind::Number(_) | ast::ExprKind::Not(_) => Value(ValueType::Float),
+            ast::ExprKind::Text(_) => Value(ValueType::String),
+            ast::ExprKind::Variable(name, subscripts) => self.possible_variable(&name.text, subscripts.len()),
+            ast::ExprKind::Call(name, args) => {
+                if let Some(id) = self.user_function(&name.text) {
+                    return Value(self.funcs[id.0].ret);
+                }
+                let args: Vec<Possible> = args.iter().map(|a| self.possible(a)).collect();
+                match self.choose(&name.text, &args, None) {
+                    Some((row, same)) => match row.ret {
+                        Ret::Is(ty) => Value(ty),
+                        Ret::Same => match Self::same_possible(row, &args) {
+                            Some(set) => Possible::Wanted(set),
+                            None => same.map_or(Possible::Bad, Value),
+                        },
+                        Ret::Wanted(set) => Possible::Wanted(set),
+                    },
+                    None if &*name.text == "exit" => Value(ValueType::Void),
+                    None => Possible::Bad,
+                }
+            }
+            ast::ExprKind::Construct(ty, _) | ast::ExprKind::Cast(ty, _) => Value(*ty),
+            ast::ExprKind::Negate(inner) => self.possible(inner),
+            ast::ExprKind::Binary(op, a, b) => match op {
+                Binary::Mul | Binary::Div | Binary::Add | Binary::Sub => {
+                    self.possible_arithmetic(*op, self.possible(a), self.possible(b))
+                }
+                _ => Value(ValueType::Float),
+            },
+            ast::ExprKind::Ternary(_, a, b) => match (self.possible(a), self.possible(b)) {
+                (Possible::Wanted(_), Value(ValueType::Float)) => self.possible(a),
+                (Value(ValueType::Float), other) => other,
+                (Possible::Wanted(_), other) => other,
+                (a, _) => a,
+            },
+            ast::ExprKind::Assign(_, target, _) | ast::ExprKind::Step { target, .. } => self.possible(target),
+        }
+    }
+
+    fn possible_variable(&self, name: &str, subscripts: usize) -> Possible {
+        let Some(id) = self.variable(name) else {
+            let constant = builtins::CONSTANTS.iter().any(|(n, _)| *n == name);
+            return if constant { Possible::Value(ValueType::Float) } else { Possible::Bad };
+        };
+        let ty = self.vars[id.0].ty;
+        match (ty.array, subscripts) {
+            (Some(_), 0) => Possible::Array(ty.value),
+            (None, 0) | (Some(_), 1) => Possible::Value(ty.value),
+            _ => Possible::Value(ValueType::Float),
+        }
+    }
+
+    fn possible_arithmetic(&self, op: Binary, a: Possible, b: Possible) -> Possible {
+        use Possible::{Value, Wanted};
+        match (a, b) {
+            (Wanted(a), Wanted(b)) => Wanted(a.intersection(b)),
+            (Wanted(set), Value(ValueType::Float)) | (Value(ValueType::Float), Wanted(set)) => Wanted(set),
+            (Wanted(_), Value(ty)) | (Value(ty), Wanted(_)) => Value(ty),
+            (Value(a), Value(b)) => arithmetic_type(op, a, b).map_or(Possible::Bad, Value),
+            _ => Possible::Bad,
+        }
+    }
+
+    /// Types that the `Same` arguments can have, when the context decides.
+    fn same_possible(row: &Signature, args: &[Possible]) -> Option<TypeSet> {
+        let mut found = None;
+        for (i, possible) in args.iter().enumerate() {
+            let (Arg::Same(set), _) = argument(row, i)? else { continue };
+            match possible {
+                Possible::Wanted(s) => found = Some(found.unwrap_or(set).intersection(*s)),
+                Possible::Value(ValueType::Float) => {}
+                _ => return None,
+            }
+        }
+        found
+    }
+
+    // Overloads.
+
+    /// The overload that fits best: the least conversions; of equals, the first in the table.
+    fn choose(&self, name: &str, args: &[Possible], wanted: Option<ValueType>) -> Option<Chosen> {
+        let mut best: Option<(u32, Chosen)> = None;
+        for row in builtins::named(name) {
+            let Some((cost, same)) = fit(row, args, wanted) else { continue };
+            if best.is_none_or(|(c, _)| cost < c) {
+                best = Some((cost, (row, same)));
+            }
+        }
+        best.map(|(_, chosen)| chosen)
+    }
+
+    // Checking.
+
+    /// Checks an expression in a place that wants `wanted`; the result may have another type.
+    pub(crate) fn expr(&mut self, expr: &ast::Expr, wanted: Option<ValueType>) -> Expr {
+        let checked = self.statement_expr_wanted(expr, wanted);
+        let bad = checked.ty.value == ValueType::Void && !matches!(checked.kind, ExprKind::Bad);
+        if bad {
+            let what = match &expr.kind {
+                ast::ExprKind::Call(name, _) => format!("function `{}` returns no value", name.text),
+                _ => "this has no value".to_owned(),
+            };
+            self.diags.error(expr.pos, what);
+            return self.bad(expr.pos, wanted);
+        }
+        checked
+    }
+
+    /// As [`Checker::expr`], but it need not have a value.
+    pub(crate) fn statement_expr(&mut self, expr: &ast::Expr) -> Expr {
+        self.statement_expr_wanted(expr, None)
+    }
+
+    fn bad(&self, pos: Pos, wanted: Option<ValueType>) -> Expr {
+        Expr { ty: SymbolType::of(wanted.unwrap_or(ValueType::Float)), kind: ExprKind::Bad, pos }
+    }
+
+    fn statement_expr_wanted(&mut self, expr: &ast::Expr, wanted: Option<ValueType>) -> Expr {
+        let pos = expr.pos;
+        let float = SymbolType::of(ValueType::Float);
+        match &expr.kind {
+            ast::ExprKind::Number(n) => number(*n, pos),
+            ast::ExprKind::Text(t) => {
+                let kind = ExprKind::Const(ConstValue::Strings([t.clone()].into()));
+                Expr { ty: SymbolType::of(ValueType::String), kind, pos }
+            }
+            ast::ExprKind::Variable(name, _) => {
+                let constant = builtins::CONSTANTS.iter().find(|(n, _)| **n == *name.text);
+                if let (Some((_, value)), None) = (constant, self.variable(&name.text)) {
+                    return number(*value, pos);
+                }
+                let Some((place, ty)) = self.place(expr) else { return self.bad(pos, wanted) };
+                self.mark_read(place.var, pos);
+                Expr { ty, kind: ExprKind::Read(place), pos }
+            }
+            ast::ExprKind::Call(name, args) => self.call(name, args, wanted),
+            ast::ExprKind::Construct(ty, args) => self.construct(*ty, args, pos),
+            ast::ExprKind::Cast(ty, inner) => {
+                let value = self.expr(inner, Some(*ty));
+                self.cast(value, *ty, pos)
+            }
+            ast::ExprKind::Negate(inner) => {
+                let value = self.expr(inner, wanted);
+                if value.ty.array.is_some() || !NUMBERS.contains(value.ty.value) {
+                    return self.operands("-", &[&value], pos, wanted);
+                }
+                let ty = value.ty;
+                fold(Expr { ty, kind: ExprKind::Unary(OpCode::Neg, Box::new(value)), pos })
+            }
+            ast::ExprKind::Not(inner) => {
+                let value = self.expr(inner, Some(ValueType::Float));
+                if value.ty.array.is_some() {
+                    return self.operands("!", &[&value], pos, wanted);
+                }
+                Expr { ty: float, kind: ExprKind::Unary(OpCode::Not, Box::new(value)), pos }
+            }
+            ast::ExprKind::Binary(op, a, b) => self.binary(*op, a, b, pos, wanted),
+            ast::ExprKind::Ternary(condition, a, b) => {
+                let condition = self.condition(condition);
+                let (a, b) = (self.expr(a, wanted), self.expr(b, wanted));
+                let Some(ty) = common_type(a.ty, b.ty) else {
+                    return self.operands("?:", &[&a, &b], pos, wanted);
+                };
+                let (a, b) = (self.coerce(a, ty), self.coerce(b, ty));
+                let kind = ExprKind::Ternary(Box::new(condition), Box::new(a), Box::new(b));
+                Expr { ty: SymbolType::of(ty), kind, pos }
+            }
+            ast::ExprKind::Assign(op, target, value) => self.assign(*op, target, value, pos, wanted),
+            ast::ExprKind::Step { target, up, postfix } => {
+                let Some((place, ty)) = self.place(target) else { return self.bad(pos, wanted) };
+                if ty != float {
+                    let what = format!("`++` and `--` need a `float` variable, not {}", describe(ty));
+                    self.diags.error(pos, what);
+                    return self.bad(pos, wanted);
+                }
+                self.mark_read(place.var, target.pos);
+                self.mark_written(place.var, target.pos);
+                Expr { ty, kind: ExprKind::Step { place, up: *up, postfix: *postfix }, pos }
+            }
+        }
+    }
+
+    /// Reports operands that an operator does not take.
+    fn operands(&mut self, op: &str, operands: &[&Expr], pos: Pos, wanted: Option<ValueType>) -> Expr {
+        if !operands.iter().any(|o| matches!(o.kind, ExprKind::Bad)) {
+            let types: Vec<String> = operands.iter().map(|o| describe(o.ty)).collect();
+            self.diags.error(pos, format!("`{op}` does not apply to {}", types.join(" and ")));
+        }
+        self.bad(pos, wanted)
+    }
+
+    /// The variable, element or component that an expression names.
+    fn place(&mut self, expr: &ast::Expr) -> Option<(Place, SymbolType)> {
+        let ast::ExprKind::Variable(name, subscripts) = &expr.kind else { return None };
+        let Some(var) = self.variable(&name.text) else {
+            if builtins::CONSTANTS.iter().any(|(n, _)| **n == *name.text) {
+                self.diags.error(name.pos, format!("`{}` is a constant", name.text));
+                return None;
+            }
+            let function =
+                self.user_function(&name.text).is_some() || builtins::named(&name.text).next().is_some();
+            if function {
+                let help = Some(format!("write `{} (...)` to call it", name.text));
+                self.diags.error_help(name.pos, format!("`{}` is a function", name.text), help);
+            } else {
+                let help = self.suggest_variable(&name.text);
+                self.diags.error_help(name.pos, format!("unknown variable `{}`", name.text), help);
+            }
+            return None;
+        };
+        let ty = self.vars[var.0].ty;
+        let mut rest = subscripts.iter();
+        let mut place = Place { var, element: None, component: Component::All, pos: expr.pos };
+        let mut ty = ty;
+        if let Some(length) = ty.array {
+            let Some(index) = rest.next() else { return Some((place, ty)) };
+            let length = if ty.open { None } else { Some(length) };
+            place.element = Some(Box::new(self.subscript(index, length, "array")));
+            ty = SymbolType::of(ty.value);
+        }
+        let parts: Vec<&ast::Expr> = rest.collect();
+        match (parts.as_slice(), ty.value) {
+            ([], _) => return Some((place, ty)),
+            ([index], v) if v.is_triple() => {
+                place.component = Component::One(Box::new(self.subscript(index, Some(3), v.word())));
+            }
+            ([row, column], ValueType::Matrix) => {
+                let row = self.subscript(row, Some(4), "matrix");
+                let column = self.subscript(column, Some(4), "matrix");
+                place.component = Component::Cell(Box::new(row), Box::new(column));
+            }
+            ([_], ValueType::Matrix) => {
+                self.diags.error(expr.pos, "a component of a matrix needs a row and a column");
+                return None;
+            }
+            _ => {
+                let what =
+                    format!("`{}` is {} and has no such subscript", name.text, describe(self.vars[var.0].ty));
+                self.diags.error(expr.pos, what);
+                return None;
+            }
+        }
+        Some((place, SymbolType::of(ValueType::Float)))
+    }
+
+    fn subscript(&mut self, index: &ast::Expr, length: Option<u32>, of: &str) -> Expr {
+        let value = self.expr(index, Some(ValueType::Float));
+        let value = self.coerce(value, ValueType::Float);
+        if let (ExprKind::Const(ConstValue::Floats(v)), Some(length)) = (&value.kind, length) {
+            let i = v[0].floor();
+            if !(0.0..length as f32).contains(&i) {
+                let what = format!("subscript {i} of {} is outside [0..{}]", article(of), length.max(1) - 1);
+                self.diags.error(index.pos, what);
+            }
+        }
+        value
+    }
+
+    // Conversions.
+
+    /// Converts to `ty` as assignments and arguments do; a mistake where that cannot be.
+    pub(crate) fn coerce(&mut self, value: Expr, ty: ValueType) -> Expr {
+        if matches!(value.kind, ExprKind::Bad) {
+            return Expr { ty: SymbolType::of(ty), ..value };
+        }
+        if value.ty.array.is_none() && conversion(value.ty.value, ty).is_some() {
+            return convert(value, ty);
+        }
+        let triples = value.ty.array.is_none() && value.ty.value.is_triple() && ty.is_triple();
+        let help = triples.then(|| format!("write `({})` in front to mean that", ty.word()));
+        let what = format!("cannot convert {} to `{}`", describe(value.ty), ty.word());
+        self.diags.error_help(value.pos, what, help);
+        self.bad(value.pos, Some(ty))
+    }
+
+    fn cast(&mut self, value: Expr, ty: ValueType, pos: Pos) -> Expr {
+        let from = value.ty.value;
+        let allowed = value.ty.array.is_none()
+            && (from == ty || (from.is_triple() && ty.is_triple()) || conversion(from, ty).is_some());
+        if matches!(value.kind, ExprKind::Bad) {
+            return self.bad(pos, Some(ty));
+        }
+        if !allowed {
+            self.diags.error(pos, format!("cannot cast {} to `{}`", describe(value.ty), ty.word()));
+            return self.bad(pos, Some(ty));
+        }
+        if from == ty {
+            return value;
+        }
+        fold(Expr { ty: SymbolType::of(ty), kind: ExprKind::Convert(Box::new(value)), pos })
+    }
+
+    /// A value as a condition: a float that is not 0 when it is true.
+    pub(crate) fn truth(&mut self, value: Expr) -> Expr {
+        let float = SymbolType::of(ValueType::Float);
+        if value.ty == float {
+            return value;
+        }
+        let pos = value.pos;
+        if value.ty.array.is_some() {
+            self.diags.error(pos, format!("{} is no condition", describe(value.ty)));
+            return self.bad(pos, Some(ValueType::Float));
+        }
+        Expr { ty: float, kind: ExprKind::Unary(OpCode::Truth, Box::new(value)), pos }
+    }
+
+    // Operators.
+
+    fn binary(
+        &mut self,
+        op: Binary,
+        a: &ast::Expr,
+        b: &ast::Expr,
+        pos: Pos,
+        wanted: Option<ValueType>,
+    ) -> Expr {
+        let float = SymbolType::of(ValueType::Float);
+        match op {
+            Binary::And | Binary::Or => {
+                let (a, b) = (self.condition(a), self.condition(b));
+                let (a, b) = (Box::new(a), Box::new(b));
+                let kind = if op == Binary::And { ExprKind::And(a, b) } else { ExprKind::Or(a, b) };
+                Expr { ty: float, kind, pos }
+            }
+            Binary::Mul | Binary::Div | Binary::Add | Binary::Sub => {
+                let (left, right) = (self.possible(a), self.possible(b));
+                let a = self.expr(a, operand_type(op, left, right, wanted));
+                let b = self.expr(b, operand_type(op, right, left, wanted));
+                let ty = match (a.ty.array, b.ty.array) {
+                    (None, None) => arithmetic_type(op, a.ty.value, b.ty.value),
+                    _ => None,
+                };
+                let Some(ty) = ty else { return self.arithmetic_mistake(op, &a, &b, pos, wanted) };
+                let kind = ExprKind::Binary(opcode(op), Box::new(a), Box::new(b));
+                fold(Expr { ty: SymbolType::of(ty), kind, pos })
+            }
+            _ => {
+                let (left, right) = (self.possible(a), self.possible(b));
+                let value = |p: Possible| match p {
+                    Possible::Value(t) => Some(t),
+                    _ => None,
+                };
+                let a = self.expr(a, value(left).or(value(right)).or(Some(ValueType::Float)));
+                let b = self.expr(b, value(right).or(value(left)).or(Some(ValueType::Float)));
+                let ordered = !matches!(op, Binary::Eq | Binary::Ne);
+                let common = common_type(a.ty, b.ty).filter(|t| !ordered || *t == ValueType::Float);
+                let Some(common) = common else { return self.operands(op.word(), &[&a, &b], pos, wanted) };
+                let (a, b) = (convert(a, common), convert(b, common));
+                Expr { ty: float, kind: ExprKind::Binary(opcode(op), Box::new(a), Box::new(b)), pos }
+            }
+        }
+    }
+
+    fn arithmetic_mistake(
+        &mut self,
+        op: Binary,
+        a: &Expr,
+        b: &Expr,
+        pos: Pos,
+        wanted: Option<ValueType>,
+    ) -> Expr {
+        let mixed = a.ty.value.is_triple() && b.ty.value.is_triple();
+        if mixed && a.ty.array.is_none() && b.ty.array.is_none() {
+            let what = format!("`{}` does not mix {} and {}", op.word(), describe(a.ty), describe(b.ty));
+            let help = format!("cast one of them, as `({})`", a.ty.value.word());
+            self.diags.error_help(pos, what, Some(help));
+            return self.bad(pos, wanted);
+        }
+        self.operands(op.word(), &[a, b], pos, wanted)
+    }
+
+    fn assign(
+        &mut self,
+        op: Option<Binary>,
+        target: &ast::Expr,
+        value: &ast::Expr,
+        pos: Pos,
+        wanted: Option<ValueType>,
+    ) -> Expr {
+        let place = self.place(target);
+        let want = place.as_ref().map(|(_, ty)| ty.value);
+        let value = self.expr(value, want);
+        let Some((place, ty)) = place else { return self.bad(pos, wanted) };
+        if op.is_some() {
+            self.mark_read(place.var, target.pos);
+        }
+        self.mark_written(place.var, target.pos);
+        let value = if ty.array.is_some() || value.ty.array.is_some() {
+            let fits = op.is_none()
+                && ty.value == value.ty.value
+                && ty.array.is_some() == value.ty.array.is_some()
+                && (ty.open || value.ty.open || ty.array == value.ty.array);
+            if !fits && !matches!(value.kind, ExprKind::Bad) {
+                let what = format!("cannot assign {} to {}", describe(value.ty), describe(ty));
+                self.diags.error(pos, what);
+                return self.bad(pos, wanted);
+            }
+            value
+        } else if let Some(op) = op {
+            let result = arithmetic_type(op, ty.value, value.ty.value);
+            let fits = result.is_some_and(|r| conversion(r, ty.value).is_some_and(|c| c < 4));
+            if !fits {
+                let left = Expr { ty, kind: ExprKind::Const(crate::check::zero(ty.value)), pos };
+                let sign = format!("{}=", op.word());
+                return self.operands(&sign, &[&left, &value], pos, wanted);
+            }
+            value
+        } else {
+            self.coerce(value, ty.value)
+        };
+        let kind = ExprKind::Assign { place, op: op.map(opcode), value: Box::new(value) };
+        Expr { ty, kind, pos }
+    }
+
+    // Constructors and calls.
+
+    fn construct(&mut self, ty: ValueType, args: &[ast::Expr], pos: Pos) -> Expr {
+        let named = args.first().is_some_and(|a| self.possible(a) == Possible::Value(ValueType::String));
+        let (space, numbers) = if named { args.split_at(1) } else { args.split_at(0) };
+        let full = ty.components();
+        if ty == ValueType::Float && named {
+            self.diags.error(pos, "a `float` is in no space");
+            return self.bad(pos, Some(ty));
+        }
+        // `vector (P)` is read as a cast.
+        if let ([one], false, true) = (numbers, named, ty.is_triple()) {
+            let value = self.expr(one, Some(ty));
+            if value.ty.array.is_none() && value.ty.value.is_triple() {
+                return self.cast(value, ty, pos);
+            }
+            let part = self.coerce(value, ValueType::Float);
+            let kind = ExprKind::Construct { space: None, parts: vec![part] };
+            return fold(Expr { ty: SymbolType::of(ty), kind, pos });
+        }
+        if numbers.len() != 1 && numbers.len() != full {
+            let what = format!("`{}` takes 1 or {full} numbers, {} given", ty.word(), numbers.len());
+            self.diags.error(pos, what);
+            return self.bad(pos, Some(ty));
+        }
+        let space = space.first().map(|s| Box::new(self.expr(s, Some(ValueType::String))));
+        let mut parts = Vec::with_capacity(numbers.len());
+        for number in numbers {
+            let value = self.expr(number, Some(ValueType::Float));
+            parts.push(self.coerce(value, ValueType::Float));
+        }
+        if ty == ValueType::Float {
+            return parts.pop().unwrap_or_else(|| self.bad(pos, Some(ty)));
+        }
+        fold(Expr { ty: SymbolType::of(ty), kind: ExprKind::Construct { space, parts }, pos })
+    }
+
+    fn call(&mut self, name: &ast::Name, args: &[ast::Expr], wanted: Option<ValueType>) -> Expr {
+        if let Some(id) = self.user_function(&name.text) {
+            return self.user_call(id, name, args);
+        }
+        let pos = name.pos;
+        if &*name.text == "exit" {
+            if !args.is_empty() {
+                self.diags.error(pos, "`exit` takes no arguments");
+            }
+            return Expr { ty: SymbolType::of(ValueType::Void), kind: ExprKind::Exit, pos };
+        }
+        if builtins::named(&name.text).next().is_none() {
+            for arg in args {
+                self.expr(arg, None);
+            }
+            let help = self.suggest_function(&name.text);
+            self.diags.error_help(pos, format!("unknown function `{}`", name.text), help);
+            return self.bad(pos, wanted);
+        }
+        let possible: Vec<Possible> = args.iter().map(|a| self.possible(a)).collect();
+        let Some((row, same)) = self.choose(&name.text, &possible, wanted) else {
+            return self.no_form(name, args, wanted);
+        };
+        let ret = match row.ret {
+            Ret::Is(ty) => ty,
+            Ret::Same => same.unwrap_or(ValueType::Float),
+            Ret::Wanted(set) => from_set(set, wanted),
+        };
+        let mut checked = Vec::with_capacity(args.len());
+        let mut outputs = Vec::with_capacity(args.len());
+        let fixed = if let Rest::Options(_) = row.rest { row.args.len() } else { args.len() };
+        for (i, arg) in args[..fixed].iter().enumerate() {
+            let Some((kind, _)) = argument(row, i) else { continue };
+            let (value, output) = match kind {
+                Arg::Is(ty) => {
+                    let value = self.expr(arg, Some(ty));
+                    (self.coerce(value, ty), false)
+                }
+                Arg::Same(_) => {
+                    let value = self.expr(arg, same);
+                    (self.coerce(value, ret), false)
+                }
+                Arg::Any(_) | Arg::Data | Arg::Array | Arg::SameArray(_) => (self.expr(arg, None), false),
+                Arg::Out(ty) => (self.output(arg, Some(ty)), true),
+                Arg::OutAny(_) | Arg::OutData => (self.output(arg, None), true),
+            };
+            checked.push(value);
+            outputs.push(output);
+        }
+        if let Rest::Options(choices) = row.rest {
+            let (list, outs) = self.options(&args[fixed..], choices, &name.text, pos);
+            checked.extend(list);
+            outputs.extend(outs);
+        }
+        if row.rest == Rest::Values {
+            self.check_template(row, &checked);
+        }
+        let kind = ExprKind::Builtin { signature: row, args: checked, outputs };
+        Expr { ty: SymbolType::of(ret), kind, pos }
+    }
+
+    fn no_form(&mut self, name: &ast::Name, args: &[ast::Expr], wanted: Option<ValueType>) -> Expr {
+        let before = self.diags.has_errors();
+        let checked: Vec<Expr> = args.iter().map(|a| self.expr(a, None)).collect();
+        let bad = checked.iter().any(|c| matches!(c.kind, ExprKind::Bad));
+        if !(bad && (before || self.diags.has_errors())) {
+            let types: Vec<String> = checked.iter().map(|c| spell_type(c.ty)).collect();
+            let what = format!("no form of `{}` takes ({})", name.text, types.join(", "));
+            let mut forms: Vec<String> = builtins::named(&name.text).map(Signature::spell).collect();
+            if forms.len() > 6 {
+                forms.truncate(5);
+                forms.push("...".into());
+            }
+            let help = Some(format!("it is one of {}", forms.join("; ")));
+            self.diags.error_help(name.pos, what, help);
+        }
+        self.bad(name.pos, wanted)
+    }
+
+    /// An argument that the function writes.
+    fn output(&mut self, arg: &ast::Expr, ty: Option<ValueType>) -> Expr {
+        let Some((place, found)) = self.output_place(arg) else { return self.bad(arg.pos, ty) };
+        let fits = ty.is_none_or(|ty| {
+            found.array.is_none()
+                && (found.value == ty || (found.value.is_point_like() && ty.is_point_like()))
+        });
+        if !fits {
+            let word = ty.map_or("value", ValueType::word);
+            let what = format!("the function writes a `{word}` here, which {} cannot hold", describe(found));
+            self.diags.error(arg.pos, what);
+            return self.bad(arg.pos, ty);
+        }
+        Expr { ty: found, kind: ExprKind::Read(place), pos: arg.pos }
+    }
+
+    fn output_place(&mut self, arg: &ast::Expr) -> Option<(Place, SymbolType)> {
+        if !matches!(arg.kind, ast::ExprKind::Variable(..)) {
+            self.diags.error(arg.pos, "the function writes this argument, so it must be a variable");
+            return None;
+        }
+        let (place, ty) = self.place(arg)?;
+        self.mark_written(place.var, arg.pos);
+        self.vars[place.var.0].read = true;
+        Some((place, ty))
+    }
+
+    /// Checks names and values of optional arguments; also tells which are written.
+    pub(crate) fn options(
+        &mut self,
+        args: &[ast::Expr],
+        choices: &[Choice],
+        function: &str,
+        pos: Pos,
+    ) -> (Vec<Expr>, Vec<bool>) {
+        let (mut list, mut outputs) = (Vec::new(), Vec::new());
+        for pair in args.chunks(2) {
+            let [name, value] = pair else {
+                self.diags.error(pos, format!("an optional argument of `{function}` has no value"));
+                break;
+            };
+            let name_pos = name.pos;
+            let name = self.expr(name, Some(ValueType::String));
+            let name = self.coerce(name, ValueType::String);
+            let word = match &name.kind {
+                ExprKind::Const(ConstValue::Strings(s)) => Some(s[0].clone()),
+                _ => None,
+            };
+            let choice = word.as_ref().and_then(|w| choices.iter().find(|c| *c.name == **w));
+            if let (Some(word), None) = (&word, choice) {
+                let help = suggestion(word, choices.iter().map(|c| c.name));
+                let what = format!("`{function}` knows no option \"{word}\"");
+                self.diags.warning_help(name_pos, what, help);
+            }
+            let (value, output) = match choice {
+                Some(choice) if choice.output => (self.output(value, Some(choice.ty)), true),
+                Some(choice) if choice.array.is_some() => {
+                    let found = self.expr(value, None);
+                    let fits = found.ty.value == choice.ty && found.ty.array == choice.array;
+                    if !fits && !matches!(found.kind, ExprKind::Bad) {
+                        let n = choice.array.unwrap_or(1);
+                        let what = format!("option \"{}\" needs a `{}[{n}]`", choice.name, choice.ty.word());
+                        self.diags.error(value.pos, what);
+                    }
+                    (found, false)
+                }
+                Some(choice) => {
+                    let found = self.expr(value, Some(choice.ty));
+                    (self.coerce(found, choice.ty), false)
+                }
+                None => (self.expr(value, None), false),
+            };
+            list.extend([name, value]);
+            outputs.extend([false, output]);
+        }
+        (list, outputs)
+    }
+
+    /// Compares a constant template with its values, as `printf` takes them.
+    fn check_template(&mut self, row: &Signature, args: &[Expr]) {
+        let at = row.args.len() - 1;
+        let Some(template) = args.get(at) else { return };
+        let ExprKind::Const(ConstValue::Strings(text)) = &template.kind else { return };
+        let mut wanted = 0;
+        let mut chars = text[0].chars().peekable();
+        while let Some(c) = chars.next() {
+            if c != '%' {
+                continue;
+            }
+            if chars.peek() == Some(&'%') {
+                chars.next();
+                continue;
+            }
+            while chars.peek().is_some_and(|c| c.is_ascii_digit() || matches!(c, '.' | '-' | '+' | ' ' | '#'))
+            {
+                chars.next();
+            }
+            match chars.next() {
+                Some('f' | 'g' | 'e' | 'd' | 'i' | 'c' | 'p' | 'v' | 'n' | 'm' | 's') => wanted += 1,
+                other => {
+                    let shown = other.map_or(String::new(), String::from);
+                    let what = format!("the template has the unknown conversion `%{shown}`");
+                    self.diags.warning(template.pos, what);
+                    return;
+                }
+            }
+        }
+        let given = args.len() - at - 1;
+        if wanted != given {
+            let what = format!("the template prints {wanted} values, {given} given");
+            self.diags.warning(template.pos, what);
+        }
+    }
+
+    fn user_call(&mut self, id: FuncId, name: &ast::Name, args: &[ast::Expr]) -> Expr {
+        let pos = name.pos;
+        let ret = self.funcs[id.0].ret;
+        if self.is_recursive(id) {
+            self.diags.error(pos, format!("function `{}` calls itself; recursion is not allowed", name.text));
+            return self.bad(pos, Some(ret));
+        }
+        let formals = self.funcs[id.0].formals.clone();
+        if formals.len() != args.len() {
+            let (n, m) = (formals.len(), args.len());
+            let plural = if n == 1 { "" } else { "s" };
+            self.diags.error(pos, format!("function `{}` takes {n} argument{plural}, {m} given", name.text));
+            return self.bad(pos, Some(ret));
+        }
+        let mut checked = Vec::with_capacity(args.len());
+        for (arg, formal) in args.iter().zip(formals) {
+            checked.push(self.user_argument(arg, formal, &name.text));
+        }
+        Expr { ty: SymbolType::of(ret), kind: ExprKind::Call { func: id, args: checked }, pos }
+    }
+
+    fn user_argument(&mut self, arg: &ast::Expr, formal: VarId, function: &str) -> Expr {
+        let formal = &self.vars[formal.0];
+        let (ty, written, formal_name) = (formal.ty, formal.written, formal.name.clone());
+        let output = matches!(formal.kind, VarKind::Formal { output: true });
+        if ty.array.is_some() {
+            let value = if output || written {
+                match self.output_place(arg) {
+                    Some((place, ty)) => Expr { ty, kind: ExprKind::Read(place), pos: arg.pos },
+                    None => return self.bad(arg.pos, None),
+                }
+            } else {
+                self.expr(arg, None)
+            };
+            let fits = value.ty.value == ty.value
+                && value.ty.array.is_some()
+                && (ty.open || value.ty.array == ty.array && !value.ty.open);
+            if !fits && !matches!(value.kind, ExprKind::Bad) {
+                let what = format!(
+                    "parameter `{formal_name}` of `{function}` is {}, {} given",
+                    describe(ty),
+                    describe(value.ty)
+                );
+                self.diags.error(arg.pos, what);
+                return self.bad(arg.pos, None);
+            }
+            return value;
+        }
+        let variable = matches!(arg.kind, ast::ExprKind::Variable(..))
+            && !builtins::CONSTANTS.iter().any(|(n, _)| self.is_constant(arg, n));
+        if !(output || written && variable) {
+            let value = self.expr(arg, Some(ty.value));
+            return self.coerce(value, ty.value);
+        }
+        self.output(arg, Some(ty.value))
+    }
+
+    fn is_constant(&self, arg: &ast::Expr, constant: &str) -> bool {
+        matches!(&arg.kind, ast::ExprKind::Variable(name, _)
+            if *name.text == *constant && self.variable(constant).is_none())
+    }
+}
+
+// Types.
+
+/// Cost of a conversion that needs no cast.
+pub(crate) fn conversion(from: ValueType, to: ValueType) -> Option<u32> {
+    match (from, to) {
+        (a, b) if a == b => Some(0),
+        (a, b) if a.is_point_like() && b.is_point_like() => Some(1),
+        (ValueType::Float, b) if b.is_triple() => Some(4),
+        (ValueType::Float, ValueType::Matrix) => Some(5),
+        _ => None,
+    }
+}
+
+/// Type of `a op b`, if there is one.
+fn arithmetic_type(op: Binary, a: ValueType, b: ValueType) -> Option<ValueType> {
+    use ValueType::{Float, Matrix, Normal, Point, String, Vector, Void};
+    match (a, b) {
+        (String | Void, _) | (_, String | Void) => None,
+        (Matrix, Matrix | Float) | (Float, Matrix) => {
+            matches!(op, Binary::Mul | Binary::Div).then_some(Matrix)
+        }
+        (Matrix, _) | (_, Matrix) => None,
+        (Point, Point) if op == Binary::Sub => Some(Vector),
+        (a, b) if a == b => Some(a),
+        (Float, b) => Some(b),
+        (a, Float) => Some(a),
+        (Point, b) | (b, Point) if b.is_point_like() => Some(Point),
+        (Normal, Vector) | (Vector, Normal) => Some(Vector),
+        _ => None,
+    }
+}
+
+/// Type that two values are compared in, or chosen from.
+fn common_type(a: SymbolType, b: SymbolType) -> Option<ValueType> {
+    if a.array.is_some() || b.array.is_some() {
+        return None;
+    }
+    if conversion(b.value, a.value).is_some() {
+        return Some(a.value);
+    }
+    conversion(a.value, b.value).map(|_| b.value)
+}
+
+/// What an operand of an arithmetic operator should be.
+fn operand_type(op: Binary, this: Possible, other: Possible, wanted: Option<ValueType>) -> Option<ValueType> {
+    let Possible::Wanted(set) = this else {
+        return match this {
+            Possible::Value(ty) => Some(ty),
+            _ => wanted,
+        };
+    };
+    match (wanted, other) {
+        (Some(ty), _) if set.contains(ty) => Some(ty),
+        (_, Possible::Value(ty)) if set.contains(ty) && matches!(op, Binary::Add | Binary::Sub) => Some(ty),
+        _ => wanted,
+    }
+}
+
+/// What a function that can return `set` returns where `wanted` is wanted.
+fn from_set(set: TypeSet, wanted: Option<ValueType>) -> ValueType {
+    match wanted {
+        Some(ty) if set.contains(ty) => ty,
+        // `(normal) texture (...)` takes three channels.
+        Some(ty) if ty.is_triple() && set.contains(ValueType::Color) => ValueType::Color,
+        _ => set.iter().next().unwrap_or(ValueType::Float),
+    }
+}
+
+/// What argument `i` of an overload may be, and whether it is one of the `rest`; `None` beyond the last.
+fn argument(row: &Signature, i: usize) -> Option<(Arg, bool)> {
+    if let Some(arg) = row.args.get(i) {
+        return Some((*arg, false));
+    }
+    let arg = match row.rest {
+        Rest::Nothing | Rest::Options(_) => return None,
+        Rest::Values => Arg::Data,
+        Rest::Strings => Arg::Is(ValueType::String),
+        Rest::Same(_) => Arg::Same(NUMBERS),
+    };
+    Some((arg, true))
+}
+
+/// How well arguments fit an overload: the cost, and the type of `Same` arguments. `None`: not at all.
+fn fit(row: &Signature, args: &[Possible], wanted: Option<ValueType>) -> Option<(u32, Option<ValueType>)> {
+    let fixed = row.args.len();
+    if args.len() < fixed {
+        return None;
+    }
+    match row.rest {
+        Rest::Nothing if args.len() > fixed => return None,
+        Rest::Same(n) if args.len() < fixed + n => return None,
+        Rest::Options(_) => {
+            let mut rest = args[fixed..].chunks(2);
+            let named = |p: &[Possible]| matches!(p[0], Possible::Value(ValueType::String) | Possible::Bad);
+            if !rest.all(named) {
+                return None;
+            }
+        }
+        _ => {}
+    }
+    let positional = if let Rest::Options(_) = row.rest { fixed } else { args.len() };
+    let mut cost = 0;
+    let mut same: Option<TypeSet> = None;
+    let mut shared: Vec<Possible> = Vec::new();
+    for (i, possible) in args[..positional].iter().enumerate() {
+        let (arg, _) = argument(row, i)?;
+        cost += match arg {
+            Arg::Is(ty) => reach(*possible, ty)?,
+            Arg::Same(set) => {
+                same = Some(set);
+                shared.push(*possible);
+                0
+            }
+            Arg::Any(set) => match *possible {
+                Possible::Value(ty) if set.contains(ty) => 0,
+                Possible::Wanted(_) | Possible::Bad => 0,
+                _ => return None,
+            },
+            Arg::Data | Arg::OutData => match *possible {
+                Possible::Value(ValueType::Void) => return None,
+                _ => 0,
+            },
+            Arg::Array => match *possible {
+                Possible::Array(_) | Possible::Bad => 0,
+                _ => return None,
+            },
+            Arg::SameArray(set) => match *possible {
+                Possible::Array(ty) if set.contains(ty) => {
+                    same = Some(TypeSet::of(&[ty]));
+                    0
+                }
+                Possible::Bad => 0,
+                _ => return None,
+            },
+            // What is no variable of the right type is reported when it is checked.
+            Arg::Out(ty) => match *possible {
+                Possible::Value(found) => {
+                    if found.components() != ty.components() || (found == ValueType::String) {
+                        return None;
+                    }
+                    u32::from(found != ty)
+                }
+                Possible::Bad => 0,
+                _ => return None,
+            },
+            Arg::OutAny(set) => match *possible {
+                Possible::Value(ty) if set.contains(ty) => 0,
+                Possible::Bad => 0,
+                _ => return None,
+            },
+        };
+    }
+    let Some(set) = same else { return Some((cost, None)) };
+    // The type of the shared arguments: the one that converts least; where an argument can be what is
+    // wanted, what the context wants.
+    let open = shared.iter().any(|p| matches!(p, Possible::Wanted(_)));
+    let mut best: Option<(u32, ValueType)> = None;
+    for ty in set.iter() {
+        let Some(mut total) = shared.iter().map(|p| reach(*p, ty)).sum::<Option<u32>>() else { continue };
+        if open && wanted.is_some_and(|w| w != ty && set.contains(w)) {
+            total += 100;
+        }
+        if best.is_none_or(|(c, _)| total < c) {
+            best = Some((total, ty));
+        }
+    }
+    let (more, ty) = best?;
+    Some((cost + more, Some(ty)))
+}
+
+/// Cost of making an argument a `ty`.
+fn reach(possible: Possible, ty: ValueType) -> Option<u32> {
+    match possible {
+        Possible::Value(found) => conversion(found, ty),
+        Possible::Wanted(set) if set.contains(ty) => Some(0),
+        Possible::Wanted(_) => conversion(ValueType::Float, ty),
+        Possible::Bad => Some(0),
+        Possible::Array(_) => None,
+    }
+}
+
+// Constants.
+
+fn number(value: f32, pos: Pos) -> Expr {
+    let kind = ExprKind::Const(ConstValue::Floats([value].into()));
+    Expr { ty: SymbolType::of(ValueType::Float), kind, pos }
+}
+
+fn floats(expr: &Expr) -> Option<&[f32]> {
+    match &expr.kind {
+        ExprKind::Const(ConstValue::Floats(v)) => Some(v),
+        _ => None,
+    }
+}
+
+/// Converts where [`conversion`] allows it; point-like types stay as they are.
+pub(crate) fn convert(value: Expr, ty: ValueType) -> Expr {
+    if value.ty.value.components() == ty.components() || value.ty.array.is_some() {
+        return value;
+    }
+    let pos = value.pos;
+    fold(Expr { ty: SymbolType::of(ty), kind: ExprKind::Convert(Box::new(value)), pos })
+}
+
+/// `n` floats spread over the components of a type: one replicates, or fills a diagonal.
+fn spread(v: &[f32], ty: ValueType) -> Option<Vec<f32>> {
+    let n = ty.components();
+    match v.len() {
+        len if len == n => Some(v.to_vec()),
+        1 if ty == ValueType::Matrix => Some((0..16).map(|i| if i % 5 == 0 { v[0] } else { 0.0 }).collect()),
+        1 => Some(vec![v[0]; n]),
+        _ => None,
+    }
+}
+
+/// An expression of constants as a constant.
+fn fold(expr: Expr) -> Expr {
+    let ty = expr.ty.value;
+    let value: Option<Vec<f32>> = match &expr.kind {
+        ExprKind::Unary(OpCode::Neg, a) => floats(a).map(|a| a.iter().map(|x| -x).collect()),
+        ExprKind::Convert(a) => floats(a).and_then(|a| spread(a, ty)),
+        ExprKind::Construct { space: None, parts } => {
+            let parts: Option<Vec<f32>> = parts.iter().map(|p| floats(p).map(|v| v[0])).collect();
+            parts.and_then(|p| spread(&p, ty))
+        }
+        ExprKind::Binary(op, a, b) if ty != ValueType::Matrix => {
+            floats(a).zip(floats(b)).and_then(|(a, b)| spread(a, ty).zip(spread(b, ty))).and_then(|(a, b)| {
+                let f = match op {
+                    OpCode::Add => |a, b| a + b,
+                    OpCode::Sub => |a, b| a - b,
+                    OpCode::Mul => |a, b| a * b,
+                    OpCode::Div => |a: f32, b: f32| a / b,
+                    _ => return None,
+                };
+                // What division by zero gives is the executor's to say.
+                let all: Vec<f32> = a.iter().zip(&b).map(|(a, b)| f(*a, *b)).collect();
+                all.iter().all(|x| x.is_finite()).then_some(all)
+            })
+        }
+        _ => None,
+    };
+    match value {
+        Some(v) => Expr { kind: ExprKind::Const(ConstValue::Floats(Arc::from(v))), ..expr },
+        None => expr,
+    }
+}
+
+/// A type with its article, for messages: "an array `float[3]`".
+pub(crate) fn describe(ty: SymbolType) -> String {
+    match ty.array {
+        Some(_) => format!("an array `{}`", spell_type(ty)),
+        None => format!("a `{}`", ty.value.word()),
+    }
+}
+
+fn article(word: &str) -> String {
+    let vowel = word.starts_with(['a', 'e', 'i', 'o', 'u']);
+    format!("{} {word}", if vowel { "an" } else { "a" })
+}
+
+fn spell_type(ty: SymbolType) -> String {
+    match ty.array {
+        Some(_) if ty.open => format!("{}[]", ty.value.word()),
+        Some(n) => format!("{}[{n}]", ty.value.word()),
+        None => ty.value.word().to_owned(),
+    }
+}

@@ -1,0 +1,150 @@
+//! Mistakes in a source text, printed as compilers do: place, message, the line and a caret.
+
+use crate::source::{Pos, Sources};
+use granita_base::{Location, Severity};
+use std::fmt;
+
+/// So many errors end a compilation.
+const MAX_ERRORS: usize = 25;
+
+/// One error or warning about a source text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// [`Severity::Error`] or [`Severity::Warning`].
+    pub severity: Severity,
+    /// File, line and column.
+    pub at: Location,
+    /// What is wrong, in lower case, without a full stop.
+    pub message: String,
+    /// The line of the source it stands in.
+    pub line: Option<String>,
+    /// Column of the caret in `line`, counted from 1 in characters.
+    pub caret: u32,
+    /// What to do about it, as ``did you mean `noise`?``.
+    pub help: Option<String>,
+}
+
+impl fmt::Display for Diagnostic {
+    /// `file:line:column: error: message`, then the source line, a caret under the place, and help.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.at.is_known() {
+            write!(f, "{}: ", self.at)?;
+        }
+        write!(f, "{}: {}", self.severity, self.message)?;
+        if let Some(line) = &self.line {
+            write!(f, "\n    {line}\n    ")?;
+            let before = (self.caret.max(1) - 1) as usize;
+            for c in line.chars().take(before) {
+                f.write_str(if c == '\t' { "\t" } else { " " })?;
+            }
+            f.write_str("^")?;
+        }
+        if let Some(help) = &self.help {
+            write!(f, "\n    {help}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Collects diagnostics of one compilation; each place says one thing once.
+#[derive(Debug, Default)]
+pub(crate) struct Diagnostics {
+    pub(crate) sources: Sources,
+    list: Vec<(Pos, Diagnostic)>,
+    errors: usize,
+}
+
+impl Diagnostics {
+    pub(crate) fn error(&mut self, pos: Pos, message: impl Into<String>) {
+        self.add(Severity::Error, pos, message.into(), None);
+    }
+
+    pub(crate) fn error_help(&mut self, pos: Pos, message: impl Into<String>, help: Option<String>) {
+        self.add(Severity::Error, pos, message.into(), help);
+    }
+
+    pub(crate) fn warning(&mut self, pos: Pos, message: impl Into<String>) {
+        self.add(Severity::Warning, pos, message.into(), None);
+    }
+
+    pub(crate) fn warning_help(&mut self, pos: Pos, message: impl Into<String>, help: Option<String>) {
+        self.add(Severity::Warning, pos, message.into(), help);
+    }
+
+    fn add(&mut self, severity: Severity, pos: Pos, message: String, help: Option<String>) {
+        if self.list.iter().any(|(p, d)| *p == pos && d.message == message) {
+            return;
+        }
+        if severity == Severity::Error {
+            self.errors += 1;
+            if self.errors > MAX_ERRORS {
+                return;
+            }
+        }
+        let line = self.sources.line_text(pos).map(|l| l.trim_end().to_owned());
+        let at = self.sources.location(pos);
+        self.list.push((pos, Diagnostic { severity, at, message, line, caret: pos.column, help }));
+    }
+
+    pub(crate) fn has_errors(&self) -> bool {
+        self.errors > 0
+    }
+
+    /// Whether there are so many errors that going on is useless.
+    pub(crate) fn is_full(&self) -> bool {
+        self.errors > MAX_ERRORS
+    }
+
+    /// All of them, in the order of the source.
+    pub(crate) fn finish(mut self) -> Vec<Diagnostic> {
+        self.list.sort_by_key(|(p, _)| *p);
+        let mut list: Vec<Diagnostic> = self.list.into_iter().map(|(_, d)| d).collect();
+        if self.errors > MAX_ERRORS {
+            list.push(Diagnostic {
+                severity: Severity::Error,
+                at: Location::default(),
+                message: format!("too many errors: {} more are not shown", self.errors - MAX_ERRORS),
+                line: None,
+                caret: 0,
+                help: None,
+            });
+        }
+        list
+    }
+}
+
+/// The name in `candidates` that `name` probably meant: at most a third of its letters differ.
+pub(crate) fn suggestion<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> Option<String> {
+    let limit = (name.chars().count() / 3).clamp(1, 3);
+    let best = candidates
+        .filter(|c| !c.is_empty() && *c != name)
+        .map(|c| (distance(name, c), c))
+        .filter(|(d, c)| *d <= limit && *d < c.chars().count())
+        .min()?;
+    Some(format!("did you mean `{}`?", best.1))
+}
+
+/// Edit distance where a swap of neighbours counts once and a change of case counts nothing beyond the first.
+fn distance(a: &str, b: &str) -> usize {
+    if a.eq_ignore_ascii_case(b) {
+        return 1;
+    }
+    let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
+    if a.len().abs_diff(b.len()) > 3 {
+        return usize::MAX;
+    }
+    let mut rows = vec![(0..=b.len()).collect::<Vec<usize>>()];
+    for i in 1..=a.len() {
+        let mut row = vec![i];
+        for j in 1..=b.len() {
+            let change = usize::from(a[i - 1] != b[j - 1]);
+            let mut d = (rows[i - 1][j - 1] + change).min(rows[i - 1][j] + 1).min(row[j - 1] + 1);
+            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                d = d.min(rows[i - 2][j - 2] + 1);
+            }
+            row.push(d);
+        }
+        rows.push(row);
+    }
+    rows[a.len()][b.len()]
+}

@@ -1,0 +1,189 @@
+//! The checked tree: names resolved, overloads chosen, every expression typed. Functions are still functions.
+
+use crate::builtins::Signature;
+use crate::ir::{ConstValue, Global, OpCode, SymbolType, ValueType};
+use crate::source::Pos;
+use std::sync::Arc;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct VarId(pub(crate) usize);
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct FuncId(pub(crate) usize);
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum VarKind {
+    Global(Global),
+    /// Of the shader.
+    Param {
+        index: usize,
+        output: bool,
+    },
+    Local,
+    /// Of a function.
+    Formal {
+        output: bool,
+    },
+}
+
+/// A variable, and what is known of its use.
+#[derive(Debug)]
+pub(crate) struct Var {
+    pub(crate) name: Arc<str>,
+    pub(crate) ty: SymbolType,
+    pub(crate) kind: VarKind,
+    pub(crate) pos: Pos,
+    pub(crate) read: bool,
+    pub(crate) written: bool,
+    /// Warned about already.
+    pub(crate) warned: bool,
+    /// Functions and loops around the declaration.
+    pub(crate) level: (usize, usize),
+}
+
+#[derive(Debug)]
+pub(crate) struct Func {
+    pub(crate) name: Arc<str>,
+    pub(crate) ret: ValueType,
+    pub(crate) formals: Vec<VarId>,
+    pub(crate) body: Vec<Stmt>,
+    /// Its body is checked; before, a call is a recursion.
+    pub(crate) complete: bool,
+    pub(crate) returns: bool,
+}
+
+/// Part of a variable.
+#[derive(Debug)]
+pub(crate) struct Place {
+    pub(crate) var: VarId,
+    /// Element of an array.
+    pub(crate) element: Option<Box<Expr>>,
+    pub(crate) component: Component,
+    pub(crate) pos: Pos,
+}
+
+#[derive(Debug)]
+pub(crate) enum Component {
+    All,
+    /// Of a triple.
+    One(Box<Expr>),
+    /// Row and column of a matrix.
+    Cell(Box<Expr>, Box<Expr>),
+}
+
+impl Place {
+    pub(crate) fn is_whole(&self) -> bool {
+        self.element.is_none() && matches!(self.component, Component::All)
+    }
+}
+
+#[derive(Debug)]
+pub(crate) struct Expr {
+    pub(crate) ty: SymbolType,
+    pub(crate) kind: ExprKind,
+    pub(crate) pos: Pos,
+}
+
+#[derive(Debug)]
+pub(crate) enum ExprKind {
+    Const(ConstValue),
+    Read(Place),
+    Unary(OpCode, Box<Expr>),
+    Binary(OpCode, Box<Expr>, Box<Expr>),
+    And(Box<Expr>, Box<Expr>),
+    Or(Box<Expr>, Box<Expr>),
+    Ternary(Box<Expr>, Box<Expr>, Box<Expr>),
+    /// To the type of this expression.
+    Convert(Box<Expr>),
+    Construct {
+        space: Option<Box<Expr>>,
+        parts: Vec<Expr>,
+    },
+    /// Output arguments are `Read` expressions.
+    Builtin {
+        signature: &'static Signature,
+        args: Vec<Expr>,
+        outputs: Vec<bool>,
+    },
+    Call {
+        func: FuncId,
+        args: Vec<Expr>,
+    },
+    Exit,
+    Assign {
+        place: Place,
+        op: Option<OpCode>,
+        value: Box<Expr>,
+    },
+    Step {
+        place: Place,
+        up: bool,
+        postfix: bool,
+    },
+    /// A mistake that has been reported.
+    Bad,
+}
+
+#[derive(Debug)]
+pub(crate) struct Stmt {
+    pub(crate) kind: StmtKind,
+    pub(crate) pos: Pos,
+}
+
+#[derive(Debug)]
+pub(crate) enum Init {
+    None,
+    One(Expr),
+    /// One for each element.
+    List(Vec<Expr>),
+}
+
+#[derive(Debug)]
+pub(crate) enum StmtKind {
+    Expr(Expr),
+    Declare(VarId, Init),
+    Block(Vec<Stmt>),
+    If(Expr, Vec<Stmt>, Vec<Stmt>),
+    Loop {
+        body_first: bool,
+        test: Option<Expr>,
+        body: Vec<Stmt>,
+        step: Option<Expr>,
+    },
+    Break,
+    Continue,
+    Return(Option<Expr>),
+    Emit(Vec<Expr>, Vec<Stmt>),
+    Lights {
+        category: Option<Expr>,
+        position: Expr,
+        cone: Option<(Expr, Expr)>,
+        body: Vec<Stmt>,
+    },
+    Trace {
+        /// set, position, axis, angle, samples.
+        args: Vec<Expr>,
+        options: Vec<(Expr, Expr)>,
+        body: Vec<Stmt>,
+    },
+}
+
+#[derive(Debug)]
+pub(crate) struct Param {
+    pub(crate) var: VarId,
+    pub(crate) output: bool,
+    pub(crate) init: Init,
+    pub(crate) metadata: Vec<crate::ir::Metadatum>,
+}
+
+/// A checked shader.
+#[derive(Debug)]
+pub(crate) struct Shader {
+    pub(crate) kind: crate::ir::ShaderKind,
+    pub(crate) name: Arc<str>,
+    pub(crate) metadata: Vec<crate::ir::Metadatum>,
+    pub(crate) params: Vec<Param>,
+    pub(crate) body: Vec<Stmt>,
+    pub(crate) vars: Vec<Var>,
+    pub(crate) funcs: Vec<Func>,
+}
