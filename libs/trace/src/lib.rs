@@ -14,11 +14,31 @@
 //! # Deliberately absent
 //!
 //! Shading, transparency and materials: see [`Tracer::closest_where`] for the hook.
+//!
+//! # Example
+//!
+//! ```
+//! use granita_base::Vec3;
+//! use granita_trace::{Hit, Ray, TracerBuilder, TriangleMesh};
+//! let mut builder = TracerBuilder::new();
+//! builder.add(TriangleMesh {
+//!     times: vec![0.0],
+//!     positions: vec![vec![Vec3::ZERO, Vec3::X, Vec3::Y]],
+//!     triangles: vec![[0, 1, 2]],
+//! });
+//! let tracer = builder.build();
+//! let ray = Ray { origin: Vec3::new(0.2, 0.3, 2.0), tmin: 0.0, dir: -Vec3::Z, tmax: f32::INFINITY, time: 0.0 };
+//! let mut hits = [Hit::MISS];
+//! tracer.closest(&[ray], &mut hits);
+//! assert_eq!((hits[0].t, hits[0].triangle), (2.0, 0));
+//! ```
 #![forbid(unsafe_code)]
 
+mod bvh;
 mod mesh;
 mod ray;
 mod tracer;
+mod triangle;
 
 pub use mesh::{MeshId, TriangleMesh};
 pub use ray::{Hit, Ray};

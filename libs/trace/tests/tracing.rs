@@ -1,0 +1,262 @@
+//! The tree against all triangles one by one, closed surfaces, motion, scale, odd rays.
+
+use granita_base::{Vec3, hash};
+use granita_trace::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
+use proptest::prelude::*;
+
+fn build(meshes: Vec<TriangleMesh>) -> Tracer {
+    let mut builder = TracerBuilder::new();
+    for mesh in meshes {
+        builder.add(mesh);
+    }
+    builder.build()
+}
+
+fn still(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> TriangleMesh {
+    TriangleMesh { times: vec![0.0], positions: vec![positions], triangles }
+}
+
+fn ray(origin: Vec3, dir: Vec3) -> Ray {
+    Ray { origin, tmin: 0.0, dir, tmax: f32::INFINITY, time: 0.0 }
+}
+
+fn closest(tracer: &Tracer, ray: Ray) -> Hit {
+    let mut hits = [Hit::MISS];
+    tracer.closest(&[ray], &mut hits);
+    hits[0]
+}
+
+fn random(seed: u32, i: u32) -> f32 {
+    hash::unit(hash::words(&[seed, i])) * 2.0 - 1.0
+}
+
+fn random_point(seed: u32, i: u32) -> Vec3 {
+    Vec3::new(random(seed, i * 3), random(seed, i * 3 + 1), random(seed, i * 3 + 2))
+}
+
+/// Every triangle in a tracer of its own: no tree to speak of.
+fn brute_force(meshes: &[TriangleMesh], ray: Ray) -> Hit {
+    let mut best = Hit::MISS;
+    for (m, mesh) in meshes.iter().enumerate() {
+        for (t, &triangle) in mesh.triangles.iter().enumerate() {
+            let one = build(vec![TriangleMesh { triangles: vec![triangle], ..mesh.clone() }]);
+            let hit = closest(&one, ray);
+            if hit.is_hit() && (hit.t, m as u32, t as u32) < (best.t, best.mesh, best.triangle) {
+                best = Hit { mesh: m as u32, triangle: t as u32, ..hit };
+            }
+        }
+    }
+    best
+}
+
+/// A sphere of `2 * n * n` triangles.
+fn sphere(n: u32) -> TriangleMesh {
+    let mut positions = Vec::new();
+    for j in 0..=n {
+        for i in 0..n {
+            let (t, p) =
+                (i as f32 / n as f32 * std::f32::consts::TAU, j as f32 / n as f32 * std::f32::consts::PI);
+            positions.push(Vec3::new(t.cos() * p.sin(), t.sin() * p.sin(), p.cos()));
+        }
+    }
+    // One vertex at each pole, so that the surface is closed.
+    let at = |i: u32, j: u32| {
+        if j == 0 {
+            0
+        } else if j == n {
+            n * n
+        } else {
+            j * n + i % n
+        }
+    };
+    let mut triangles = Vec::new();
+    for j in 0..n {
+        for i in 0..n {
+            triangles.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+            triangles.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+        }
+    }
+    still(positions, triangles)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn tree_equals_brute_force(seed: u32, n in 1_u32..80, size in 0.05_f32..1.0) {
+        let soup = |seed: u32, moving: bool| {
+            let corners = |shift: f32| (0..n * 3).map(|i| {
+                random_point(seed, i / 3) + random_point(seed ^ 1, i) * size + shift * random_point(seed ^ 2, i)
+            }).collect::<Vec<_>>();
+            TriangleMesh {
+                times: if moving { vec![0.0, 1.0] } else { vec![0.0] },
+                positions: if moving { vec![corners(0.0), corners(1.0)] } else { vec![corners(0.0)] },
+                triangles: (0..n).map(|i| [i * 3, i * 3 + 1, i * 3 + 2]).collect(),
+            }
+        };
+        let meshes = vec![soup(seed, false), soup(seed ^ 77, true)];
+        let tracer = build(meshes.clone());
+        for i in 0..20 {
+            let mut dir = random_point(seed ^ 5, i);
+            if i % 4 == 0 { dir[(i / 4 % 3) as usize] = 0.0; }
+            if i % 5 == 0 { dir = Vec3::new(0.0, -0.0, dir.z); }
+            let r = Ray { time: i as f32 / 19.0, ..ray(random_point(seed ^ 4, i) * 2.0, dir) };
+            let (a, b) = (closest(&tracer, r), brute_force(&meshes, r));
+            prop_assert_eq!(a, b);
+            let mut blocked = [false];
+            tracer.any(&[r], &mut blocked);
+            prop_assert_eq!(blocked[0], b.is_hit());
+            if b.is_hit() {
+                // Without the closest triangle the next one is found, and beyond it nothing nearer.
+                let next = tracer.closest_where(&r, &mut |h| (h.mesh, h.triangle) != (b.mesh, b.triangle));
+                prop_assert!(!next.is_hit() || next.t >= b.t);
+                let shorter = Ray { tmax: b.t * 0.999, ..r };
+                prop_assert!(!closest(&tracer, shorter).is_hit());
+            }
+        }
+    }
+
+    #[test]
+    fn closed_surfaces_do_not_leak(seed: u32, scale_exp in -30_i32..30, far in 0.0_f32..100.0) {
+        let scale = 2.0_f32.powi(scale_exp);
+        let shift = random_point(seed, 9) * far * scale;
+        let mut mesh = sphere(24);
+        for p in &mut mesh.positions[0] { *p = *p * scale + shift; }
+        let tracer = build(vec![mesh.clone()]);
+        let inside = shift + random_point(seed, 3) * 0.3 * scale;
+        for i in 0..300 {
+            // At vertices, at middles of edges, and anywhere.
+            let [a, b, _] = mesh.triangles[(i * 7 % mesh.triangles.len() as u32) as usize];
+            let (a, b) = (mesh.positions[0][a as usize], mesh.positions[0][b as usize]);
+            let dir = match i % 3 { 0 => a - inside, 1 => (a + b) * 0.5 - inside, _ => random_point(seed, i) };
+            prop_assert!(closest(&tracer, ray(inside, dir)).is_hit(), "{} {}", i, dir);
+        }
+    }
+}
+
+#[test]
+fn ties_go_to_the_smallest_number() {
+    let square = vec![Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y];
+    // The same triangles many times over, in many meshes.
+    let many: Vec<[u32; 3]> = (0..50).flat_map(|_| [[0, 1, 2], [0, 2, 3]]).collect();
+    let tracer = build(vec![still(square.clone(), many.clone()), still(square, many)]);
+    for (x, y) in [(0.3, 0.2), (0.2, 0.3), (0.5, 0.5), (0.0, 0.0), (1.0, 1.0)] {
+        let hit = closest(&tracer, ray(Vec3::new(x, y, 3.0), -Vec3::Z));
+        assert_eq!((hit.t, hit.mesh), (3.0, 0));
+        assert_eq!(hit.triangle, u32::from(y > x));
+    }
+    // Also when the first is not accepted.
+    let r = ray(Vec3::new(0.3, 0.2, 3.0), -Vec3::Z);
+    let hit = tracer.closest_where(&r, &mut |h| h.mesh == 1 && h.triangle > 10);
+    assert_eq!((hit.mesh, hit.triangle), (1, 12));
+}
+
+#[test]
+fn barycentric_weights_give_the_point() {
+    let p = [Vec3::new(0.0, 0.0, 1.0), Vec3::new(2.0, 0.0, 2.0), Vec3::new(0.0, 3.0, 0.0)];
+    let tracer = build(vec![still(p.to_vec(), vec![[0, 1, 2]])]);
+    let r = ray(Vec3::new(0.4, 0.9, 5.0), Vec3::new(0.02, -0.03, -2.0));
+    let hit = closest(&tracer, r);
+    let on_triangle = p[0] * (1.0 - hit.b1 - hit.b2) + p[1] * hit.b1 + p[2] * hit.b2;
+    assert!((r.origin + r.dir * hit.t - on_triangle).length() < 1e-5);
+    // From behind as well.
+    assert!(closest(&tracer, ray(Vec3::new(0.4, 0.9, -5.0), Vec3::Z)).is_hit());
+}
+
+#[test]
+fn moving_triangles_are_hit_where_they_are() {
+    let p = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+    let up = |z: f32| p.iter().map(|p| *p + Vec3::Z * z).collect::<Vec<_>>();
+    let mesh = TriangleMesh {
+        times: vec![0.0, 0.5, 1.0],
+        positions: vec![up(0.0), up(1.0), up(5.0)],
+        triangles: vec![[0, 1, 2]],
+    };
+    let tracer = build(vec![mesh]);
+    for (time, z) in [(-1.0, 0.0), (0.0, 0.0), (0.25, 0.5), (0.5, 1.0), (0.75, 3.0), (1.0, 5.0), (7.0, 5.0)] {
+        let r = Ray { time, ..ray(Vec3::new(0.2, 0.2, 10.0), -Vec3::Z) };
+        assert_eq!(closest(&tracer, r).t, 10.0 - z, "{time}");
+    }
+    assert!(!closest(&tracer, Ray { time: f32::NAN, ..ray(Vec3::new(0.2, 0.2, 10.0), -Vec3::Z) }).is_hit());
+}
+
+#[test]
+fn odd_rays_and_odd_meshes() {
+    let empty = build(vec![]);
+    assert!(!closest(&empty, ray(Vec3::ZERO, Vec3::Z)).is_hit());
+    assert!(empty.bound().is_empty());
+    let p = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::splat(f32::NAN), Vec3::splat(f32::INFINITY)];
+    // Out of range, not finite, no area: never hit, never in the way.
+    let triangles = vec![[0, 1, 9], [0, 1, 3], [0, 4, 2], [0, 0, 0], [0, 1, 1], [0, 1, 2]];
+    let bad =
+        TriangleMesh { times: vec![1.0, 0.0], positions: vec![p.clone(); 2], triangles: triangles.clone() };
+    let short =
+        TriangleMesh { times: vec![0.0, 1.0], positions: vec![p.clone()], triangles: triangles.clone() };
+    let tracer = build(vec![bad, short, TriangleMesh::default(), still(p, triangles)]);
+    let good = ray(Vec3::new(0.25, 0.25, 1.0), -Vec3::Z);
+    let hit = closest(&tracer, good);
+    assert_eq!((hit.mesh, hit.triangle, hit.t), (3, 5, 1.0));
+    let nan = f32::NAN;
+    for bad in [
+        Ray { dir: Vec3::ZERO, ..good },
+        Ray { dir: Vec3::new(0.0, nan, -1.0), ..good },
+        Ray { dir: Vec3::new(0.0, f32::INFINITY, -1.0), ..good },
+        Ray { origin: Vec3::new(nan, 0.25, 1.0), ..good },
+        Ray { origin: Vec3::new(0.25, 0.25, f32::INFINITY), ..good },
+        Ray { tmin: nan, ..good },
+        Ray { tmax: nan, ..good },
+        Ray { tmin: 2.0, tmax: 1.0, ..good },
+        Ray { tmax: 0.5, ..good },
+        Ray { tmin: 1.5, ..good },
+    ] {
+        assert_eq!(closest(&tracer, bad), Hit::MISS, "{bad:?}");
+    }
+    // Both ends of the range count; distances may be negative.
+    assert!(closest(&tracer, Ray { tmin: 1.0, tmax: 1.0, ..good }).is_hit());
+    assert_eq!(closest(&tracer, Ray { tmin: -5.0, dir: Vec3::Z, ..good }).t, -1.0);
+    // Rays within the plane of a triangle miss it.
+    assert!(!closest(&tracer, ray(Vec3::new(-1.0, 0.2, 0.0), Vec3::X)).is_hit());
+}
+
+#[test]
+fn directions_of_any_length() {
+    let p = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+    let tracer = build(vec![still(p, vec![[0, 1, 2]])]);
+    for exp in [-37, -30, -10, 0, 10, 30, 37] {
+        let length = 10.0_f32.powi(exp);
+        let hit = closest(&tracer, ray(Vec3::new(0.25, 0.25, 2.0), Vec3::Z * -length));
+        assert!((hit.t * length - 2.0).abs() < 1e-5, "{exp}: {hit:?}");
+    }
+    let hit = closest(&tracer, ray(Vec3::new(0.25, 0.25, 1e-3), Vec3::Z * -1e-40));
+    assert!(hit.is_hit());
+}
+
+#[test]
+fn scenes_of_any_size() {
+    for exp in [-36, -20, 0, 20, 36] {
+        let s = 10.0_f32.powi(exp);
+        let mut mesh = sphere(12);
+        mesh.positions[0].iter_mut().for_each(|p| *p *= s);
+        let tracer = build(vec![mesh]);
+        for i in 0..200 {
+            let hit = closest(&tracer, ray(Vec3::ZERO, random_point(3, i) * s));
+            assert!(hit.is_hit(), "{exp} {i}");
+        }
+    }
+}
+
+#[test]
+fn batches_equal_single_rays() {
+    let tracer = build(vec![sphere(20)]);
+    let rays: Vec<Ray> = (0..500).map(|i| ray(random_point(1, i) * 2.0, random_point(2, i))).collect();
+    let mut hits = vec![Hit::MISS; rays.len()];
+    let mut blocked = vec![false; rays.len()];
+    tracer.closest(&rays, &mut hits);
+    tracer.any(&rays, &mut blocked);
+    for (i, r) in rays.iter().enumerate() {
+        assert_eq!(hits[i], closest(&tracer, *r));
+        assert_eq!(blocked[i], hits[i].is_hit());
+        assert_eq!(hits[i], tracer.closest_where(r, &mut |_| true));
+    }
+    assert!(blocked.iter().any(|b| *b) && blocked.iter().any(|b| !*b));
+}
