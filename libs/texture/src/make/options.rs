@@ -43,17 +43,17 @@ pub struct MakeOptions {
     pub mode: Mode,
     /// Format of the texture file, by name.
     pub format: String,
-    /// Rounds the resolution up to powers of two. Shadow maps keep theirs in any case.
+    /// Rounds the resolution up to powers of two. Shadow maps of all kinds keep theirs in any case.
     pub resize: bool,
     /// Does nothing when the output has the time stamp of the newest input; else gives it that stamp.
     pub update: bool,
     /// Stores channels one after the other ("separate") instead of interleaved.
     pub separate: bool,
-    /// Width and height of tiles in texels.
+    /// Width and height of tiles in texels, at least 1.
     pub tile_size: (u32, u32),
     /// Gamma of the inputs' first three channels.
     pub ingamma: f32,
-    /// Gamma of the output, all channels but alpha.
+    /// Gamma of the output's first three channels.
     pub outgamma: f32,
     /// Replaces the world-to-camera matrix, row by row.
     pub mcamera: Option<[f32; 16]>,
@@ -101,7 +101,7 @@ impl Default for MakeOptions {
 }
 
 /// What became of a request.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Made {
     /// Written.
     Written {
@@ -111,8 +111,8 @@ pub enum Made {
         height: u32,
         /// MIP levels.
         levels: u32,
-        /// Values of the inputs that were not numbers and became 0.
-        nans: u64,
+        /// What the user should know, each in a line.
+        notes: Vec<String>,
     },
     /// Nothing to do: the output was up to date.
     UpToDate,

@@ -1,0 +1,235 @@
+//! Shadow maps from depth maps.
+
+use super::MakeOptions;
+use super::environment::check_faces;
+use super::input::Input;
+use super::output::{Body, Texture};
+use crate::cube::FACE_NAMES;
+use crate::error::{Result, TextureError};
+use crate::picture::{Picture, half};
+use crate::{TextureKind, volume};
+use granita_base::{BaseType, Param, ParamData, ParamType};
+use granita_image::PixelType;
+
+/// Depth where nothing is.
+const EMPTY: f32 = 1e30;
+
+/// Both matrices must come from the file or from the options.
+fn check_matrices(input: &Input, options: &MakeOptions) -> Result<()> {
+    let needed =
+        [("worldtocamera", options.mcamera, "-Mcamera"), ("worldtoscreen", options.mscreen, "-Mscreen")];
+    for (name, given, option) in needed {
+        if given.is_none() && input.matrix(name).is_none() {
+            let what = format!("it carries no {name} matrix, which a shadow map needs; {option} gives one");
+            return Err(TextureError::Malformed { path: input.path.clone(), what });
+        }
+    }
+    Ok(())
+}
+
+fn texture(kind: TextureKind, body: Body, channels: Vec<String>, input: Input) -> Texture {
+    let notes = super::notes_of(std::slice::from_ref(&input));
+    Texture { kind, body, channels, pixel_type: PixelType::Float, attributes: input.attributes, notes }
+}
+
+/// `-shadow`.
+pub(crate) fn shadow(mut input: Input, options: &MakeOptions) -> Result<Texture> {
+    check_matrices(&input, options)?;
+    input.only_depth();
+    let picture = std::mem::replace(&mut input.picture, Picture::new(0, 0, 1));
+    Ok(texture(TextureKind::Shadow, Body::Flat(vec![picture]), vec!["Z".to_owned()], input))
+}
+
+/// `-shadcube`: px nx py ny pz nz; `None` stands for a face where nothing casts shadows.
+pub(crate) fn cube(inputs: Vec<Option<Input>>, options: &MakeOptions) -> Result<Texture> {
+    let mut known: Vec<Input> = Vec::new();
+    let mut places = Vec::new();
+    for (face, input) in inputs.into_iter().enumerate() {
+        if let Some(mut input) = input {
+            input.only_depth();
+            places.push(face);
+            known.push(input);
+        }
+    }
+    if known.is_empty() {
+        return Err(TextureError::Misuse { what: "all six faces are empty".to_owned() });
+    }
+    let n = check_faces(&known, &places)?;
+    let mut faces: Vec<Picture> = (0..FACE_NAMES.len())
+        .map(|_| {
+            let mut empty = Picture::new(n, n, 1);
+            empty.data.fill(EMPTY);
+            empty
+        })
+        .collect();
+    for (face, input) in places.iter().zip(&mut known) {
+        faces[*face] = std::mem::replace(&mut input.picture, Picture::new(0, 0, 1));
+    }
+    // The pz face gives the matrices. Without it the options must: those of another face look elsewhere.
+    let pz = places.iter().position(|face| FACE_NAMES[*face] == "pz");
+    if pz.is_none() && (options.mcamera.is_none() || options.mscreen.is_none()) {
+        let what = "without a pz face, -Mcamera and -Mscreen must give the matrices".to_owned();
+        return Err(TextureError::Misuse { what });
+    }
+    let notes = super::notes_of(&known);
+    let main = known.swap_remove(pz.unwrap_or(0));
+    check_matrices(&main, options)?;
+    let faces = <[Picture; 6]>::try_from(faces)
+        .map_err(|_| TextureError::Misuse { what: "a cube has six faces".to_owned() })?;
+    let body = Body::Cube(vec![faces]);
+    Ok(Texture { notes, ..texture(TextureKind::CubeFaceShadow, body, vec!["Z".to_owned()], main) })
+}
+
+/// `-volshad`: channels z_opaque, alpha_trans, z_0 ... z_1 (reference 9.2.4).
+pub(crate) fn volume(mut input: Input, options: &MakeOptions) -> Result<Texture> {
+    check_matrices(&input, options)?;
+    let n = input.picture.channels;
+    if n < 4 {
+        let what = format!("a volume depth map has at least 4 channels, this has {n}");
+        return Err(TextureError::Malformed { path: input.path.clone(), what });
+    }
+    let first = std::mem::replace(&mut input.picture, Picture::new(0, 0, 1));
+    let mut levels = vec![first];
+    while let Some(last) = levels.last().filter(|p| p.width > 1 || p.height > 1) {
+        let next = halved(last, options.opaque_width);
+        levels.push(next);
+    }
+    let ty = ParamType::of(BaseType::Float);
+    let data = ParamData::from(options.opaque_width);
+    input.attributes.set(Param { name: "opaquewidth".into(), ty, data });
+    let channels = input.channels.clone();
+    Ok(texture(TextureKind::VolumeShadow, Body::Flat(levels), channels, input))
+}
+
+/// The next level of a volume map.
+fn halved(p: &Picture, opaque_width: f32) -> Picture {
+    let mut out = Picture::new(half(p.width), half(p.height), p.channels);
+    let range = |o: usize, from: usize, to: usize| o * from / to..((o + 1) * from).div_ceil(to).min(from);
+    for y in 0..out.height {
+        for x in 0..out.width {
+            let mut texels: Vec<&[f32]> = Vec::with_capacity(9);
+            for from_y in range(y, p.height, out.height) {
+                texels.extend(range(x, p.width, out.width).map(|from_x| p.texel(from_x, from_y)));
+            }
+            let combined = combine(&texels, opaque_width);
+            out.texel_mut(x, y).copy_from_slice(&combined);
+        }
+    }
+    out
+}
+
+/// One texel for several: its opacity at each depth is the mean of theirs.
+///
+/// Opaque depths within `opaque_width` of each other are one surface, at their mean. Otherwise the
+/// farthest is where the mean becomes opaque, and the nearer ones belong to the transparent part.
+pub(crate) fn combine(texels: &[&[f32]], opaque_width: f32) -> Vec<f32> {
+    let channels = texels[0].len();
+    let count = texels.len() as f32;
+    let nearest = texels.iter().map(|t| t[0]).fold(f32::INFINITY, f32::min);
+    let farthest = texels.iter().map(|t| t[0]).fold(f32::NEG_INFINITY, f32::max);
+    let one = farthest - nearest <= opaque_width;
+    let opaque = if one {
+        let mean = texels.iter().map(|t| f64::from(t[0])).sum::<f64>() / f64::from(count);
+        (mean as f32).clamp(nearest, farthest)
+    } else {
+        farthest
+    };
+    // Without the common surface, only the transparent parts are averaged.
+    let own = |t: &[f32], z: f32| {
+        if one { volume::opacity(&[&[f32::INFINITY], &t[1..]].concat(), z) } else { volume::opacity(t, z) }
+    };
+    let mean = |z: f32| texels.iter().map(|t| own(t, z)).sum::<f32>() / count;
+    // Opacity bends only at these depths. A surface jumps just behind its depth.
+    let mut depths: Vec<f32> = Vec::new();
+    for t in texels {
+        if t[1] > 0.0 {
+            depths.extend(t[2..].iter().filter(|z| **z < EMPTY));
+        }
+        if !one && t[0] < farthest {
+            depths.extend([t[0], t[0].next_up()]);
+        }
+    }
+    depths.sort_by(f32::total_cmp);
+    depths.dedup();
+    let mut out = vec![EMPTY; channels];
+    out[0] = opaque;
+    let curve: Vec<(f32, f32)> =
+        depths.iter().flat_map(|&z| [(z, mean(z)), (z.next_up(), mean(z.next_up()))]).collect();
+    let alpha = curve.iter().map(|c| c.1).fold(0.0, f32::max);
+    out[1] = alpha;
+    if alpha <= 0.0 {
+        return out;
+    }
+    let steps = channels - 3;
+    // z_0 is the last depth without opacity, the others are where the curve passes their share.
+    for i in 0..=steps {
+        let wanted = alpha * i as f32 / steps as f32;
+        let after = if i == 0 {
+            curve.iter().position(|c| c.1 > 0.0)
+        } else {
+            curve.iter().position(|c| c.1 >= wanted - 1e-7)
+        };
+        let Some(after) = after else { continue };
+        let (z1, a1) = curve[after];
+        out[2 + i] = match after.checked_sub(1).map(|before| curve[before]) {
+            Some((z0, a0)) if i == 0 || a1 <= a0 => {
+                if a0 <= 0.0 {
+                    z0
+                } else {
+                    z1
+                }
+            }
+            Some((z0, a0)) => z0 + (z1 - z0) * ((wanted - a0) / (a1 - a0)).clamp(0.0, 1.0),
+            None => z1,
+        };
+    }
+    // Rounding must not make depths run backwards.
+    for i in 3..channels {
+        out[i] = out[i].max(out[i - 1]);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn like_texels_combine_to_themselves() {
+        let t = [9.0, 0.5, 2.0, 3.0, 6.0];
+        let c = combine(&[&t, &t, &t, &t], 0.05);
+        for (a, b) in c.iter().zip(t) {
+            assert!((a - b).abs() < 1e-4, "{c:?}");
+        }
+        let empty = [EMPTY, 0.0, EMPTY, EMPTY];
+        assert_eq!(combine(&[&empty, &empty], 0.05), empty);
+    }
+
+    #[test]
+    fn near_surfaces_are_one() {
+        let c = combine(&[&[5.0, 0.0, EMPTY, EMPTY], &[5.04, 0.0, EMPTY, EMPTY]], 0.05);
+        assert!((c[0] - 5.02).abs() < 1e-5 && c[1] == 0.0, "{c:?}");
+    }
+
+    #[test]
+    fn far_surfaces_are_a_step_and_a_surface() {
+        let c = combine(&[&[5.0, 0.0, EMPTY, EMPTY], &[8.0, 0.0, EMPTY, EMPTY]], 0.05);
+        assert_eq!((c[0], c[1]), (8.0, 0.5));
+        assert!((c[2] - 5.0).abs() < 1e-4 && (c[3] - 5.0).abs() < 1e-4, "{c:?}");
+        assert_eq!(volume::opacity(&c, 6.0), 0.5);
+        assert_eq!(volume::opacity(&c, 4.9), 0.0);
+        assert_eq!(volume::opacity(&c, 8.1), 1.0);
+    }
+
+    #[test]
+    fn mean_opacity_is_kept_at_the_thresholds() {
+        let a = [EMPTY, 0.8, 1.0, 2.0, 3.0];
+        let b = [EMPTY, 0.4, 2.0, 4.0, 6.0];
+        let c = combine(&[&a, &b], 0.05);
+        assert!((c[1] - 0.6).abs() < 1e-6);
+        for i in 0..3 {
+            let mean = 0.5 * (volume::opacity(&a, c[2 + i]) + volume::opacity(&b, c[2 + i]));
+            assert!((mean - 0.3 * i as f32).abs() < 1e-4, "{c:?} {i} {mean}");
+        }
+    }
+}
