@@ -1,1 +1,36 @@
-//! placeholder
+//! Wires a renderer together: one door for the tools and the bindings.
+//!
+//! A [`Session`] joins the graphics state machine (`scene::State`), the scene reader (`pyg`), the renderer, the
+//! bundled image formats, shaders and inputs. Whatever the process knows (variables, folders, threads) comes in
+//! through [`SessionOptions`]; nothing here reads the environment, prints or exits. Two sessions in one process
+//! share nothing.
+//!
+//! Where things are looked for, in order:
+//! - shaders: `name.gso`, then `name.gsl`, in the folders of "path:shader"; then the bundled ones;
+//! - scene files: as named, then in the folders of "path:input"; then the bundled ones;
+//! - textures: in the folders of "path:texture".
+//!
+//! The default paths name `$GELATOHOME`, so that an installation's own files come before the bundled ones.
+//!
+//! Deliberately absent so far: generators from shared libraries, remote and network rendering, scene writing.
+//!
+//! ```no_run
+//! use granita_base::Reporter;
+//! use granita_session::{Session, SessionOptions};
+//! let mut session = Session::new(SessionOptions::default(), Reporter::silent(), Default::default());
+//! session.read_file("scene.pyg").unwrap();
+//! assert!(session.finish().rendered);
+//! ```
+
+mod commands;
+mod error;
+mod inputs;
+mod options;
+mod outputs;
+mod renderer;
+mod session;
+mod shaders;
+
+pub use error::SessionError;
+pub use options::{ExtraOutput, SessionOptions};
+pub use session::{Outcome, Session, SharedProgress};

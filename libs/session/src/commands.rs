@@ -1,0 +1,218 @@
+//! `Command` (reference 4.5).
+
+use crate::SessionOptions;
+use granita_base::{Location, ParamData, Params, Reporter, Severity};
+use std::process::Command;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Runs one command; returns whether it is known.
+pub(crate) fn run(
+    name: &str,
+    params: &Params,
+    at: &Location,
+    options: &SessionOptions,
+    context: &CommandContext,
+) -> bool {
+    let name = name.trim();
+    let (word, rest) = name.split_once(char::is_whitespace).unwrap_or((name, ""));
+    let command = Running { params, at, options, context };
+    match word {
+        "system" if !rest.trim().is_empty() => command.shell(rest.trim()),
+        "system" => command.program(),
+        "mkdir" => command.file("mkdir", |path| match std::fs::create_dir(path) {
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => Ok(()),
+            other => other,
+        }),
+        "unlink" => command.file("unlink", std::fs::remove_file),
+        "return" => context.stop.store(true, Ordering::Relaxed),
+        // A blocking renderer is never in the middle of a frame when a scene's command comes: there is nothing
+        // to wait for, and no bucket whose turn could change.
+        "wait" | "bucketpriority" => (),
+        // Only "debug:filesread" would use it, which says itself that it is not supported yet.
+        "fileread" => (),
+        _ => return false,
+    }
+    true
+}
+
+/// What commands act on.
+pub(crate) struct CommandContext {
+    /// Receives messages.
+    pub(crate) reporter: Reporter,
+    /// Ends the frame.
+    pub(crate) stop: Arc<AtomicBool>,
+}
+
+struct Running<'a> {
+    params: &'a Params,
+    at: &'a Location,
+    options: &'a SessionOptions,
+    context: &'a CommandContext,
+}
+
+impl Running<'_> {
+    fn say(&self, severity: Severity, text: String) {
+        self.context.reporter.say(severity, self.at, text);
+    }
+
+    /// The first form: a line for the shell.
+    fn shell(&self, line: &str) {
+        let mut command = shell(line, self.options);
+        self.start(&mut command, line, true);
+    }
+
+    /// The second form: a program with arguments. It is waited for unless "wait" is 0.
+    fn program(&self) {
+        let words = ["command", "argv"].iter().find_map(|name| match &self.params.get(name)?.data {
+            ParamData::String(words) if !words.is_empty() => Some(words.clone()),
+            _ => None,
+        });
+        let Some(words) = words else {
+            return self.say(
+                Severity::Error,
+                "Command \"system\" needs a command line, or the parameter \"string[n] command\"".to_owned(),
+            );
+        };
+        let line = words.iter().map(|w| &**w).collect::<Vec<_>>().join(" ");
+        let mut command = Command::new(resolved(&words[0], self.options));
+        command.args(words[1..].iter().map(|w| &**w));
+        prepare(&mut command, self.options);
+        if self.params.int("echo").is_some_and(|e| e != 0) {
+            self.say(Severity::Message, format!("{line}\n"));
+        }
+        self.start(&mut command, &line, self.params.int("wait") != Some(0));
+    }
+
+    fn start(&self, command: &mut Command, line: &str, wait: bool) {
+        if self.options.safe {
+            return self.say(Severity::Error, format!("programs are not allowed: \"{line}\" is not run"));
+        }
+        if !wait {
+            match command.spawn() {
+                // Somebody must ask for its end, or it stays in the table of processes.
+                Ok(mut child) => drop(std::thread::spawn(move || child.wait())),
+                Err(error) => self.say(Severity::Error, format!("cannot run \"{line}\": {error}")),
+            }
+            return;
+        }
+        match command.status() {
+            Ok(status) if status.success() => (),
+            Ok(status) => self.say(Severity::Error, format!("\"{line}\" failed: {status}")),
+            Err(error) => self.say(Severity::Error, format!("cannot run \"{line}\": {error}")),
+        }
+    }
+
+    /// "mkdir" and "unlink": one parameter "name".
+    fn file(&self, word: &str, act: impl FnOnce(&str) -> std::io::Result<()>) {
+        let Some(name) = self.params.string("name") else {
+            return self.say(Severity::Error, format!("Command \"{word}\" needs the parameter \"string name\""));
+        };
+        if self.options.safe {
+            return self.say(Severity::Error, format!("Command \"{word}\" \"{name}\" is not allowed"));
+        }
+        if let Err(error) = act(name) {
+            self.say(Severity::Error, format!("Command \"{word}\" \"{name}\": {error}"));
+        }
+    }
+}
+
+/// A command line for the default shell.
+pub(crate) fn shell(line: &str, options: &SessionOptions) -> Command {
+    let mut command = if cfg!(windows) { Command::new("cmd") } else { Command::new("/bin/sh") };
+    command.arg(if cfg!(windows) { "/C" } else { "-c" }).arg(line);
+    prepare(&mut command, options);
+    command
+}
+
+/// Where a program is: on `PATH`, else beside our own tools, else as named.
+fn resolved(name: &str, options: &SessionOptions) -> std::ffi::OsString {
+    if name.contains('/') {
+        return name.into();
+    }
+    let path = options.environment.get("PATH").unwrap_or_default();
+    let on_path = std::env::split_paths(path).any(|folder| folder.join(name).is_file());
+    let own = options.tool_folder.as_ref().map(|folder| folder.join(name));
+    match own {
+        Some(own) if !on_path && own.is_file() => own.into(),
+        _ => name.into(),
+    }
+}
+
+/// Gives a program the session's variables, and our own tools at the end of its `PATH`.
+fn prepare(command: &mut Command, options: &SessionOptions) {
+    command.envs(options.program_environment.iter().map(|(k, v)| (k, v)));
+    let Some(folder) = &options.tool_folder else { return };
+    let path = options.environment.get("PATH").unwrap_or_default();
+    let folders = std::env::split_paths(path).chain([folder.clone()]);
+    if let Ok(path) = std::env::join_paths(folders) {
+        command.env("PATH", path);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use granita_base::Param;
+
+    fn context() -> (CommandContext, Arc<std::sync::Mutex<Vec<granita_base::report::Message>>>) {
+        let (reporter, kept) = Reporter::collecting();
+        (CommandContext { reporter, stop: Arc::default() }, kept)
+    }
+
+    fn command(name: &str, params: Params, options: &SessionOptions) -> (bool, usize) {
+        let (context, kept) = context();
+        let known = run(name, &params, &Location::default(), options, &context);
+        let said = kept.lock().unwrap().len();
+        (known, said)
+    }
+
+    #[test]
+    fn files_are_made_and_deleted() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("new");
+        let name = || Params(vec![Param::declared("string name", path.to_str().unwrap()).unwrap()]);
+        let options = SessionOptions::default();
+        assert_eq!(command("mkdir", name(), &options), (true, 0));
+        assert!(path.is_dir());
+        assert_eq!(command("mkdir", name(), &options), (true, 0), "there already is no error");
+        std::fs::remove_dir(&path).unwrap();
+        std::fs::write(&path, "x").unwrap();
+        assert_eq!(command("unlink", name(), &options), (true, 0));
+        assert!(!path.exists());
+        assert_eq!(command("unlink", name(), &options).1, 1);
+        assert_eq!(command("mkdir", Params::new(), &options).1, 1);
+    }
+
+    #[test]
+    fn programs_run_in_both_forms() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("out");
+        let options = SessionOptions::default();
+        let line = format!("system echo hello > {}", file.display());
+        assert_eq!(command(&line, Params::new(), &options), (true, 0));
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), "hello\n");
+        for name in ["command", "argv"] {
+            let words: Arc<[Arc<str>]> = ["touch".into(), file.to_str().unwrap().into()].into();
+            std::fs::remove_file(&file).unwrap();
+            let ty = granita_base::ParamType::array(granita_base::BaseType::String, 2);
+            let params = Params(vec![Param { name: name.into(), ty, data: ParamData::String(words) }]);
+            assert_eq!(command("system", params, &options), (true, 0));
+            assert!(file.exists(), "{name}");
+        }
+        assert_eq!(command("system exit 3", Params::new(), &options).1, 1);
+        let safe = SessionOptions { safe: true, ..options };
+        assert_eq!(command("system true", Params::new(), &safe).1, 1);
+    }
+
+    #[test]
+    fn our_own_tools_are_found_beside_us() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("granita-test-tool"), "").unwrap();
+        let options =
+            SessionOptions { tool_folder: Some(folder.path().to_owned()), ..SessionOptions::default() };
+        assert_eq!(resolved("granita-test-tool", &options), folder.path().join("granita-test-tool"));
+        assert_eq!(resolved("granita-absent", &options), "granita-absent");
+        assert_eq!(command("nosuchcommand", Params::new(), &options), (false, 0));
+    }
+}

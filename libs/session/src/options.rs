@@ -1,0 +1,47 @@
+//! What a session is told by whoever runs it.
+
+use granita_base::Environment;
+use std::path::PathBuf;
+
+/// An image in addition to the scene's own (`-o`).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ExtraOutput {
+    /// File name; its extension names the format unless `format` does.
+    pub name: String,
+    /// Image format; `None` for the one that the extension belongs to.
+    pub format: Option<String>,
+    /// "rgba", "first" for what the scene's first output shows, "all" for what each of them shows (written beside
+    /// each other, as `name-1.ext`), or anything that `Output` takes.
+    pub data: String,
+}
+
+/// Everything that a session takes from outside.
+#[derive(Clone, Debug, Default)]
+pub struct SessionOptions {
+    /// Variables: `GELATOHOME`, `HOME`, `PYG_...`, and whatever search paths name.
+    pub environment: Environment,
+    /// Variables that programs started by the scene get in addition to those of this process.
+    pub program_environment: Vec<(String, String)>,
+    /// Folder of this suite's own tools: looked into after `PATH` when a scene runs a program.
+    pub tool_folder: Option<PathBuf>,
+    /// Threads to render with; 0 leaves it to the scene ("limits:threads").
+    pub threads: usize,
+    /// Fixes the verbosity; `None` leaves it to the scene.
+    pub verbosity: Option<u8>,
+    /// Least "statistics:level".
+    pub statistics: i32,
+    /// Replaces the crop window of every camera.
+    pub crop: Option<[f32; 4]>,
+    /// Preview mode of every camera, when not 0: stands for "shadingquality".
+    pub preview: f32,
+    /// Replaces "shadertype" of every camera.
+    pub shadertype: Option<String>,
+    /// Images in addition to the scene's.
+    pub extra_outputs: Vec<ExtraOutput>,
+    /// Do not read `$GELATOHOME/.gelato.pyg` and `$HOME/.gelato.pyg` first.
+    pub no_startup_files: bool,
+    /// Refuse scripts and programs: for scenes from strangers.
+    pub safe: bool,
+    /// Scene files as the user named them, for messages.
+    pub scene_files: Vec<String>,
+}

@@ -1,0 +1,100 @@
+//! Images that the command line adds, and attributes that it replaces.
+
+use crate::{ExtraOutput, SessionOptions};
+use granita_base::{BaseType, Param, ParamType, Reporter};
+use granita_image::FormatRegistry;
+use granita_scene::{Output, Scene};
+use std::path::Path;
+use std::sync::Arc;
+
+/// The scene with the session's own outputs and camera attributes.
+pub(crate) fn amended(
+    scene: &Arc<Scene>,
+    options: &SessionOptions,
+    registry: &FormatRegistry,
+    reporter: &Reporter,
+) -> Arc<Scene> {
+    let changes_cameras = options.preview > 0.0 || options.shadertype.is_some();
+    if options.extra_outputs.is_empty() && !changes_cameras {
+        return scene.clone();
+    }
+    let mut scene: Scene = (**scene).clone();
+    for camera in &mut scene.cameras {
+        if options.preview > 0.0 {
+            let ty = ParamType::of(BaseType::Float);
+            camera.params.set(Param { name: "preview".into(), ty, data: options.preview.into() });
+        }
+        if let Some(name) = &options.shadertype {
+            let ty = ParamType::of(BaseType::String);
+            camera.params.set(Param { name: "shadertype".into(), ty, data: name.as_str().into() });
+        }
+    }
+    let own: Vec<Output> = scene.outputs.clone();
+    // An output of the command line is an output: the automatic one of a scene without any is not needed then.
+    if !options.extra_outputs.is_empty() && is_automatic(&own, &scene) {
+        scene.outputs.clear();
+    }
+    for extra in &options.extra_outputs {
+        scene.outputs.extend(extra_outputs(extra, &own, &scene, registry, reporter));
+    }
+    Arc::new(scene)
+}
+
+/// Whether the outputs are just the one that a scene without outputs gets.
+fn is_automatic(outputs: &[Output], scene: &Scene) -> bool {
+    let [output] = outputs else { return outputs.is_empty() };
+    let Some(camera) = scene.cameras.first() else { return false };
+    let name = format!("{}.tif", camera.name);
+    *output.name == *name && &*output.data == "rgba" && output.params.is_empty()
+}
+
+fn extra_outputs(
+    extra: &ExtraOutput,
+    own: &[Output],
+    scene: &Scene,
+    registry: &FormatRegistry,
+    reporter: &Reporter,
+) -> Vec<Output> {
+    let Some(camera) = scene.cameras.first() else { return Vec::new() };
+    let path = Path::new(&extra.name);
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    let format = match &extra.format {
+        Some(format) => format.clone(),
+        None => match registry.by_name(extension) {
+            Some(format) => format.name().to_owned(),
+            None => {
+                reporter.error(format!(
+                    "{}: the extension \"{extension}\" is of no known image format (known: {})",
+                    extra.name,
+                    registry.names().join(", ")
+                ));
+                return Vec::new();
+            }
+        },
+    };
+    let plain = Output {
+        name: extra.name.as_str().into(),
+        format: format.as_str().into(),
+        data: extra.data.as_str().into(),
+        camera: camera.name.clone(),
+        params: granita_base::Params::new(),
+    };
+    let like = |name: String, output: &Output| Output {
+        name: name.into(),
+        format: plain.format.clone(),
+        ..output.clone()
+    };
+    match extra.data.as_str() {
+        "first" => match own.first() {
+            Some(first) => vec![like(extra.name.clone(), first)],
+            None => vec![Output { data: "rgba".into(), ..plain }],
+        },
+        "all" if own.len() > 1 => {
+            let stem = path.with_extension("");
+            let name = |i: usize| format!("{}-{}.{extension}", stem.display(), i + 1);
+            own.iter().enumerate().map(|(i, output)| like(name(i), output)).collect()
+        }
+        "all" => vec![Output { data: "rgba".into(), ..plain }],
+        _ => vec![plain],
+    }
+}

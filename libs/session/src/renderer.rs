@@ -1,0 +1,207 @@
+//! The renderer behind the graphics state.
+
+use crate::commands::{self, CommandContext};
+use crate::inputs::{self, Found};
+use crate::shaders::Shaders;
+use crate::{SessionOptions, outputs};
+use granita_base::{BaseType, Location, Param, ParamType, Params, Reporter, SearchPath, Severity};
+use granita_image::{FormatRegistry, Limits};
+use granita_pyg::PygSource;
+use granita_render::{Progress, RenderEnvironment, RenderError, Renderer};
+use granita_scene::{FrameRenderer, InputReader, Scene, Stop};
+use std::path::PathBuf;
+use std::process::Stdio;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What a session remembers of its frames; clones share it.
+#[derive(Clone, Default)]
+pub(crate) struct Finished(pub(crate) Arc<Record>);
+
+/// See [`Finished`].
+#[derive(Default)]
+pub(crate) struct Record {
+    /// Some frame lacks pixels or images.
+    pub(crate) incomplete: AtomicBool,
+    /// Files written.
+    pub(crate) images: Mutex<Vec<PathBuf>>,
+}
+
+/// Steps done and to do of the running frame, for "render:progress".
+struct Tracked {
+    inner: Arc<dyn Progress>,
+    total: AtomicU64,
+    done: AtomicU64,
+}
+
+impl Progress for Tracked {
+    fn begin(&self, total: u64) {
+        self.total.store(total, Ordering::Relaxed);
+        self.done.store(0, Ordering::Relaxed);
+        self.inner.begin(total);
+    }
+
+    fn done(&self, steps: u64) {
+        self.done.fetch_max(steps, Ordering::Relaxed);
+        self.inner.done(steps);
+    }
+
+    fn end(&self) {
+        self.inner.end();
+    }
+}
+
+/// Renders frames, runs commands and finds inputs for one session.
+pub(crate) struct SessionRenderer {
+    options: Arc<SessionOptions>,
+    reporter: Reporter,
+    progress: Arc<Tracked>,
+    registry: FormatRegistry,
+    commands: CommandContext,
+    finished: Finished,
+    success: bool,
+}
+
+impl SessionRenderer {
+    pub(crate) fn new(
+        options: Arc<SessionOptions>,
+        reporter: Reporter,
+        progress: Arc<dyn Progress>,
+        finished: Finished,
+    ) -> Self {
+        Self {
+            progress: Arc::new(Tracked { inner: progress, total: AtomicU64::new(0), done: AtomicU64::new(0) }),
+            registry: granita_plugin::bundled_formats(Limits::default()),
+            commands: CommandContext { reporter: reporter.clone(), stop: Arc::default() },
+            options,
+            reporter,
+            finished,
+            success: false,
+        }
+    }
+
+    fn search_path(&self, scene: &Scene, name: &str) -> SearchPath {
+        SearchPath::parse(&scene.string(name), &SearchPath::default(), &self.options.environment)
+    }
+
+    fn environment(&self, scene: &Scene) -> RenderEnvironment {
+        RenderEnvironment {
+            registry: self.registry.clone(),
+            shaders: Arc::new(Shaders::new(self.search_path(scene, "path:shader"), self.reporter.clone())),
+            texture_path: self.search_path(scene, "path:texture"),
+            variables: self.options.environment.clone(),
+            reporter: self.reporter.clone(),
+            progress: self.progress.clone(),
+            threads: self.options.threads,
+            stop: self.commands.stop.clone(),
+            statistics: self.options.statistics,
+            crop: self.options.crop,
+            scene_files: self.options.scene_files.clone(),
+        }
+    }
+}
+
+impl FrameRenderer for SessionRenderer {
+    fn render(&mut self, scene: Arc<Scene>, camera: Option<&str>) -> Result<(), Stop> {
+        for attribute in ["error:filename", "debug:filesread"] {
+            if !scene.string(attribute).is_empty() {
+                let cause = format!("unsupported {attribute}");
+                let text = format!("\"{attribute}\" is not supported yet");
+                self.reporter.once(&cause, Severity::Warning, &Location::default(), text);
+            }
+        }
+        self.commands.stop.store(false, Ordering::Relaxed);
+        let scene = outputs::amended(&scene, &self.options, &self.registry, &self.reporter);
+        let renderer = Renderer::new(self.environment(&scene));
+        self.success = false;
+        match renderer.render(&scene, camera) {
+            Ok(report) => {
+                self.success = report.complete;
+                let mut images = self.finished.0.images.lock().unwrap_or_else(PoisonError::into_inner);
+                images.extend(report.images);
+            }
+            Err(RenderError::Stopped) => self.reporter.warning(RenderError::Stopped.to_string()),
+            Err(error) => self.reporter.error(error.to_string()),
+        }
+        if !self.success {
+            self.finished.0.incomplete.store(true, Ordering::Relaxed);
+        }
+        Ok(())
+    }
+
+    fn command(&mut self, name: &str, params: &Params, at: &Location) -> Result<bool, Stop> {
+        Ok(commands::run(name, params, at, &self.options, &self.commands))
+    }
+
+    fn input(&mut self, command: &str, path: &str, at: &Location) -> Result<Option<InputReader>, Stop> {
+        let source = match inputs::find(command, &self.options, path) {
+            Found::File(file) => {
+                self.reporter.info(format!("reading {}", file.display()));
+                PygSource::Path(file)
+            }
+            Found::Bundled(name, bytes) => {
+                PygSource::Bytes { name: format!("<bundled>/{name}").into(), bytes: bytes.to_vec() }
+            }
+            Found::Text(text) => PygSource::Bytes { name: "<string>".into(), bytes: text.into_bytes() },
+            Found::Program(_) if self.options.safe => {
+                let text = format!("Input \"{command}\": programs are not allowed");
+                self.reporter.say(Severity::Error, at, text);
+                return Ok(None);
+            }
+            Found::Program(line) => {
+                let run = commands::shell(&line, &self.options).stderr(Stdio::inherit()).output();
+                match run {
+                    Ok(output) => {
+                        if !output.status.success() {
+                            let text = format!("Input \"{command}\": the program failed: {}", output.status);
+                            self.reporter.say(Severity::Error, at, text);
+                        }
+                        PygSource::Bytes { name: format!("< {line}").into(), bytes: output.stdout }
+                    }
+                    Err(error) => {
+                        self.reporter.say(Severity::Error, at, format!("Input \"{command}\": {error}"));
+                        return Ok(None);
+                    }
+                }
+            }
+            Found::Generator(name) => {
+                let text = format!("Input \"{command}\": the generator \"{name}\" is not supported yet");
+                self.reporter.once(&format!("generator {name}"), Severity::Error, at, text);
+                return Ok(None);
+            }
+            Found::Nothing => {
+                let places = inputs::places(&self.options, path);
+                let text = format!("cannot find Input \"{command}\" (looked in {places})");
+                self.reporter.once(&format!("input {command}"), Severity::Error, at, text);
+                return Ok(None);
+            }
+        };
+        Ok(Some(inputs::reader(source, &self.options, self.reporter.clone())))
+    }
+
+    fn attribute(&mut self, param: &Param) {
+        if &*param.name == "verbosity"
+            && self.options.verbosity.is_none()
+            && let Some([level, ..]) = param.data.to_ints().as_deref()
+        {
+            self.reporter.set_verbosity(u8::try_from((*level).clamp(0, 2)).unwrap_or(1));
+        }
+    }
+
+    fn query(&self, name: &str) -> Option<Param> {
+        let (base, data) = match name {
+            "renderer:name" => (BaseType::String, "Granita".into()),
+            "render:progress" => {
+                let (done, total) = (
+                    self.progress.done.load(Ordering::Relaxed),
+                    self.progress.total.load(Ordering::Relaxed),
+                );
+                let part = if total == 0 { 0.0 } else { done as f32 / total as f32 };
+                (BaseType::Float, if done < total { part.min(0.999_999) } else { part }.into())
+            }
+            "render:success" => (BaseType::Int, i32::from(self.success).into()),
+            _ => return None,
+        };
+        Some(Param { name: name.into(), ty: ParamType::of(base), data })
+    }
+}

@@ -1,0 +1,180 @@
+//! The session itself.
+
+use crate::renderer::{Finished, SessionRenderer};
+use crate::{SessionError, SessionOptions, inputs};
+use granita_base::{Location, Reporter};
+use granita_pyg::{PygError, PygSource};
+use granita_render::{Progress, Silent};
+use granita_scene::{Call, SceneSink, State, Stop};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, PoisonError};
+
+/// Is told how far a frame is.
+#[derive(Clone)]
+pub struct SharedProgress(pub Arc<dyn Progress>);
+
+impl Default for SharedProgress {
+    /// Tells nobody.
+    fn default() -> Self {
+        Self(Arc::new(Silent))
+    }
+}
+
+impl std::fmt::Debug for SharedProgress {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("SharedProgress")
+    }
+}
+
+/// What a session did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outcome {
+    /// Whether a `Render` was reached.
+    pub rendered: bool,
+    /// Whether all frames have all their pixels and images.
+    pub complete: bool,
+    /// Images written.
+    pub images: Vec<PathBuf>,
+    /// Primitives that wait for a `Render` that never came.
+    pub waiting: usize,
+    /// Errors reported.
+    pub errors: usize,
+}
+
+/// One renderer: scene calls go in, images come out.
+pub struct Session {
+    state: State,
+    reporter: Reporter,
+    options: Arc<SessionOptions>,
+    finished: Finished,
+}
+
+impl std::fmt::Debug for Session {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Session").field("options", &self.options).finish_non_exhaustive()
+    }
+}
+
+impl Session {
+    /// A fresh session; reads the startup files (reference 6.2), whose mistakes are reported.
+    pub fn new(options: SessionOptions, reporter: Reporter, progress: SharedProgress) -> Self {
+        if let Some(verbosity) = options.verbosity {
+            reporter.set_verbosity(verbosity);
+        }
+        let options = Arc::new(options);
+        let finished = Finished::default();
+        let renderer = SessionRenderer::new(options.clone(), reporter.clone(), progress.0, finished.clone());
+        let state = State::new(Box::new(renderer), reporter.clone());
+        let mut session = Self { state, reporter, options, finished };
+        session.read_startup_files();
+        session
+    }
+
+    fn read_startup_files(&mut self) {
+        if self.options.no_startup_files {
+            return;
+        }
+        for variable in ["GELATOHOME", "HOME"] {
+            let Some(folder) = self.options.environment.get(variable).filter(|f| !f.is_empty()) else { continue };
+            let path = Path::new(folder).join(".gelato.pyg");
+            if path.is_file()
+                && let Err(error) = self.read(PygSource::Path(path))
+            {
+                self.reporter.error(error.to_string());
+            }
+        }
+    }
+
+    /// Reads the scene `name`: "-" is standard input, handed in by [`Session::read_stream`]; otherwise a file, or
+    /// what `Input` would find under that name.
+    ///
+    /// Mistakes inside of the scene are reported and are no errors.
+    ///
+    /// # Errors
+    /// [`SessionError::Missing`], [`SessionError::Io`]; [`SessionError::Exit`] when the scene asked to stop.
+    pub fn read_file(&mut self, name: &str) -> Result<(), SessionError> {
+        let path = Path::new(name);
+        if path.is_file() {
+            return self.read(PygSource::Path(path.to_owned()));
+        }
+        if path.is_dir() {
+            return Err(SessionError::Failed(format!("{name} is a folder, not a scene")));
+        }
+        self.input(name)
+    }
+
+    /// Reads a scene from a stream, as standard input; `name` stands for it in messages.
+    ///
+    /// # Errors
+    /// As [`Session::read_file`].
+    pub fn read_stream(&mut self, name: &str, stream: Box<dyn Read + Send>) -> Result<(), SessionError> {
+        self.read(PygSource::Stream { name: name.into(), stream })
+    }
+
+    /// As the scene call `Input` without a bound.
+    ///
+    /// # Errors
+    /// As [`Session::read_file`].
+    pub fn input(&mut self, command: &str) -> Result<(), SessionError> {
+        if !inputs::exists(command, &self.options, &self.path_input()) {
+            return Err(SessionError::Missing {
+                name: command.to_owned(),
+                places: inputs::places(&self.options, &self.path_input()),
+            });
+        }
+        self.call(Call::Input { command: command.into(), bound: None })
+    }
+
+    /// Takes one call of the scene interface.
+    ///
+    /// # Errors
+    /// [`SessionError::Exit`], [`SessionError::Failed`].
+    pub fn call(&mut self, call: Call) -> Result<(), SessionError> {
+        self.state.call(call, &Location::default()).map_err(stopped)
+    }
+
+    /// The graphics state, for readers and bindings that make calls themselves.
+    pub fn state(&mut self) -> &mut State {
+        &mut self.state
+    }
+
+    /// To be called when nothing more comes: reports blocks left open and sums up.
+    pub fn finish(mut self) -> Outcome {
+        self.state.end();
+        let finished = self.finished.0;
+        Outcome {
+            rendered: self.state.has_rendered(),
+            complete: !finished.incomplete.load(Ordering::Relaxed),
+            images: finished.images.lock().unwrap_or_else(PoisonError::into_inner).clone(),
+            waiting: self.state.primitive_count(),
+            errors: self.reporter.errors(),
+        }
+    }
+
+    fn path_input(&self) -> String {
+        let path = self.state.attribute("string path:input");
+        path.and_then(|p| match p.data {
+            granita_base::ParamData::String(s) => s.first().map(ToString::to_string),
+            _ => None,
+        })
+        .unwrap_or_else(|| ".".to_owned())
+    }
+
+    fn read(&mut self, source: PygSource) -> Result<(), SessionError> {
+        let options = inputs::pyg_options(&self.options);
+        granita_pyg::read(source, &mut self.state, &options, &self.reporter).map_err(|error| match error {
+            PygError::Io { path, source } => SessionError::Io { path: path.into(), source },
+            PygError::Stopped(stop) => stopped(stop),
+            other => SessionError::Failed(other.to_string()),
+        })
+    }
+}
+
+fn stopped(stop: Stop) -> SessionError {
+    match stop {
+        Stop::Exit => SessionError::Exit,
+        other => SessionError::Failed(other.to_string()),
+    }
+}

@@ -1,0 +1,113 @@
+//! Finds and compiles shaders.
+
+use granita_base::{Location, Reporter, SearchPath, Severity};
+use granita_gsl::{CompileOptions, Module, compile};
+use granita_render::ShaderLibrary;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The shaders of one frame: compiled ones on the path, sources on the path, then the bundled ones.
+pub(crate) struct Shaders {
+    path: SearchPath,
+    reporter: Reporter,
+    known: Mutex<BTreeMap<String, Option<Arc<Module>>>>,
+}
+
+impl Shaders {
+    /// Looks into the folders of `path`.
+    pub(crate) fn new(path: SearchPath, reporter: Reporter) -> Self {
+        Self { path, reporter, known: Mutex::default() }
+    }
+
+    fn find(&self, name: &str) -> Option<Arc<Module>> {
+        // A name may carry the extension of either form.
+        let name = name.strip_suffix(".gso").or_else(|| name.strip_suffix(".gsl")).unwrap_or(name);
+        if let Some(file) = self.path.find(&format!("{name}.gso")) {
+            return self.compiled(&file);
+        }
+        if let Some(file) = self.path.find(&format!("{name}.gsl")) {
+            return match std::fs::read_to_string(&file) {
+                Ok(source) => self.source(&source, &file.to_string_lossy(), file.parent()),
+                Err(error) => {
+                    self.reporter.error(format!("{}: {error}", file.display()));
+                    None
+                }
+            };
+        }
+        if let Some(source) = granita_bundled::shader(name) {
+            return self.source(source, &format!("{name}.gsl"), None);
+        }
+        let folders: Vec<String> = self.path.folders().iter().map(|f| f.display().to_string()).collect();
+        self.reporter.error(format!(
+            "cannot find the shader \"{name}\" (looked in {}, and among the bundled ones)",
+            folders.join(", ")
+        ));
+        None
+    }
+
+    fn compiled(&self, file: &Path) -> Option<Arc<Module>> {
+        self.reporter.info(format!("shader {}", file.display()));
+        let bytes = match std::fs::read(file) {
+            Ok(bytes) => bytes,
+            Err(error) => {
+                self.reporter.error(format!("{}: {error}", file.display()));
+                return None;
+            }
+        };
+        match granita_gsl::gso::read(&bytes, &file.to_string_lossy()) {
+            Ok(module) => Some(Arc::new(module)),
+            Err(error) => {
+                self.reporter.error(error.to_string());
+                None
+            }
+        }
+    }
+
+    fn source(&self, source: &str, file: &str, folder: Option<&Path>) -> Option<Arc<Module>> {
+        self.reporter.info(format!("compiling {file}"));
+        let folders: Vec<String> = folder
+            .into_iter()
+            .map(Path::to_path_buf)
+            .chain(self.path.folders().iter().cloned())
+            .map(|f: PathBuf| f.to_string_lossy().into_owned())
+            .collect();
+        let load = |name: &str| match std::fs::read_to_string(name) {
+            Ok(text) => Ok(Some(text)),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                let base = Path::new(name).file_stem().and_then(|s| s.to_str()).unwrap_or(name);
+                Ok(granita_bundled::shader(base).map(str::to_owned))
+            }
+            Err(error) => Err(error),
+        };
+        let options =
+            CompileOptions { include_paths: &folders, loader: Some(&load), ..CompileOptions::default() };
+        match compile(source, file, &options) {
+            Ok(compiled) => {
+                for warning in &compiled.warnings {
+                    self.reporter.warning(warning.to_string());
+                }
+                Some(Arc::new(compiled.module))
+            }
+            Err(diagnostics) => {
+                for diagnostic in &diagnostics {
+                    self.reporter.say(Severity::Error, &Location::default(), diagnostic.to_string());
+                }
+                None
+            }
+        }
+    }
+}
+
+impl ShaderLibrary for Shaders {
+    fn load(&self, name: &str) -> Option<Arc<Module>> {
+        // Held while it compiles: whoever else needs the shader waits for it instead of compiling it again.
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(module) = known.get(name) {
+            return module.clone();
+        }
+        let module = self.find(name);
+        known.insert(name.to_owned(), module.clone());
+        module
+    }
+}
