@@ -24,7 +24,7 @@ pub(crate) fn run(
             Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => Ok(()),
             other => other,
         }),
-        "unlink" => command.file("unlink", std::fs::remove_file),
+        "unlink" => command.file("unlink", |path| std::fs::remove_file(path)),
         "return" => context.stop.store(true, Ordering::Relaxed),
         // A blocking renderer is never in the middle of a frame when a scene's command comes: there is nothing
         // to wait for, and no bucket whose turn could change.
@@ -106,7 +106,8 @@ impl Running<'_> {
     /// "mkdir" and "unlink": one parameter "name".
     fn file(&self, word: &str, act: impl FnOnce(&str) -> std::io::Result<()>) {
         let Some(name) = self.params.string("name") else {
-            return self.say(Severity::Error, format!("Command \"{word}\" needs the parameter \"string name\""));
+            return self
+                .say(Severity::Error, format!("Command \"{word}\" needs the parameter \"string name\""));
         };
         if self.options.safe {
             return self.say(Severity::Error, format!("Command \"{word}\" \"{name}\" is not allowed"));

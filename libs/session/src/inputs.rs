@@ -12,7 +12,7 @@ pub(crate) enum Found {
     /// A scene file.
     File(PathBuf),
     /// A bundled scene file.
-    Bundled(&'static str, &'static [u8]),
+    Bundled(String, &'static [u8]),
     /// `pyg << text`.
     Text(String),
     /// `pyg < command`.
@@ -47,8 +47,7 @@ pub(crate) fn find(command: &str, options: &SessionOptions, path: &str) -> Found
     let file = |name: &str| {
         search.find(name).map(Found::File).or_else(|| {
             let bytes = granita_bundled::input(name)?;
-            let name = name.to_owned().leak();
-            Some(Found::Bundled(name, bytes))
+            Some(Found::Bundled(name.to_owned(), bytes))
         })
     };
     if let Some(found) = file(command) {
@@ -114,7 +113,9 @@ mod tests {
         assert!(matches!(find("two words.pyg"), Found::File(_)));
         assert!(matches!(find("pyg two words.pyg"), Found::File(_)));
         assert!(matches!(find("pyg << Sphere (1, -1, 1, 360)"), Found::Text(t) if t.starts_with("Sphere")));
-        assert!(matches!(find("pyg < make_chair -width 40"), Found::Program(p) if p == "make_chair -width 40"));
+        assert!(
+            matches!(find("pyg < make_chair -width 40"), Found::Program(p) if p == "make_chair -width 40")
+        );
         assert!(matches!(find("myproc 3.7 moo"), Found::Generator(g) if g == "myproc"));
         assert!(matches!(find("absent.pyg"), Found::Nothing));
         assert!(matches!(find(""), Found::Nothing));

@@ -70,7 +70,11 @@ impl SessionRenderer {
         finished: Finished,
     ) -> Self {
         Self {
-            progress: Arc::new(Tracked { inner: progress, total: AtomicU64::new(0), done: AtomicU64::new(0) }),
+            progress: Arc::new(Tracked {
+                inner: progress,
+                total: AtomicU64::new(0),
+                done: AtomicU64::new(0),
+            }),
             registry: granita_plugin::bundled_formats(Limits::default()),
             commands: CommandContext { reporter: reporter.clone(), stop: Arc::default() },
             options,
@@ -192,10 +196,8 @@ impl FrameRenderer for SessionRenderer {
         let (base, data) = match name {
             "renderer:name" => (BaseType::String, "Granita".into()),
             "render:progress" => {
-                let (done, total) = (
-                    self.progress.done.load(Ordering::Relaxed),
-                    self.progress.total.load(Ordering::Relaxed),
-                );
+                let (done, total) =
+                    (self.progress.done.load(Ordering::Relaxed), self.progress.total.load(Ordering::Relaxed));
                 let part = if total == 0 { 0.0 } else { done as f32 / total as f32 };
                 (BaseType::Float, if done < total { part.min(0.999_999) } else { part }.into())
             }

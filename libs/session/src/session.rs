@@ -77,7 +77,9 @@ impl Session {
             return;
         }
         for variable in ["GELATOHOME", "HOME"] {
-            let Some(folder) = self.options.environment.get(variable).filter(|f| !f.is_empty()) else { continue };
+            let Some(folder) = self.options.environment.get(variable).filter(|f| !f.is_empty()) else {
+                continue;
+            };
             let path = Path::new(folder).join(".gelato.pyg");
             if path.is_file()
                 && let Err(error) = self.read(PygSource::Path(path))
