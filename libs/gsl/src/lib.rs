@@ -19,13 +19,16 @@
 //! ```
 
 mod access;
+mod args;
 mod ast;
 mod builtins;
 mod check;
 mod check_expr;
+mod codec;
 mod condition;
 mod diagnostic;
 mod func;
+pub mod gso;
 mod hir;
 pub mod ir;
 mod lower;
@@ -33,9 +36,12 @@ mod parse;
 mod preprocess;
 mod source;
 mod token;
+mod validate;
 
+pub use args::{Arg, ArgDefault, GsoArgs};
 pub use diagnostic::Diagnostic;
 pub use func::Func;
+pub use gso::GslError;
 pub use ir::Module;
 
 use std::io;

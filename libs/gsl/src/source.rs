@@ -64,11 +64,6 @@ impl Sources {
         }
     }
 
-    /// Text of a file.
-    pub(crate) fn text(&self, file: u16) -> Arc<str> {
-        self.files.get(file as usize).map_or_else(|| Arc::from(""), |f| f.text.clone())
-    }
-
     /// Name of a file as it was opened.
     pub(crate) fn opened(&self, file: u16) -> &str {
         self.files.get(file as usize).map_or("", |f| &self.names[f.name as usize])
