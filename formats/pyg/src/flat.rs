@@ -48,18 +48,22 @@ type Flat<T> = Result<T, NotFlat>;
 /// Reads flat statements from a window of bytes.
 pub(crate) struct Parser {
     pub(crate) bytes: Bytes,
+    /// Where the last statement began.
+    start: (usize, u32),
 }
 
 impl Parser {
     pub(crate) fn new(bytes: Bytes) -> Self {
-        Self { bytes }
+        Self { bytes, start: (0, 1) }
     }
 
-    /// The next statement. Blank lines and comments before it are passed over.
-    pub(crate) fn statement(&mut self) -> io::Result<Statement> {
+    /// The next statement. Blank lines and comments before it are passed over. Calls of names that
+    /// `is_flat` denies are left to Python.
+    pub(crate) fn statement(&mut self, is_flat: &dyn Fn(&str) -> bool) -> io::Result<Statement> {
         loop {
             self.bytes.forget();
             let start = self.bytes.mark();
+            self.start = start;
             self.blanks(true)?;
             match self.bytes.peek()? {
                 None => return Ok(Statement::End),
@@ -70,7 +74,7 @@ impl Parser {
                 Some(_) => {}
             }
             let line = self.bytes.line();
-            return match self.simple(line) {
+            return match self.simple(line, is_flat) {
                 Ok(statement) => Ok(statement),
                 Err(NotFlat::Io(e)) => Err(e),
                 Err(NotFlat::Why(why)) => {
@@ -81,6 +85,11 @@ impl Parser {
                 }
             };
         }
+    }
+
+    /// Goes back to the beginning of the statement that was read last.
+    pub(crate) fn again(&mut self) {
+        self.bytes.back_to(self.start);
     }
 
     /// Passes over whole lines that are blank or comments; stays at the beginning of the next.
@@ -105,7 +114,7 @@ impl Parser {
         }
     }
 
-    fn simple(&mut self, line: u32) -> Flat<Statement> {
+    fn simple(&mut self, line: u32, is_flat: &dyn Fn(&str) -> bool) -> Flat<Statement> {
         let Some(first) = self.bytes.peek()? else { return Ok(Statement::End) };
         if matches!(first, b'"' | b'\'') {
             self.string(false)?;
@@ -134,6 +143,9 @@ impl Parser {
         }
         if self.bytes.peek()? != Some(b'(') {
             return self.fail(format!("\"{name}\" without arguments"));
+        }
+        if !is_flat(&name) {
+            return self.fail(format!("\"{name}\""));
         }
         self.bytes.advance();
         let args = self.arguments()?;

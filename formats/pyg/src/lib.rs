@@ -4,7 +4,9 @@ mod bytes;
 mod calls;
 mod flat;
 mod names;
+mod python;
 mod read;
+mod script;
 mod value;
 
 pub use read::{Chunking, PygError, PygOptions, PygSource, read};

@@ -48,3 +48,34 @@ pub(crate) const CALLS: [&str; 39] = [
 pub(crate) fn is_call(name: &str) -> bool {
     CALLS[..35].contains(&name)
 }
+
+/// Functions of Python that a script may call without having defined anything.
+const BUILTINS: [&str; 22] = [
+    "print",
+    "exec",
+    "eval",
+    "open",
+    "len",
+    "map",
+    "filter",
+    "list",
+    "setattr",
+    "getattr",
+    "delattr",
+    "globals",
+    "locals",
+    "vars",
+    "exit",
+    "quit",
+    "compile",
+    "execfile",
+    "__import__",
+    "breakpoint",
+    "help",
+    "input",
+];
+
+/// Whether a call of `name` is Python's own business.
+pub(crate) fn is_python_builtin(name: &str) -> bool {
+    BUILTINS.contains(&name)
+}

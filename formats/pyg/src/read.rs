@@ -2,13 +2,14 @@
 
 use crate::bytes::Bytes;
 use crate::flat::{Parser, Statement, Why};
+use crate::python::{Event, Python};
 use crate::value::Value;
-use crate::{calls, hint, names};
-use granita_base::{Location, Reporter, Severity};
+use crate::{calls, hint, names, script};
+use granita_base::{Environment, Location, Reporter, Severity};
 use granita_scene::{SceneSink, Stop};
 use std::fs::File;
 use std::io::{self, Read};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Where a Pyg scene comes from.
@@ -83,6 +84,8 @@ pub struct PygOptions {
     pub chunking: Chunking,
     /// The interpreter; `python3` on the process's path when `None`.
     pub python: Option<PathBuf>,
+    /// Variables that scripts see beside those of this process.
+    pub environment: Environment,
     /// Refuse scripts: for scenes from strangers.
     pub safe: bool,
     /// Most bytes of one statement.
@@ -96,6 +99,7 @@ impl Default for PygOptions {
             never_pyglet: false,
             chunking: Chunking::Auto,
             python: None,
+            environment: Environment::empty(),
             safe: false,
             statement_limit: 1 << 32,
         }
@@ -142,7 +146,7 @@ pub fn read(
     let file = source.name();
     let stream = source.open()?;
     let parser = Parser::new(Bytes::new(stream, options.statement_limit));
-    Reader { file, parser, sink, options, reporter }.run()
+    Reader { file, parser, sink, options, reporter, python: None, rebound: false }.run()
 }
 
 struct Reader<'a> {
@@ -151,21 +155,56 @@ struct Reader<'a> {
     sink: &'a mut dyn SceneSink,
     options: &'a PygOptions,
     reporter: &'a Reporter,
+    python: Option<Python>,
+    /// The script changed what the names of calls mean: nothing is flat any more.
+    rebound: bool,
 }
+
+/// Whether to go on reading.
+#[derive(PartialEq)]
+enum Next {
+    More,
+    End,
+}
+
+/// Python statements are gathered up to this size.
+const BATCH: usize = 1 << 18;
 
 impl Reader<'_> {
     fn run(&mut self) -> Result<(), PygError> {
+        if self.options.never_pyglet {
+            let why = Why { what: "every scene file".into(), line: 1 };
+            return self.all_python(&why).map(drop);
+        }
         loop {
-            let statement = self.parser.statement();
-            let statement =
-                statement.map_err(|source| PygError::Io { path: self.file.to_string(), source })?;
-            match statement {
+            match self.statement()? {
                 Statement::End => return Ok(()),
                 Statement::Nothing => {}
                 Statement::Call { name, args, line } => self.flat_call(&name, args, line)?,
-                Statement::Python { line, why } => return self.python(line, &why),
+                Statement::Python { line, why } => {
+                    let next = if self.options.chunking == Chunking::Never || self.rebound {
+                        self.all_python(&why)?
+                    } else {
+                        self.some_python(line, &why)?
+                    };
+                    if next == Next::End {
+                        return Ok(());
+                    }
+                }
             }
         }
+    }
+
+    /// The next statement; names that only the script knows make it one for Python.
+    fn statement(&mut self) -> Result<Statement, PygError> {
+        let (scripted, rebound) = (self.python.is_some(), self.rebound);
+        let is_flat =
+            |name: &str| !rebound && (names::is_call(name) || !(scripted || names::is_python_builtin(name)));
+        self.parser.statement(&is_flat).map_err(|source| self.io(source))
+    }
+
+    fn io(&self, source: io::Error) -> PygError {
+        PygError::Io { path: self.file.to_string(), source }
     }
 
     fn flat_call(&mut self, name: &str, args: Vec<Value>, line: u32) -> Result<(), PygError> {
@@ -186,10 +225,145 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn python(&mut self, line: u32, why: &Why) -> Result<(), PygError> {
+    /// Gathers statements until the next flat one, and executes them.
+    fn some_python(&mut self, line: u32, why: &Why) -> Result<Next, PygError> {
+        self.start(why)?;
+        let mut code = Vec::new();
+        let mut flat = None;
+        while code.len() < BATCH {
+            let taken = script::take_statement(&mut self.parser.bytes, &mut code);
+            taken.map_err(|source| self.io(source))?;
+            if code.last() != Some(&b'\n') {
+                code.push(b'\n');
+            }
+            match self.statement()? {
+                Statement::Python { line: next, .. } => {
+                    // Keeps the lines in step over comments that were left out.
+                    let lines = code.iter().filter(|c| **c == b'\n').count() as u32;
+                    let missing = (next - line).saturating_sub(lines);
+                    code.extend(std::iter::repeat_n(b'\n', missing as usize));
+                }
+                other => {
+                    flat = Some(other);
+                    break;
+                }
+            }
+        }
+        if self.execute(line, &code)? == Next::End {
+            return Ok(Next::End);
+        }
+        match flat {
+            None | Some(Statement::Nothing | Statement::Python { .. }) => Ok(Next::More),
+            Some(Statement::End) => Ok(Next::End),
+            Some(Statement::Call { name, args, line }) => {
+                // The piece just executed may have changed what the name means.
+                if self.rebound {
+                    self.parser.again();
+                    return Ok(Next::More);
+                }
+                self.flat_call(&name, args, line).map(|()| Next::More)
+            }
+        }
+    }
+
+    /// Executes all that is left.
+    fn all_python(&mut self, why: &Why) -> Result<Next, PygError> {
+        self.start(why)?;
+        let line = self.parser.bytes.line();
+        let mut code = Vec::new();
+        let taken = script::take_rest(&mut self.parser.bytes, &mut code);
+        taken.map_err(|source| self.io(source))?;
+        self.execute(line, &code)?;
+        Ok(Next::End)
+    }
+
+    /// Starts the interpreter, if scripts are allowed.
+    fn start(&mut self, why: &Why) -> Result<(), PygError> {
+        if self.python.is_some() {
+            return Ok(());
+        }
+        let at = Location::line(&self.file, why.line);
+        let reason = &why.what;
+        if self.options.always_pyglet {
+            let what = format!("{reason} is not part of a flat scene, and only flat scenes are to be read");
+            return Err(PygError::Malformed { what, at });
+        }
+        if self.options.safe {
+            let what = format!("{at}: {reason} makes this a script, and scripts are not to be run");
+            return Err(PygError::Unsupported(what));
+        }
+        let default = Path::new("python3");
+        let program = self.options.python.as_deref().unwrap_or(default);
+        match Python::start(program, &self.file, self.options.environment.iter()) {
+            Ok(python) => self.python = Some(python),
+            Err(error) => {
+                let program = program.display();
+                let what = format!(
+                    "{at}: {reason} makes this a Python script, but {program} cannot be started: {error}"
+                );
+                return Err(PygError::Unsupported(what));
+            }
+        }
+        Ok(())
+    }
+
+    /// Executes a piece of script and passes its calls on.
+    fn execute(&mut self, line: u32, code: &[u8]) -> Result<Next, PygError> {
+        let Some(mut python) = self.python.take() else { return Ok(Next::End) };
+        let next = self.converse(&mut python, line, code)?;
+        self.python = Some(python);
+        Ok(next)
+    }
+
+    fn converse(&mut self, python: &mut Python, line: u32, code: &[u8]) -> Result<Next, PygError> {
         let at = Location::line(&self.file, line);
-        let _ = self.options;
-        let what = format!("{} at line {}: Python in scene files is not supported yet", why.what, why.line);
-        Err(PygError::Malformed { what, at })
+        let broken = |what: io::Error| PygError::Malformed { what: what.to_string(), at: at.clone() };
+        python.execute(line, code).map_err(broken)?;
+        let mut printed = String::new();
+        loop {
+            match python.event().map_err(broken)? {
+                Event::Call { line, name, args } => self.flat_call(&name, args, line)?,
+                Event::Get(name) => {
+                    let value = self.sink.attribute(&name);
+                    python.answer(value.as_ref()).map_err(broken)?;
+                }
+                Event::Printed(text) => {
+                    printed.push_str(&text);
+                    while let Some(end) = printed.find('\n') {
+                        let rest = printed.split_off(end + 1);
+                        self.reporter.say(Severity::Message, &Location::default(), printed);
+                        printed = rest;
+                    }
+                }
+                Event::Done { rebound } => {
+                    self.rebound |= rebound;
+                    self.say_rest(printed);
+                    return Ok(Next::More);
+                }
+                Event::Error { line, kind, text, name } => {
+                    self.say_rest(printed);
+                    let hint =
+                        hint(granita_scene::suggestion(&name, names::CALLS).filter(|_| !name.is_empty()));
+                    let what = format!("{kind}: {text}{hint}");
+                    return Err(PygError::Malformed { what, at: Location::line(&self.file, line) });
+                }
+                Event::Exit { code, text } => {
+                    self.say_rest(printed);
+                    if code == 0 {
+                        return Ok(Next::End);
+                    }
+                    let text = if text.is_empty() { format!("the script ended with {code}") } else { text };
+                    return Err(PygError::Malformed { what: text, at: Location::line(&self.file, line) });
+                }
+            }
+        }
+    }
+
+    /// A last printed line without an end.
+    fn say_rest(&self, mut printed: String) {
+        if !printed.is_empty() {
+            printed.push('\n');
+            self.reporter.say(Severity::Message, &Location::default(), printed);
+        }
     }
 }

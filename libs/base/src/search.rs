@@ -24,6 +24,11 @@ impl Environment {
         self.0.get(name).map(String::as_str)
     }
 
+    /// All variables, in order of their names.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.0.iter().map(|(name, value)| (name.as_str(), value.as_str()))
+    }
+
     /// Replaces `$VAR`, `${VAR}`, `$(VAR)` and `%VAR%`; what is not set stays as written.
     pub fn expand(&self, text: &str) -> String {
         let mut out = String::with_capacity(text.len());
