@@ -34,11 +34,6 @@ impl Bytes {
         (self.pos, self.line) = mark;
     }
 
-    /// What lies between a mark and here.
-    pub(crate) fn since(&self, mark: (usize, u32)) -> &[u8] {
-        &self.buf[mark.0..self.pos]
-    }
-
     /// A statement begins: what lies before it is no longer needed.
     pub(crate) fn forget(&mut self) {
         if self.pos >= CHUNK {

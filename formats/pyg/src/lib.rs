@@ -8,8 +8,10 @@ mod python;
 mod read;
 mod script;
 mod value;
+mod write;
 
 pub use read::{Chunking, PygError, PygOptions, PygSource, read};
+pub use write::{Writer, WriterOptions};
 
 /// `; did you mean ...`, or nothing.
 pub(crate) fn hint(suggestion: Option<&str>) -> String {

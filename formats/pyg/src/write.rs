@@ -1,0 +1,561 @@
+//! The writer: calls as Pyg text, flat and ASCII (reference 3.6, 4.3.12).
+
+use granita_base::shape::KnotSpan;
+use granita_base::{BaseType, Interp, Location, Param, ParamData, ParamType, Params, ShapeDesc};
+use granita_scene::{Call, SceneSink, Stop, TransformTarget};
+use std::fmt::Write as _;
+use std::io::{self, Write};
+use std::sync::Arc;
+
+/// Lines are broken behind this column.
+const WIDTH: usize = 100;
+/// Shorter arrays are written as text even in binary files.
+const BINARY_FROM: usize = 16;
+/// Text is passed on in pieces of this size.
+const PIECE: usize = 1 << 16;
+
+/// How to write; `Attribute ("int pyg:binary", 1)` and its like change it on the way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WriterOptions {
+    /// Long arrays as binary data (reference 3.7): half the size, much faster to read, no longer Python.
+    pub binary: bool,
+    /// Parameters as calls of `Parameter` before the call that takes them.
+    pub separate_params: bool,
+    /// Blanks before every statement.
+    pub indent: usize,
+}
+
+/// Writes every call that it receives as Pyg. What it writes is flat (it needs no Python to read) and, unless
+/// binary, plain ASCII; numbers are written with the fewest digits that read back to the same bits.
+///
+/// The attributes "pyg:binary", "format:binary", "pyg:separateparams", "pyg:indent" and
+/// "limits:inputlevels" control the writer and are not written themselves.
+///
+/// ```
+/// use granita_base::{Location, Param};
+/// use granita_pyg::Writer;
+/// use granita_scene::{Call, SceneSink};
+/// let mut writer = Writer::new(Vec::new());
+/// writer.call(Call::Attribute(Param::declared("float fov", 45.0)?), &Location::default())?;
+/// assert_eq!(writer.into_inner()?, b"Attribute (\"float fov\", 45)\n");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Writer<W: Write> {
+    out: W,
+    options: WriterOptions,
+    input_levels: i32,
+    line: Line,
+}
+
+/// The statement being written.
+#[derive(Debug, Default)]
+struct Line {
+    text: Vec<u8>,
+    /// Where the current line of the text begins.
+    start: usize,
+    indent: usize,
+    first: bool,
+    item: String,
+}
+
+impl<W: Write> Writer<W> {
+    /// Writes text to `out`, in pieces: a buffered writer is not needed.
+    pub fn new(out: W) -> Self {
+        Self::with_options(out, WriterOptions::default())
+    }
+
+    /// As [`Writer::new`], with other options.
+    pub fn with_options(out: W, options: WriterOptions) -> Self {
+        Self { out, options, input_levels: 0, line: Line::default() }
+    }
+
+    /// Passes everything on and gives the output back.
+    pub fn into_inner(mut self) -> io::Result<W> {
+        self.flush()?;
+        Ok(self.out)
+    }
+
+    /// Passes everything on.
+    pub fn flush(&mut self) -> io::Result<()> {
+        self.out.write_all(&self.line.text)?;
+        self.line.text.clear();
+        self.out.flush()
+    }
+
+    /// Levels of `Input` that are to be expanded, as set by "limits:inputlevels".
+    pub fn input_levels(&self) -> i32 {
+        self.input_levels
+    }
+
+    fn begin(&mut self, name: &str) {
+        let line = &mut self.line;
+        line.indent = self.options.indent;
+        line.start = line.text.len();
+        line.text.extend(std::iter::repeat_n(b' ', line.indent));
+        line.text.extend(name.as_bytes());
+        line.text.extend(b" (");
+        line.first = true;
+    }
+
+    fn end(&mut self) -> io::Result<()> {
+        self.line.text.extend(b")\n");
+        if self.line.text.len() >= PIECE {
+            self.out.write_all(&self.line.text)?;
+            self.line.text.clear();
+        }
+        Ok(())
+    }
+
+    fn comma(&mut self) {
+        if !std::mem::take(&mut self.line.first) {
+            self.line.text.push(b',');
+            self.line.gap();
+        }
+    }
+
+    fn string(&mut self, s: &str) {
+        self.comma();
+        self.line.quoted(s);
+    }
+
+    fn optional(&mut self, s: Option<&Arc<str>>) {
+        match s {
+            Some(s) => self.string(s),
+            None => self.word("None"),
+        }
+    }
+
+    fn word(&mut self, word: &str) {
+        self.comma();
+        self.line.put(word);
+    }
+
+    fn count(&mut self, n: usize) {
+        self.word(&n.to_string());
+    }
+
+    fn number(&mut self, f: f32) {
+        self.comma();
+        self.line.float(f, false);
+        self.line.put_item();
+    }
+
+    fn floats(&mut self, values: &[f32], keep_float: bool) -> io::Result<()> {
+        self.comma();
+        if self.options.binary && values.len() >= BINARY_FROM {
+            return self.raw(0x82, values.len(), values.iter().map(|f| f.to_le_bytes()));
+        }
+        // One value with a point makes the sequence one of floats.
+        let mut keep = keep_float && values.iter().all(|f| is_whole(*f));
+        self.line.text.push(b'(');
+        for (i, f) in values.iter().enumerate() {
+            if i > 0 {
+                self.line.text.push(b',');
+                self.line.gap();
+            }
+            self.line.float(*f, std::mem::take(&mut keep));
+            self.line.put_item();
+            self.relieve()?;
+        }
+        self.line.text.extend(if values.len() == 1 { &b",)"[..] } else { b")" });
+        Ok(())
+    }
+
+    fn ints(&mut self, values: &[i32]) -> io::Result<()> {
+        self.comma();
+        if self.options.binary && values.len() >= BINARY_FROM {
+            return self.raw(0x80, values.len(), values.iter().map(|i| i.to_le_bytes()));
+        }
+        self.line.text.push(b'(');
+        for (i, n) in values.iter().enumerate() {
+            if i > 0 {
+                self.line.text.push(b',');
+                self.line.gap();
+            }
+            // Writing to a string cannot fail.
+            let _ = write!(self.line.item, "{n}");
+            self.line.put_item();
+            self.relieve()?;
+        }
+        self.line.text.extend(if values.len() == 1 { &b",)"[..] } else { b")" });
+        Ok(())
+    }
+
+    /// A binary array. Lengths beyond what the format can say are impossible in memory of this kind.
+    fn raw(&mut self, code: u8, n: usize, words: impl Iterator<Item = [u8; 4]>) -> io::Result<()> {
+        let n = i32::try_from(n).map_err(|_| io::Error::other("an array is too long for binary Pyg"))?;
+        self.line.text.push(code);
+        self.line.text.extend(n.to_le_bytes());
+        words.for_each(|w| self.line.text.extend(w));
+        self.line.start = self.line.text.len();
+        Ok(())
+    }
+
+    /// Passes finished lines of a long statement on.
+    fn relieve(&mut self) -> io::Result<()> {
+        if self.line.text.len() >= PIECE && self.line.start > 0 {
+            let start = std::mem::take(&mut self.line.start);
+            self.out.write_all(&self.line.text[..start])?;
+            self.line.text.drain(..start);
+        }
+        Ok(())
+    }
+
+    fn value(&mut self, data: &ParamData, ty: ParamType) -> io::Result<()> {
+        let single = data.len() == 1 && ty.array.is_none();
+        // Where no type says so, the text itself has to tell floats from integers.
+        let keep_float = matches!(ty.base, BaseType::Unknown | BaseType::Int | BaseType::String);
+        match data {
+            ParamData::Float(v) if single => {
+                self.comma();
+                self.line.float(v[0], keep_float);
+                self.line.put_item();
+                Ok(())
+            }
+            ParamData::Int(v) if single => {
+                self.word(&v[0].to_string());
+                Ok(())
+            }
+            ParamData::String(v) if single => {
+                self.string(&v[0]);
+                Ok(())
+            }
+            ParamData::Float(v) => self.floats(v, keep_float),
+            ParamData::Int(v) => self.ints(v),
+            ParamData::String(v) => {
+                self.comma();
+                self.line.text.push(b'(');
+                for (i, s) in v.iter().enumerate() {
+                    if i > 0 {
+                        self.line.text.push(b',');
+                        self.line.gap();
+                    }
+                    self.line.quoted(s);
+                }
+                self.line.text.extend(if v.len() == 1 { &b",)"[..] } else { b")" });
+                Ok(())
+            }
+        }
+    }
+
+    fn param(&mut self, param: &Param) -> io::Result<()> {
+        self.string(&declaration(param));
+        self.value(&param.data, param.ty)
+    }
+
+    /// A call that takes parameters: `head` writes the arguments before them.
+    fn with_params(
+        &mut self,
+        name: &str,
+        params: &Params,
+        head: impl FnOnce(&mut Self) -> io::Result<()>,
+    ) -> io::Result<()> {
+        if self.options.separate_params {
+            for param in params {
+                self.begin("Parameter");
+                self.param(param)?;
+                self.end()?;
+            }
+        }
+        self.begin(name);
+        head(self)?;
+        if !self.options.separate_params {
+            params.iter().try_for_each(|p| self.param(p))?;
+        }
+        self.end()
+    }
+
+    /// A call with strings only.
+    fn strings(&mut self, name: &str, args: &[&str]) -> io::Result<()> {
+        self.begin(name);
+        args.iter().for_each(|a| self.string(a));
+        self.end()
+    }
+
+    /// A call with numbers only.
+    fn numbers(&mut self, name: &str, args: &[f32]) -> io::Result<()> {
+        self.begin(name);
+        args.iter().for_each(|a| self.number(*a));
+        self.end()
+    }
+
+    fn span(&mut self, span: &KnotSpan) -> io::Result<()> {
+        self.count(span.order);
+        self.floats(&span.knots, false)?;
+        self.number(span.min);
+        self.number(span.max);
+        Ok(())
+    }
+
+    fn shape(&mut self, shape: &ShapeDesc, params: &Params) -> io::Result<()> {
+        self.with_params(shape.call_name(), params, |w| {
+            match shape {
+                ShapeDesc::Patch { u, v, nu, nv } => {
+                    if u == v {
+                        w.string(u.word());
+                    } else {
+                        w.string(&format!("{},{}", u.word(), v.word()));
+                    }
+                    w.count(*nu);
+                    w.count(*nv);
+                }
+                ShapeDesc::Nurbs { u, v } => {
+                    for span in [u, v] {
+                        w.count(span.n);
+                        w.span(span)?;
+                    }
+                }
+                ShapeDesc::Mesh { subdivide, nverts, verts } => {
+                    w.string(if *subdivide { "catmull-clark" } else { "linear" });
+                    w.ints(nverts)?;
+                    w.ints(verts)?;
+                }
+                ShapeDesc::Points { n } => w.count(*n),
+                ShapeDesc::Curves { basis, ncurves, nverts } => {
+                    w.string(basis.word());
+                    w.count(*ncurves);
+                    w.count(*nverts);
+                }
+                ShapeDesc::NurbsCurves { ncurves, span } => {
+                    w.count(*ncurves);
+                    w.count(span.n);
+                    w.span(span)?;
+                }
+                ShapeDesc::Sphere { radius, zmin, zmax, thetamax_deg } => {
+                    [radius, zmin, zmax, thetamax_deg].into_iter().for_each(|f| w.number(*f));
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Shader and Light: name, layer and parameters.
+    fn shader(
+        &mut self,
+        call: &str,
+        first: &str,
+        name: Option<&Arc<str>>,
+        layer: Option<&Arc<str>>,
+        params: &Params,
+    ) -> io::Result<()> {
+        self.with_params(call, params, |w| {
+            w.string(first);
+            if call == "Light" || name.is_some() || layer.is_some() || !params.is_empty() {
+                w.optional(name);
+            }
+            if let Some(layer) = layer {
+                w.string(layer);
+            }
+            Ok(())
+        })
+    }
+
+    fn attribute(&mut self, param: &Param) -> io::Result<()> {
+        let int = || param.data.to_ints().and_then(|v| v.first().copied());
+        match (&*param.name, int()) {
+            ("pyg:binary" | "format:binary", Some(v)) => self.options.binary = v != 0,
+            ("pyg:separateparams", Some(v)) => self.options.separate_params = v != 0,
+            ("pyg:indent", Some(v)) => {
+                // Relative; more than any editor shows is a mistake.
+                let indent = self.options.indent as i64 + i64::from(v);
+                self.options.indent = indent.clamp(0, 256) as usize;
+            }
+            ("limits:inputlevels", Some(v)) => self.input_levels = v,
+            _ => {
+                self.begin("Attribute");
+                self.param(param)?;
+                self.end()?;
+            }
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, call: &Call) -> io::Result<()> {
+        let name = call.name();
+        match call {
+            Call::Parameter(p) => {
+                self.begin(name);
+                self.param(p)?;
+                self.end()
+            }
+            Call::Attribute(p) => self.attribute(p),
+            Call::PushAttributes
+            | Call::PopAttributes
+            | Call::PushTransform
+            | Call::PopTransform
+            | Call::World
+            | Call::ShaderGroupBegin
+            | Call::ShaderGroupEnd => self.strings(name, &[]),
+            Call::SaveAttributes { name: saved, attributes }
+            | Call::RestoreAttributes { name: saved, attributes } => {
+                let args = std::iter::once(&**saved).chain(attributes.as_deref());
+                self.strings(name, &args.collect::<Vec<_>>())
+            }
+            Call::Modify { pattern } => self.strings(name, &[pattern]),
+            Call::SetTransform(TransformTarget::Named(space)) => self.strings(name, &[space]),
+            Call::SetTransform(TransformTarget::Matrix(m)) | Call::AppendTransform(m) => {
+                self.begin(name);
+                // Sixteen numbers stay readable.
+                let binary = std::mem::take(&mut self.options.binary);
+                let result = self.floats(&m[..], false);
+                self.options.binary = binary;
+                result.and_then(|()| self.end())
+            }
+            Call::Translate(v) | Call::Scale(v) => self.numbers(name, v),
+            Call::Rotate { angle_deg, axis: [x, y, z] } => self.numbers(name, &[*angle_deg, *x, *y, *z]),
+            Call::Motion(times) => self.numbers(name, times),
+            Call::Camera { name: camera, params } => self.with_params(name, params, |w| {
+                w.string(camera);
+                Ok(())
+            }),
+            Call::Output { name: file, format, data, camera, params } => {
+                self.with_params(name, params, |w| {
+                    [file, format, data, camera].into_iter().for_each(|s| w.string(s));
+                    Ok(())
+                })
+            }
+            Call::Render { camera } => self.strings(name, &camera.as_deref().into_iter().collect::<Vec<_>>()),
+            Call::Command { name: command, params } => self.with_params(name, params, |w| {
+                w.string(command);
+                Ok(())
+            }),
+            Call::Comment(text) => {
+                for line in text.split(['\n', '\r']) {
+                    let shown: String = line.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect();
+                    let indent = " ".repeat(self.options.indent);
+                    let blank = if shown.is_empty() { "" } else { " " };
+                    self.line.text.extend(format!("{indent}#{blank}{shown}\n").bytes());
+                }
+                Ok(())
+            }
+            Call::Shader { usage, name: shader, layer, params } => {
+                self.shader(name, usage, shader.as_ref(), layer.as_ref(), params)
+            }
+            Call::Light { id, shader, layer, params } => {
+                self.shader(name, id, shader.as_ref(), layer.as_ref(), params)
+            }
+            Call::ConnectShaders { source_layer, source, target_layer, target } => {
+                self.strings(name, &[source_layer, source, target_layer, target])
+            }
+            Call::LightSwitch { id, on } => {
+                self.begin(name);
+                self.string(id);
+                self.word(if *on { "1" } else { "0" });
+                self.end()
+            }
+            Call::Shape { shape, params } => self.shape(shape, params),
+            Call::TrimCurve(trim) => {
+                self.begin(name);
+                match trim {
+                    Some(t) => {
+                        [&t.ncurves, &t.n, &t.order].into_iter().try_for_each(|v| self.ints(v))?;
+                        [&t.knots, &t.min, &t.max, &t.uvw]
+                            .into_iter()
+                            .try_for_each(|v| self.floats(v, false))?;
+                    }
+                    None => (0..7).try_for_each(|_| self.ints(&[]))?,
+                }
+                self.end()
+            }
+            Call::Input { command, bound } => {
+                self.begin(name);
+                self.string(command);
+                if let Some(bound) = bound {
+                    self.floats(bound, false)?;
+                }
+                self.end()
+            }
+        }
+    }
+}
+
+impl<W: Write> SceneSink for Writer<W> {
+    fn call(&mut self, call: Call, _: &Location) -> Result<(), Stop> {
+        Ok(self.write(&call)?)
+    }
+
+    fn attribute(&self, declaration: &str) -> Option<Param> {
+        let (_, name) = ParamType::parse(declaration).ok()?;
+        let value = match name.as_str() {
+            "pyg:binary" | "format:binary" => i32::from(self.options.binary),
+            "pyg:separateparams" => i32::from(self.options.separate_params),
+            "pyg:indent" => self.options.indent as i32,
+            "limits:inputlevels" => self.input_levels,
+            _ => return granita_scene::attribute_default(&name),
+        };
+        Some(Param { name: name.into(), ty: ParamType::of(BaseType::Int), data: value.into() })
+    }
+}
+
+/// The declaration as it is written: also an interpolation without a type.
+fn declaration(param: &Param) -> String {
+    if param.ty.base == BaseType::Unknown && param.ty.interp != Interp::Constant {
+        return format!("{} {}", param.ty.interp.word(), param.name);
+    }
+    param.declaration()
+}
+
+/// Whether the number can be written without a point.
+fn is_whole(f: f32) -> bool {
+    f.fract() == 0.0 && f.abs() < 1.0e9 && (f != 0.0 || f.is_sign_positive())
+}
+
+impl Line {
+    /// Puts a word down, on a new line if this one is full.
+    fn put(&mut self, word: &str) {
+        let column = self.text.len() - self.start;
+        // What the gap before it left at the end of the line is not kept.
+        if column + word.len() > WIDTH && column > self.indent + 16 && self.text.last() == Some(&b' ') {
+            self.text.pop();
+            self.text.push(b'\n');
+            self.start = self.text.len();
+            self.text.extend(std::iter::repeat_n(b' ', self.indent + 4));
+        }
+        self.text.extend(word.as_bytes());
+    }
+
+    fn put_item(&mut self) {
+        let item = std::mem::take(&mut self.item);
+        self.put(&item);
+        self.item = item;
+        self.item.clear();
+    }
+
+    fn gap(&mut self) {
+        self.text.push(b' ');
+    }
+
+    /// Prepares the fewest digits that read back to the same number.
+    fn float(&mut self, f: f32, keep_float: bool) {
+        // Writing to a string cannot fail.
+        let _ = if f.is_nan() {
+            write!(self.item, "1e999-1e999")
+        } else if f.is_infinite() {
+            write!(self.item, "{}1e999", if f < 0.0 { "-" } else { "" })
+        } else if is_whole(f) && !keep_float {
+            write!(self.item, "{}", f as i32)
+        } else {
+            write!(self.item, "{f:?}")
+        };
+    }
+
+    fn quoted(&mut self, s: &str) {
+        self.item.push('"');
+        for c in s.chars() {
+            // Writing to a string cannot fail.
+            let _ = match c {
+                '"' => write!(self.item, "\\\""),
+                '\\' => write!(self.item, "\\\\"),
+                '\n' => write!(self.item, "\\n"),
+                '\t' => write!(self.item, "\\t"),
+                ' '..='~' => write!(self.item, "{c}"),
+                c if (c as u32) < 0x100 => write!(self.item, "\\x{:02x}", c as u32),
+                c if (c as u32) < 0x1_0000 => write!(self.item, "\\u{:04x}", c as u32),
+                c => write!(self.item, "\\U{:08x}", c as u32),
+            };
+        }
+        self.item.push('"');
+        self.put_item();
+    }
+}
