@@ -41,6 +41,11 @@ mod shading;
 mod spaces;
 mod statistics;
 
+#[cfg(test)]
+mod fixture;
+#[cfg(test)]
+mod tests;
+
 pub use camera::{CameraView, Lens, PixelRect, Projection};
 pub use environment::{Progress, RenderEnvironment, ShaderLibrary, Silent};
 pub use error::RenderError;

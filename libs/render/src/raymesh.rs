@@ -515,3 +515,92 @@ fn angle_between(a: Vec3, b: Vec3) -> f32 {
     let (sin, cos) = (a.cross(b).length(), a.dot(b));
     if sin == 0.0 && cos == 0.0 { 0.0 } else { sin.atan2(cos) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::{Fixture, param};
+    use crate::shading::ShadingContext;
+    use granita_base::{Params, ShapeDesc};
+
+    fn mesh_of(fixture: &Fixture, primitive: &Arc<Primitive>) -> (RayMesh, TriangleMesh) {
+        let (scene, camera, environment) = fixture.finish();
+        let frame = ShadingContext::new(&scene, &camera, &environment);
+        let object = frame.object(primitive);
+        tessellate(primitive, &object, false, &mut ShaderThread::new(&frame)).unwrap()
+    }
+
+    fn plain() -> HitShading {
+        HitShading { ray: RayKind::default(), time: 0.0, dtime: 0.0, seed: 0, derivatives: true }
+    }
+
+    #[test]
+    fn a_sphere_is_flat_to_a_fraction_of_a_pixel() {
+        let mut f = Fixture::new(&[]);
+        let ball = f.attributes("", &["set"], &[]);
+        let ball = f.sphere(Vec3::new(0.5, 0.0, 1.0), 2.0, ball);
+        let (mesh, triangles) = mesh_of(&f, &ball);
+        let center = Vec3::new(0.5, 0.0, 1.0);
+        let p = &triangles.positions[0];
+        // 640 x 480 pixels, 90 degrees: at distance 7 to 11 a pixel is 0.03 to 0.05 units.
+        for t in &triangles.triangles {
+            let middle = t.iter().map(|i| p[*i as usize]).sum::<Vec3>() / 3.0;
+            let off = 2.0 - middle.distance(center);
+            assert!((-1e-5..2.0 * 0.046 * FLATNESS_PX).contains(&off), "{off}");
+        }
+        let count = triangles.triangles.len();
+        assert!((1000..100_000).contains(&count), "{count}");
+        // Normals point outward.
+        for (p, n) in mesh.p.iter().zip(&mesh.n) {
+            assert!((*n - (*p - center) / 2.0).length() < 1e-3, "{p} {n}");
+        }
+    }
+
+    #[test]
+    fn a_polygon_is_two_triangles() {
+        let mut f = Fixture::new(&[]);
+        let floor = f.attributes("", &["set"], &[]);
+        let floor = f.rectangle([-1.0, -2.0], [3.0, 2.0], 0.5, floor);
+        let (_, triangles) = mesh_of(&f, &floor);
+        assert_eq!(triangles.triangles.len(), 2);
+    }
+
+    #[test]
+    fn hits_interpolate_variables_and_know_their_derivatives() {
+        let mut f = Fixture::new(&[]);
+        let p = [0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 4.0, 2.0, 0.0, 0.0, 2.0, 0.0_f32];
+        let s = [0.0, 1.0, 1.0, 0.0_f32];
+        let params = Params(vec![
+            param("vertex point P", &p[..]),
+            param("linear float s", &s[..]),
+            param("string label", "x"),
+        ]);
+        let shape = ShapeDesc::Mesh { subdivide: false, nverts: [4].into(), verts: [0, 1, 2, 3].into() };
+        let floor = f.attributes("", &["set"], &[]);
+        let floor = f.add(shape, params, floor);
+        let (mesh, triangles) = mesh_of(&f, &floor);
+        let positions = &triangles.positions[0];
+        for (k, t) in triangles.triangles.iter().enumerate() {
+            let corner = |i: usize| positions[t[i] as usize];
+            let (b1, b2) = (0.3, 0.2);
+            let p = corner(0) * (1.0 - b1 - b2) + corner(1) * b1 + corner(2) * b2;
+            let hit = MeshHit { triangle: k as u32, b1, b2, p, i: -Vec3::Z, width: 0.01 };
+            let grid = mesh.grid(&[hit], plain());
+            assert_eq!(grid.topology, Topology::Triplets { n: 1 });
+            let PrimvarData::Floats { values, varying: true } =
+                &grid.primvars.iter().find(|v| &*v.name == "s").unwrap().data
+            else {
+                panic!()
+            };
+            // s is x / 4 everywhere; neighbours are one width away along each side.
+            for lane in 0..3 {
+                assert!((values[lane] - grid.p.get(lane).x / 4.0).abs() < 1e-5, "{k} {lane}");
+            }
+            assert!((grid.p.get(1).distance(p) - 0.01).abs() < 1e-4);
+            assert!((grid.p.get(2).distance(p) - 0.01).abs() < 1e-4);
+            assert!((grid.n.get(0).normalize() - Vec3::Z).length() < 1e-6);
+            let label = grid.primvars.iter().find(|v| &*v.name == "label").unwrap();
+            assert_eq!(label.data, PrimvarData::Strings(vec!["x".into()]));
+        }
+    }
+}

@@ -14,7 +14,7 @@ use granita_base::{
 };
 use granita_scene::{AttributeSet, LightId, ShaderUsage};
 use granita_shade::{
-    Batch, EnvironmentQuery, Grid, IlluminateQuery, Lane, Lanes3, LightInfo, LightResult, LookupResult,
+    Batch, EnvironmentQuery, Grid, IlluminateQuery, Lane, Lane3, Lanes3, LightInfo, LightResult, LookupResult,
     RayKind, Services, ShadowQuery, TextureQuery, Topology, TraceQuery, TraceResult,
 };
 use std::sync::Arc;
@@ -188,6 +188,11 @@ impl Services for Run<'_, '_> {
 
     fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult) {
         maps::texture(self.frame, query, out);
+    }
+
+    fn texture3d(&mut self, query: &TextureQuery<'_>, _: Lane3<'_>, out: &mut LookupResult) {
+        self.frame.unsupported("texture3d");
+        maps::absent(query, out);
     }
 
     fn environment(&mut self, query: &EnvironmentQuery<'_>, out: &mut LookupResult) {

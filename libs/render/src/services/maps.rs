@@ -34,6 +34,17 @@ fn first_channel(value: Option<granita_shade::Lane<'_>>, lane: usize) -> u32 {
     option(value, lane, 0.0).clamp(0.0, 65536.0) as u32
 }
 
+/// The answer of a texture that is not there: `fill`, alpha 0.
+pub(super) fn absent(query: &TextureQuery<'_>, out: &mut LookupResult) {
+    prepare(query.batch, query.channels, out);
+    for &lane in query.batch.active {
+        let i = lane as usize;
+        let fill = option(query.options.fill, i, 0.0);
+        out.value.iter_mut().for_each(|channel| channel[i] = fill);
+        out.alpha[i] = 0.0;
+    }
+}
+
 /// `texture ()`. A file that cannot be used gives `fill` and alpha 0.
 pub(super) fn texture(frame: &ShadingContext, query: &TextureQuery<'_>, out: &mut LookupResult) {
     prepare(query.batch, query.channels, out);

@@ -1,0 +1,270 @@
+//! Shading as a whole: shaders, lights and rays over small scenes with known answers.
+
+use crate::fixture::{Fixture, flat_grid, param};
+use crate::shading::{ShaderThread, ShadingContext};
+use granita_base::{Color, Params, ShapeDesc, Transform, Vec3};
+use granita_scene::Primitive;
+use granita_shade::Grid;
+
+const MATTE: &str = "surface matte () { C *= diffuse (normalize (N)); C *= opacity; }";
+const CONSTANT: &str = "surface constant () { C *= opacity; }";
+const MIRROR: &str = "surface mirror (string envname = \"reflection\", float blur = 0, float samples = 1)
+{
+    C = environment (envname, reflect (normalize (I), normalize (N)), \"blur\", blur, \"samples\", samples);
+}";
+const POINT: &str = "light point (float intensity = 1, string shadowname = \"\", float samples = 1)
+{
+    emit (point (\"shader\", 0, 0, 0)) {
+        Cl = intensity / dot (L, L);
+        if (shadowname) Cl *= 1 - (color) shadow (shadowname, Ps, \"samples\", samples);
+    }
+}";
+
+/// Shades points of the plane z = 0 with the state of a primitive.
+fn shade(fixture: &Fixture, primitive: &Primitive, points: &[[f32; 2]]) -> Grid {
+    let (scene, camera, environment) = fixture.finish();
+    let frame = ShadingContext::new(&scene, &camera, &environment);
+    let object = frame.object(primitive);
+    let mut grid = flat_grid(points);
+    grid.c = granita_shade::Lanes3::splat(object.color, points.len());
+    grid.opacity = granita_shade::Lanes3::splat(object.opacity, points.len());
+    ShaderThread::new(&frame).shade(&object, &mut grid, &[]);
+    grid
+}
+
+fn near(a: Color, b: Color) {
+    assert!((a - b).abs().max_element() <= 1e-5 * b.abs().max_element().max(1.0), "{a} is not {b}");
+}
+
+#[test]
+fn light_falls_off_with_the_square_and_the_cosine() {
+    let mut f = Fixture::new(&[MATTE, POINT]);
+    f.light("point", &[param("float intensity", 5.0)], Transform::translate(Vec3::Z * 2.0));
+    let floor = f.attributes("matte", &[], &[]);
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+    let points = [[0.0, 0.0], [1.0, 0.0], [0.0, -3.0], [2.0, 2.0]];
+    let grid = shade(&f, &floor, &points);
+    for (i, [x, y]) in points.into_iter().enumerate() {
+        let r = (x * x + y * y + 4.0_f32).sqrt();
+        near(grid.c.get(i), Color::splat(5.0 * 2.0 / (r * r * r)));
+    }
+    assert_eq!(f.complaints(), Vec::<String>::new());
+}
+
+#[test]
+fn a_shadow_ends_where_geometry_says() {
+    let mut f = Fixture::new(&[MATTE, CONSTANT, POINT]);
+    let params = [param("string shadowname", "shadow")];
+    f.light("point", &params, Transform::translate(Vec3::Z * 2.0));
+    let floor = f.attributes("matte", &["shadow"], &[]);
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+    // A square of half side 1 half way up throws a shadow of half side 2.
+    let lid = f.attributes("constant", &["shadow"], &[]);
+    f.rectangle([-1.0; 2], [1.0; 2], 1.0, lid);
+    let points = [[0.0, 0.0], [1.999, 0.0], [-1.999, 1.999], [2.001, 0.0], [0.0, -2.001], [4.0, 4.0]];
+    let grid = shade(&f, &floor, &points);
+    for i in 0..3 {
+        assert_eq!(grid.c.get(i), Color::ZERO, "{i}");
+    }
+    for (i, [x, y]) in points.into_iter().enumerate().skip(3) {
+        let r = (x * x + y * y + 4.0_f32).sqrt();
+        near(grid.c.get(i), Color::splat(2.0 / (r * r * r)));
+    }
+    assert_eq!(f.complaints(), Vec::<String>::new());
+}
+
+#[test]
+fn shadows_of_clear_things_are_coloured() {
+    let mut f = Fixture::new(&[MATTE, CONSTANT, POINT]);
+    let params = [param("string shadowname", "shadow")];
+    f.light("point", &params, Transform::translate(Vec3::Z * 2.0));
+    let floor = f.attributes("matte", &[], &[]);
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+    let glass = [param("color opacity", &[0.25_f32, 0.5, 1.0][..])];
+    let first = f.attributes("constant", &["shadow"], &glass);
+    f.rectangle([-1.0; 2], [1.0; 2], 1.0, first);
+    let second = f.attributes("constant", &["shadow"], &glass);
+    f.rectangle([-1.0; 2], [0.0; 2], 0.5, second);
+    // Twice as much stands in the way at (-0.2, -0.2).
+    let grid = shade(&f, &floor, &[[0.2, 0.2], [-0.2, -0.2]]);
+    let open = 2.0 / (0.08_f32 + 4.0).powf(1.5);
+    near(grid.c.get(0), Color::new(0.75, 0.5, 0.0) * open);
+    near(grid.c.get(1), Color::new(0.75 * 0.75, 0.25, 0.0) * open);
+}
+
+#[test]
+fn a_mirror_shows_exactly_the_colour_of_what_it_sees() {
+    let mut f = Fixture::new(&[CONSTANT, MIRROR]);
+    let floor = f.attributes("mirror", &["reflection"], &[]);
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+    let ball = f.attributes("constant", &["reflection"], &[param("color C", &[0.2_f32, 0.5, 0.8][..])]);
+    f.sphere(Vec3::Z * 3.0, 1.0, ball);
+    let grid = shade(&f, &floor, &[[0.0, 0.0], [0.9, 0.0], [1.1, 0.0], [0.0, -5.0]]);
+    for i in 0..2 {
+        assert_eq!(grid.c.get(i), Color::new(0.2, 0.5, 0.8));
+    }
+    for i in 2..4 {
+        assert_eq!(grid.c.get(i), Color::ZERO);
+    }
+    assert_eq!(f.complaints(), Vec::<String>::new());
+}
+
+#[test]
+fn mirrors_in_mirrors_end_with_the_depth_colour() {
+    let mut f = Fixture::new(&[MIRROR]);
+    f.global("int ray:maxdepth", 3);
+    f.global("color ray:maxdepthcolor", &[0.1_f32, 0.2, 0.3][..]);
+    let floor = f.attributes("mirror", &["reflection"], &[]);
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+    let ceiling = f.attributes("mirror", &["reflection"], &[]);
+    f.rectangle([-9.0; 2], [9.0; 2], 1.0, ceiling);
+    let grid = shade(&f, &floor, &[[0.1, 0.2]]);
+    near(grid.c.get(0), Color::new(0.1, 0.2, 0.3));
+}
+
+#[test]
+fn a_reflected_surface_is_seen_through_what_is_clear() {
+    let mut f = Fixture::new(&[CONSTANT, MIRROR]);
+    let floor = f.attributes("mirror", &["reflection"], &[]);
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+    let veil = [param("color C", &[1.0_f32, 0.0, 0.0][..]), param("color opacity", &[0.25_f32; 3][..])];
+    let veil = f.attributes("constant", &["reflection"], &veil);
+    f.rectangle([-9.0; 2], [9.0; 2], 1.0, veil);
+    let wall = f.attributes("constant", &["reflection"], &[param("color C", &[0.0_f32, 1.0, 0.0][..])]);
+    f.rectangle([-9.0; 2], [9.0; 2], 2.0, wall);
+    let grid = shade(&f, &floor, &[[0.3, 0.4]]);
+    near(grid.c.get(0), Color::new(0.25, 0.75, 0.0));
+}
+
+#[test]
+fn hits_carry_the_variables_of_their_faces() {
+    let mut f = Fixture::new(&[CONSTANT, MIRROR]);
+    let floor = f.attributes("mirror", &["reflection"], &[]);
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+    // Two faces side by side at height 1, with a colour each.
+    let p =
+        [-1.0, -1.0, 1.0, 0.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0_f32];
+    let shape =
+        ShapeDesc::Mesh { subdivide: false, nverts: [4, 4].into(), verts: [0, 1, 4, 3, 1, 2, 5, 4].into() };
+    let colors = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0_f32];
+    let params = Params(vec![param("vertex point P", &p[..]), param("perpiece color C", &colors[..])]);
+    let pair = f.attributes("constant", &["reflection"], &[]);
+    f.add(shape, params, pair);
+    let grid = shade(&f, &floor, &[[-0.5, 0.0], [0.5, 0.3]]);
+    assert_eq!(grid.c.get(0), Color::X);
+    assert_eq!(grid.c.get(1), Color::Z);
+}
+
+#[test]
+fn occlusion_under_an_endless_lid_is_whole_and_in_the_open_none() {
+    let source = "surface occ () { C = occlusion (\"lid\", P, N, 1.2, \"samples\", 64); }";
+    let mut f = Fixture::new(&[CONSTANT, source]);
+    let floor = f.attributes("occ", &[], &[]);
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+    let lid = f.attributes("constant", &["lid"], &[]);
+    f.rectangle([-1000.0, -1000.0], [0.0, 1000.0], 0.5, lid);
+    let grid = shade(&f, &floor, &[[-50.0, 0.0], [50.0, 0.0], [0.0, 0.0]]);
+    assert_eq!(grid.c.get(0), Color::ONE);
+    assert_eq!(grid.c.get(1), Color::ZERO);
+    // Under the edge: half, but for noise.
+    assert!((grid.c.get(2).x - 0.5).abs() < 0.1, "{}", grid.c.get(2));
+}
+
+#[test]
+fn indirect_light_in_a_white_furnace_is_one() {
+    let source = "surface gather () { C = indirect (\"room\", P, N, \"samples\", 16); }";
+    let mut f = Fixture::new(&[CONSTANT, source]);
+    let floor = f.attributes("gather", &[], &[]);
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+    let room = f.attributes("constant", &["room"], &[]);
+    f.sphere(Vec3::ZERO, 20.0, room);
+    let grid = shade(&f, &floor, &[[0.0, 0.0], [3.0, -4.0]]);
+    near(grid.c.get(0), Color::ONE);
+    near(grid.c.get(1), Color::ONE);
+}
+
+#[test]
+fn what_is_missing_is_said_once_with_its_object() {
+    let mut f = Fixture::new(&[CONSTANT]);
+    f.light("nolight", &[], Transform::IDENTITY);
+    let named = [param("string name", "ball")];
+    let first = f.attributes("nosuch", &[], &named);
+    let first = f.sphere(Vec3::ZERO, 1.0, first);
+    let second = f.attributes("nosuch", &[], &named);
+    let second = f.sphere(Vec3::X, 1.0, second);
+    let grid = shade(&f, &first, &[[0.0, 0.0]]);
+    shade(&f, &second, &[[0.0, 0.0]]);
+    assert_eq!(grid.c.get(0), Color::ONE);
+    let said = f.complaints();
+    assert_eq!(said.len(), 2, "{said:?}");
+    assert!(said[0].contains("light \"light0\"") && said[0].contains("\"nolight\" is missing"), "{said:?}");
+    assert!(said[1].contains("object \"ball\"") && said[1].contains("\"defaultsurface\""), "{said:?}");
+}
+
+#[test]
+fn a_missing_texture_is_said_once_and_gives_fill() {
+    let source = "surface tex () { C = (color) texture (\"no.tx\", u, v, \"fill\", 0.25); }";
+    let mut f = Fixture::new(&[source]);
+    let floor = f.attributes("tex", &[], &[]);
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+    for _ in 0..2 {
+        let grid = shade(&f, &floor, &[[0.0, 0.0], [1.0, 0.0]]);
+        assert_eq!(grid.c.get(1), Color::splat(0.25));
+    }
+    let said = f.complaints();
+    assert!(!said.is_empty() && said.iter().all(|s| s.contains("no.tx")), "{said:?}");
+}
+
+#[test]
+fn noisy_rays_are_the_same_from_any_thread() {
+    let mut f = Fixture::new(&[MATTE, POINT, MIRROR]);
+    f.light("point", &[], Transform::translate(Vec3::Z * 4.0));
+    let mirror = f.attributes("", &["reflection"], &[]);
+    let blurred = granita_scene::AttributeSet {
+        surface: Some(crate::fixture::shader(
+            "mirror",
+            &[param("float blur", 0.3), param("float samples", 5.0)],
+            Transform::IDENTITY,
+        )),
+        ..mirror
+    };
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, blurred);
+    for k in 0..5 {
+        let ball = f.attributes("matte", &["reflection"], &[]);
+        f.sphere(Vec3::new(k as f32 - 2.0, 0.3, 2.0), 0.6, ball);
+    }
+    let points: Vec<[f32; 2]> = (0..40).map(|i| [i as f32 * 0.1 - 2.0, 0.1]).collect();
+    let reference = shade(&f, &floor, &points);
+    assert!(reference.c.xyz[0].iter().any(|c| *c > 0.0));
+    let (scene, camera, environment) = f.finish();
+    let frame = ShadingContext::new(&scene, &camera, &environment);
+    std::thread::scope(|scope| {
+        for _ in 0..3 {
+            scope.spawn(|| {
+                let object = frame.object(&floor);
+                let mut thread = ShaderThread::new(&frame);
+                for _ in 0..3 {
+                    let mut grid = flat_grid(&points);
+                    thread.shade(&object, &mut grid, &[]);
+                    assert_eq!(grid.c, reference.c);
+                }
+            });
+        }
+    });
+    assert_eq!(frame.rays.built(), (1, 1));
+}
+
+#[test]
+fn no_ray_builds_nothing() {
+    let mut f = Fixture::new(&[CONSTANT]);
+    let floor = f.attributes("constant", &["camera", "reflection", "shadow"], &[]);
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+    let (scene, camera, environment) = f.finish();
+    let frame = ShadingContext::new(&scene, &camera, &environment);
+    let object = frame.object(&floor);
+    assert!(object.opaque);
+    ShaderThread::new(&frame).shade(&object, &mut flat_grid(&[[0.0, 0.0]]), &[]);
+    // Two names, one membership, not built; the camera's set is none.
+    assert_eq!(frame.rays.built(), (0, 1));
+    assert!(frame.rays.is_set("shadow") && !frame.rays.is_set("camera") && !frame.rays.is_set("cam"));
+}
