@@ -148,6 +148,8 @@ impl Fixture {
             threads: 2,
             stop: Arc::new(AtomicBool::new(false)),
             scene_files: Vec::new(),
+            crop: None,
+            statistics: 0,
         };
         let camera = CameraView::new(&self.scene.cameras[0], &self.reporter);
         (Arc::new(self.scene.clone()), camera, environment)

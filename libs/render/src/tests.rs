@@ -12,7 +12,7 @@ const MIRROR: &str = "surface mirror (string envname = \"reflection\", float blu
 {
     C = environment (envname, reflect (normalize (I), normalize (N)), \"blur\", blur, \"samples\", samples);
 }";
-const POINT: &str = "light point (float intensity = 1, string shadowname = \"\", float samples = 1)
+const POINT: &str = "light pointlight (float intensity = 1, string shadowname = \"\", float samples = 1)
 {
     emit (point (\"shader\", 0, 0, 0)) {
         Cl = intensity / dot (L, L);
@@ -39,7 +39,7 @@ fn near(a: Color, b: Color) {
 #[test]
 fn light_falls_off_with_the_square_and_the_cosine() {
     let mut f = Fixture::new(&[MATTE, POINT]);
-    f.light("point", &[param("float intensity", 5.0)], Transform::translate(Vec3::Z * 2.0));
+    f.light("pointlight", &[param("float intensity", 5.0)], Transform::translate(Vec3::Z * 2.0));
     let floor = f.attributes("matte", &[], &[]);
     let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
     let points = [[0.0, 0.0], [1.0, 0.0], [0.0, -3.0], [2.0, 2.0]];
@@ -55,7 +55,7 @@ fn light_falls_off_with_the_square_and_the_cosine() {
 fn a_shadow_ends_where_geometry_says() {
     let mut f = Fixture::new(&[MATTE, CONSTANT, POINT]);
     let params = [param("string shadowname", "shadow")];
-    f.light("point", &params, Transform::translate(Vec3::Z * 2.0));
+    f.light("pointlight", &params, Transform::translate(Vec3::Z * 2.0));
     let floor = f.attributes("matte", &["shadow"], &[]);
     let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
     // A square of half side 1 half way up throws a shadow of half side 2.
@@ -77,7 +77,7 @@ fn a_shadow_ends_where_geometry_says() {
 fn shadows_of_clear_things_are_coloured() {
     let mut f = Fixture::new(&[MATTE, CONSTANT, POINT]);
     let params = [param("string shadowname", "shadow")];
-    f.light("point", &params, Transform::translate(Vec3::Z * 2.0));
+    f.light("pointlight", &params, Transform::translate(Vec3::Z * 2.0));
     let floor = f.attributes("matte", &[], &[]);
     let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
     let glass = [param("color opacity", &[0.25_f32, 0.5, 1.0][..])];
@@ -218,7 +218,7 @@ fn a_missing_texture_is_said_once_and_gives_fill() {
 #[test]
 fn noisy_rays_are_the_same_from_any_thread() {
     let mut f = Fixture::new(&[MATTE, POINT, MIRROR]);
-    f.light("point", &[], Transform::translate(Vec3::Z * 4.0));
+    f.light("pointlight", &[], Transform::translate(Vec3::Z * 4.0));
     let mirror = f.attributes("", &["reflection"], &[]);
     let blurred = granita_scene::AttributeSet {
         surface: Some(crate::fixture::shader(
