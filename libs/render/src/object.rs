@@ -269,8 +269,6 @@ pub(crate) struct ObjectState {
     pub(crate) ray_motion: bool,
     /// "ray:displace": displaced truly for rays, not only bumped.
     pub(crate) ray_displace: bool,
-    /// "shadingquality".
-    pub(crate) shading_quality: f32,
     /// Lights that shine on it.
     pub(crate) lights: Arc<[LightId]>,
 }
@@ -327,7 +325,6 @@ impl ObjectState {
             shadow_bias: attributes.float("shadow:bias").max(0.0),
             ray_motion: attributes.int("ray:motion") != 0,
             ray_displace: attributes.int("ray:displace") != 0,
-            shading_quality: attributes.float("shadingquality"),
             lights: attributes.lights.clone(),
             surface: shaders.surface,
             displacement: shaders.displacement,

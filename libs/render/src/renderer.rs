@@ -66,6 +66,7 @@ impl Renderer {
             n => n,
         };
         let mut report = FrameReport { complete: true, ..FrameReport::default() };
+        let mut shading = None;
         for view in views.iter().filter(|v| camera.is_none_or(|name| &*v.name == name)) {
             let outputs: Vec<&Output> = scene.outputs.iter().filter(|o| o.camera == view.name).collect();
             let mut outputs = OutputSet::new(&outputs, view, &environment.registry, reporter)?;
@@ -77,8 +78,8 @@ impl Renderer {
                 report.complete = false;
                 continue;
             }
-            // Shading always looks from the first camera (reference 7.7).
-            let shading = ShadingContext::new(scene, first, environment);
+            // Shading always looks from the first camera (reference 7.7), so all share what it builds.
+            let shading = shading.get_or_insert_with(|| ShadingContext::new(scene, first, environment));
             let options = FrameOptions {
                 camera: view,
                 dicing_camera: first,
@@ -88,7 +89,7 @@ impl Renderer {
                 stop: &environment.stop,
                 scene_files: &environment.scene_files,
             };
-            let (statistics, complete) = frame::render(scene, &shading, options, &mut outputs)?;
+            let (statistics, complete) = frame::render(scene, &*shading, options, &mut outputs)?;
             report.complete &= complete;
             for image in &outputs.images {
                 match image.write(view, &environment.registry) {
@@ -99,7 +100,7 @@ impl Renderer {
                     }
                 }
             }
-            self.print_statistics(scene, view, &statistics)?;
+            self.print_statistics(scene, view, &statistics, &shading.report())?;
             report.statistics.push((view.name.clone(), statistics));
         }
         Ok(report)
@@ -147,11 +148,12 @@ impl Renderer {
         scene: &Scene,
         view: &CameraView,
         statistics: &Statistics,
+        shading: &str,
     ) -> Result<(), RenderError> {
         if scene.int("statistics:level").max(self.environment.statistics) <= 0 {
             return Ok(());
         }
-        let text = statistics.report(&view.name);
+        let text = format!("{}\n{shading}", statistics.report(&view.name));
         let file = scene.string("statistics:filename");
         if file.is_empty() {
             self.environment.reporter.say(Severity::Message, &Location::default(), format!("{text}\n"));

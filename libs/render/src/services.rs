@@ -14,8 +14,8 @@ use granita_base::{
 };
 use granita_scene::{AttributeSet, LightId, ShaderUsage};
 use granita_shade::{
-    Batch, EnvironmentQuery, Grid, IlluminateQuery, Lane, Lane3, Lanes3, LightInfo, LightResult, LookupResult,
-    RayKind, Services, ShadowQuery, TextureQuery, Topology, TraceQuery, TraceResult,
+    Batch, EnvironmentQuery, Grid, IlluminateQuery, Lane, Lane3, Lanes3, LightInfo, LightResult,
+    LookupResult, RayKind, Services, ShadowQuery, TextureQuery, Topology, TraceQuery, TraceResult,
 };
 use std::sync::Arc;
 

@@ -16,6 +16,7 @@ use granita_scene::{LightId, Primitive, Scene, ShaderGroup, ShaderUsage};
 use granita_shade::{Executor, Grid, Lanes3, Topology};
 use granita_texture::{CacheOptions, TextureCache};
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What shading needs of a frame. Shared by its threads.
@@ -144,6 +145,32 @@ impl ShadingContext {
     fn default_surface(&self, states: &mut States) -> Arc<LinkedShaders> {
         let linker = Linker { library: &*self.library, reporter: &self.reporter };
         states.default_surface.get_or_insert_with(|| Arc::new(linker.default_surface())).clone()
+    }
+
+    /// What was and what was not built and looked up while the frame was shaded, in lines of text.
+    pub(crate) fn report(&self) -> String {
+        let (built, sets) = self.rays.built();
+        let count = |n: &AtomicU64| n.load(Ordering::Relaxed);
+        let rays = &self.rays.counts;
+        let t = self.textures.statistics();
+        let rows = [
+            ("rays", count(&rays.rays).to_string()),
+            ("  shadow rays", count(&rays.shadow_rays).to_string()),
+            ("  hits shaded", count(&rays.shaded).to_string()),
+            ("  structures built", format!("{built} of {sets}")),
+            ("texture files", format!("{} ({} made into MIP maps)", t.files, t.automipmaps)),
+            ("  lookups", t.lookups.to_string()),
+            (
+                "  tiles read",
+                format!(
+                    "{} ({} KB, at most {} KB at once)",
+                    t.tiles_read,
+                    t.tile_bytes / 1024,
+                    t.peak_bytes / 1024
+                ),
+            ),
+        ];
+        rows.iter().map(|(what, value)| format!("  {what:<34} {value}")).collect::<Vec<_>>().join("\n")
     }
 
     /// A warning that is said once per name of a feature.
