@@ -125,7 +125,11 @@ impl RayMesh {
     /// The quad of a hit and its coordinates there; both triangles agree along their common edge.
     fn local(&self, hit: &MeshHit) -> (Quad, f32, f32) {
         let quad = self.quads[hit.triangle as usize / 2];
-        if hit.triangle % 2 == 0 { (quad, hit.b1, hit.b2) } else { (quad, 1.0 - hit.b1, 1.0 - hit.b2) }
+        if hit.triangle.is_multiple_of(2) {
+            (quad, hit.b1, hit.b2)
+        } else {
+            (quad, 1.0 - hit.b1, 1.0 - hit.b2)
+        }
     }
 
     fn place(&self, quad: Quad, a: f32, b: f32) -> Place {
@@ -593,8 +597,8 @@ mod tests {
                 panic!()
             };
             // s is x / 4 everywhere; neighbours are one width away along each side.
-            for lane in 0..3 {
-                assert!((values[lane] - grid.p.get(lane).x / 4.0).abs() < 1e-5, "{k} {lane}");
+            for (lane, s) in values.iter().enumerate() {
+                assert!((s - grid.p.get(lane).x / 4.0).abs() < 1e-5, "{k} {lane}");
             }
             assert!((grid.p.get(1).distance(p) - 0.01).abs() < 1e-4);
             assert!((grid.p.get(2).distance(p) - 0.01).abs() < 1e-4);

@@ -216,6 +216,12 @@ pub(crate) struct RayPurpose {
     pub(crate) seed: u32,
 }
 
+impl RayPurpose {
+    fn hits(&self, ray: RayKind, seed: u32) -> HitShading {
+        HitShading { ray, time: 0.0, dtime: self.dtime, seed, derivatives: false }
+    }
+}
+
 /// What a ray brings back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Radiance {
@@ -279,8 +285,8 @@ impl ShaderThread<'_> {
         let kind = RayKind { level: why.parent.level + 1, shadow: false, indirect: why.indirect };
         let mut layer = 0;
         while !waiting.is_empty() {
-            let seed = hash::words(&[why.seed, layer]);
-            let shaded = self.shade_hits(scene, rays, &waiting, kind, why.dtime, seed);
+            let how = why.hits(kind, hash::words(&[why.seed, layer]));
+            let shaded = self.shade_hits(scene, rays, &waiting, how);
             layer += 1;
             let mut behind = Vec::new();
             for (w, (color, opacity)) in waiting.iter().zip(shaded) {
@@ -356,7 +362,7 @@ impl ShaderThread<'_> {
             waiting.truncate(kept);
         }
         let kind = RayKind { shadow: true, ..why.parent };
-        let shaded = self.shade_hits(scene, rays, &waiting, kind, why.dtime, why.seed);
+        let shaded = self.shade_hits(scene, rays, &waiting, why.hits(kind, why.seed));
         for (w, (_, opacity)) in waiting.iter().zip(shaded) {
             out[w.ray as usize] *= Color::ONE - opacity.clamp(Color::ZERO, Color::ONE);
         }
@@ -371,15 +377,13 @@ impl ShaderThread<'_> {
         blocked
     }
 
-    /// Colour and opacity of hits, in their order.
+    /// Colour and opacity of hits, in their order. Time and derivatives of `how` are decided here.
     fn shade_hits(
         &mut self,
         scene: &RayScene,
         rays: &[RayRequest],
         pending: &[Pending],
-        kind: RayKind,
-        dtime: f32,
-        seed: u32,
+        how: HitShading,
     ) -> Vec<(Color, Color)> {
         let mut out = vec![(Color::ZERO, Color::ONE); pending.len()];
         // What may share a grid: mesh, strings, time.
@@ -398,10 +402,10 @@ impl ShaderThread<'_> {
         for run in order.chunk_by(same) {
             let mesh = &scene.meshes[run[0].0 as usize];
             let object = mesh.object.clone();
-            if kind.shadow && object.opaque_to_shadows {
+            if how.ray.shadow && object.opaque_to_shadows {
                 continue;
             }
-            let derivatives = self.frame().wants_derivatives(&object, kind);
+            let derivatives = self.frame().wants_derivatives(&object, how.ray);
             for part in run.chunks(GRID_HITS) {
                 let hits: Vec<MeshHit> = part
                     .iter()
@@ -410,9 +414,9 @@ impl ShaderThread<'_> {
                         mesh_hit(&rays[w.ray as usize], &w.hit)
                     })
                     .collect();
-                let seed = hash::words(&[seed, mesh.primitive.id, part[0].3 as u32]);
+                let seed = hash::words(&[how.seed, mesh.primitive.id, part[0].3 as u32]);
                 let time = f32::from_bits(part[0].2);
-                let mut grid = mesh.grid(&hits, HitShading { ray: kind, time, dtime, seed, derivatives });
+                let mut grid = mesh.grid(&hits, HitShading { time, seed, derivatives, ..how });
                 if object.displacement.is_some() && !object.displaces_rays() {
                     self.bump(&object, &mut grid);
                 }

@@ -38,7 +38,7 @@ pub(crate) fn in_cone(
     index: u32,
     seed: u32,
 ) -> Vec3 {
-    if !(half_angle > 0.0) {
+    if half_angle.is_nan() || half_angle <= 0.0 {
         return axis;
     }
     let (x, y) = sample::square(index, seed);
