@@ -43,8 +43,6 @@ mod statistics;
 
 #[cfg(test)]
 mod fixture;
-#[cfg(test)]
-mod tests;
 
 pub use camera::{CameraView, Lens, PixelRect, Projection};
 pub use environment::{Progress, RenderEnvironment, ShaderLibrary, Silent};
