@@ -470,3 +470,99 @@ fn next_behind(tracer: &Tracer, ray: &Ray, t: f32) -> Hit {
     let past = t + STEP * t.abs();
     tracer.closest_where(ray, &mut |hit| hit.t > past)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::{Fixture, param};
+    use crate::sampling::{Distribution, in_cone};
+    use granita_base::{MotionTransform, Transform};
+    use granita_scene::AttributeSet;
+
+    fn request(origin: Vec3, dir: Vec3, time: f32) -> RayRequest {
+        let ray = Ray { origin, tmin: 0.0, dir, tmax: f32::INFINITY, time };
+        RayRequest { ray, width: 0.0, spread: 0.0 }
+    }
+
+    const UNSHADED: RayPurpose = RayPurpose {
+        parent: RayKind { level: 0, shadow: false, indirect: false },
+        indirect: false,
+        shade: false,
+        dtime: 0.0,
+        seed: 0,
+    };
+
+    #[test]
+    fn hits_of_a_sphere_are_where_they_belong() {
+        let mut f = Fixture::new(&[]);
+        let center = Vec3::new(0.0, 1.0, 0.0);
+        let ball = f.attributes("", &["set"], &[]);
+        f.sphere(center, 1.0, ball);
+        let (scene, camera, environment) = f.finish();
+        let frame = ShadingContext::new(&scene, &camera, &environment);
+        let rays: Vec<RayRequest> = (0..500)
+            .map(|i| request(Vec3::Z * 5.0, in_cone(-Vec3::Z, 0.6, Distribution::Uniform, i, 3), 0.0))
+            .collect();
+        let set = frame.rays.scene("set", &frame).unwrap();
+        let found = ShaderThread::new(&frame).radiance(set, &rays, UNSHADED);
+        let mut hits = 0;
+        for (r, found) in rays.iter().zip(found) {
+            let to = center - r.ray.origin;
+            let b = to.dot(r.ray.dir);
+            let discriminant = b * b - (to.length_squared() - 1.0);
+            // At the silhouette a fraction of a pixel decides.
+            if discriminant.abs() < 0.05 {
+                continue;
+            }
+            assert_eq!(discriminant > 0.0, found.distance.is_finite());
+            if discriminant > 0.0 {
+                hits += 1;
+                // Off the sphere by no more than the tessellation: a pixel is 0.042 units at distance 10.
+                let off = 1.0 - found.p.distance(center);
+                assert!((-1e-5..2.0 * 0.042 * raymesh::FLATNESS_PX).contains(&off), "{off}");
+                assert!((found.p - (r.ray.origin + r.ray.dir * found.distance)).length() < 1e-5);
+                assert!((found.n - (found.p - center).normalize()).length() < 0.02);
+                assert_eq!(found.opacity, Color::ONE);
+            }
+        }
+        assert!(hits > 50, "{hits}");
+    }
+
+    #[test]
+    fn rays_see_motion_only_when_asked() {
+        for motion in [0, 1] {
+            let mut f = Fixture::new(&[]);
+            let shutter = param("float[2] shutter", &[0.0_f32, 1.0][..]);
+            f.scene.cameras[0].params.set(shutter);
+            let moving = f.attributes("", &["set"], &[param("int ray:motion", motion)]);
+            let keys = vec![(0.0, Transform::IDENTITY), (1.0, Transform::translate(Vec3::X * 10.0))];
+            let to_world = MotionTransform::from_keys(keys).unwrap();
+            f.rectangle([-1.0; 2], [1.0; 2], 0.0, AttributeSet { to_world, ..moving });
+            let (scene, camera, environment) = f.finish();
+            let frame = ShadingContext::new(&scene, &camera, &environment);
+            let set = frame.rays.scene("set", &frame).unwrap();
+            let rays = [
+                request(Vec3::new(0.0, 0.0, 5.0), -Vec3::Z, 0.0),
+                request(Vec3::new(0.0, 0.0, 5.0), -Vec3::Z, 0.5),
+                request(Vec3::new(5.0, 0.0, 5.0), -Vec3::Z, 0.5),
+            ];
+            let hit = ShaderThread::new(&frame).blocked(set, &rays);
+            assert_eq!(hit, if motion == 1 { [true, false, true] } else { [true, true, false] });
+        }
+    }
+
+    #[test]
+    fn sets_of_equal_members_share_and_cameras_have_none() {
+        let mut f = Fixture::new(&[]);
+        for sets in [&["camera", "a", "b"][..], &["cam", "a", "b", "c"][..]] {
+            let attributes = f.attributes("", sets, &[]);
+            f.rectangle([-1.0; 2], [1.0; 2], 0.0, attributes);
+        }
+        let (scene, _, _) = f.finish();
+        let world = RayWorld::new(&scene, 1);
+        assert_eq!(world.sets.keys().map(|k| &**k).collect::<Vec<_>>(), ["a", "b", "c"]);
+        assert_eq!(world.sets["a"], world.sets["b"]);
+        assert_ne!(world.sets["a"], world.sets["c"]);
+        assert_eq!(world.built(), (0, 2));
+    }
+}
