@@ -1,7 +1,7 @@
 //! From descriptions to pieces.
 
 use crate::spline::Spline;
-use crate::{GeomError, Piece, mesh, patch, sphere};
+use crate::{GeomError, Piece, curves, mesh, patch, points, sphere};
 use granita_base::{Params, Severity, ShapeDesc, TrimDesc};
 
 /// The parameters of a primitive at one motion key.
@@ -55,9 +55,14 @@ pub fn build(
         ShapeDesc::Sphere { radius, zmin, zmax, thetamax_deg } => {
             sphere::build(keys, [*radius, *zmin, *zmax, *thetamax_deg], report)
         }
-        ShapeDesc::Points { .. } | ShapeDesc::Curves { .. } | ShapeDesc::NurbsCurves { .. } => {
-            report(Severity::Warning, format!("{call} is not supported yet"));
-            Ok(Vec::new())
+        ShapeDesc::Points { n } => points::build(keys, *n, report),
+        ShapeDesc::Curves { basis, ncurves, nverts } => {
+            let spline = Spline::uniform(call, "along each curve", *basis, *nverts)?;
+            curves::build(keys, spline, *ncurves, *nverts, report)
+        }
+        ShapeDesc::NurbsCurves { ncurves, span } => {
+            let spline = Spline::nurbs(call, "along each curve", span)?;
+            curves::build(keys, spline, *ncurves, span.n, report)
         }
     }
 }

@@ -78,7 +78,7 @@ pub struct View {
 pub struct Facing {
     /// Centre of each point of the lattice, for each motion key.
     pub centre: Vec<Vec<Vec3>>,
-    /// Direction of the curve at each point for each motion key; empty for particles.
+    /// Derivative of the centre along the curve (dP/dv) at each point for each motion key; empty for particles.
     pub tangent: Vec<Vec<Vec3>>,
     /// Width (diameter) at each point for each motion key.
     pub width: Vec<Vec<f32>>,
@@ -92,6 +92,57 @@ impl Dice {
     /// Turns points and curves towards the viewer: recomputes `p`, `dpdu` and `dpdv`. `view` gets the motion key and
     /// a position at it. Nothing happens to other primitives.
     pub fn turn(&mut self, view: &dyn Fn(usize, Vec3) -> View) {
-        let _ = view;
+        self.turn_by(&|key, _, p| view(key, p));
     }
+
+    /// As [`Dice::turn`]; `view` also gets the index of the point in the lattice.
+    pub(crate) fn turn_by(&mut self, view: &dyn Fn(usize, usize, Vec3) -> View) {
+        let Some(facing) = &self.facing else { return };
+        let n = facing.offset.len();
+        self.p.clear();
+        self.dpdu = vec![Vec3::ZERO; n];
+        self.dpdv = vec![Vec3::ZERO; n];
+        // The frames of the first key steer those of the others, so that nothing spins in between.
+        let mut first: Vec<Vec3> = Vec::new();
+        for (key, centres) in facing.centre.iter().enumerate() {
+            let mut positions = Vec::with_capacity(n);
+            for (i, &centre) in centres.iter().enumerate() {
+                let view = view(key, i, centre);
+                let width = facing.width[key][i] * if facing.raster { view.pixel } else { 1.0 };
+                let toward = view.toward.try_normalize().unwrap_or(Vec3::Z);
+                let [x, y] = facing.offset[i];
+                let (side, up, along) = match facing.tangent.get(key) {
+                    Some(tangents) => {
+                        let side = ribbon_side(tangents[i], toward);
+                        (side, Vec3::ZERO, tangents[i])
+                    }
+                    None => {
+                        let wanted = first.get(i).copied().unwrap_or_else(|| toward.any_orthonormal_vector());
+                        let side = (wanted - toward * wanted.dot(toward))
+                            .try_normalize()
+                            .unwrap_or_else(|| toward.any_orthonormal_vector());
+                        let up = toward.cross(side);
+                        (side, up, up * width)
+                    }
+                };
+                if key == 0 {
+                    first.push(side);
+                    self.dpdu[i] = side * width;
+                    self.dpdv[i] = along;
+                }
+                positions.push(centre + (side * x + up * y) * (width * 0.5));
+            }
+            self.p.push(positions);
+        }
+    }
+}
+
+/// Across a curve and perpendicular to the view, so that side x tangent looks towards the viewer.
+fn ribbon_side(tangent: Vec3, toward: Vec3) -> Vec3 {
+    let along = tangent.try_normalize().unwrap_or_else(|| toward.any_orthonormal_vector());
+    let side = along.cross(toward);
+    // Seen end on, any side will do.
+    let end_on = side.length_squared() < 1e-12;
+    let side = if end_on { None } else { side.try_normalize() };
+    side.unwrap_or_else(|| along.any_orthonormal_vector())
 }

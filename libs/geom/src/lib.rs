@@ -37,12 +37,14 @@
 
 mod bezier;
 mod build;
+mod curves;
 mod dice;
 mod error;
 mod mesh;
 mod net;
 mod order;
 mod patch;
+mod points;
 mod polygon;
 mod range;
 mod sphere;
@@ -50,6 +52,7 @@ mod spline;
 mod surface;
 mod trim;
 mod vars;
+mod width;
 
 pub use build::{ShapeKey, build};
 pub use dice::{Dice, DiceData, DicePrimvar, Facing, View};

@@ -343,7 +343,7 @@ pub(crate) fn rounded_out(bound: Bound) -> Bound {
 }
 
 /// Box around the Bezier vertices (`dim` numbers each) of a range of one segment.
-fn hull(net: &mut [f64], degrees: [usize; 2], dim: usize, range: [Range; 2], depth: u32) -> Bound {
+pub(crate) fn hull(net: &mut [f64], degrees: [usize; 2], dim: usize, range: [Range; 2], depth: u32) -> Bound {
     let (nu, nv) = (degrees[0] + 1, degrees[1] + 1);
     cut(net, degrees, dim, 0, range[0].ends(), range[0].is_whole());
     cut(net, degrees, dim, 1, range[1].ends(), range[1].is_whole());

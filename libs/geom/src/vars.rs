@@ -145,6 +145,13 @@ impl Vars {
         self.linear.iter().map(|v| v.width).sum()
     }
 
+    /// Whether the user gives normals "N".
+    pub(crate) fn has_normals(&self) -> bool {
+        let varying = self.perpiece.iter().chain(&self.linear).chain(&self.vertex);
+        let constant = self.constant.iter().map(|v| (&v.name, v.ty));
+        constant.chain(varying.map(|v| (&v.name, v.ty))).any(|(name, ty)| &**name == "N" && ty.width() == 3)
+    }
+
     /// Appends the linear values of corner `index`.
     pub(crate) fn push_linear(&self, index: usize, out: &mut Vec<f64>) {
         for var in &self.linear {
@@ -167,6 +174,11 @@ impl Vars {
             }
         }
         emit(&self.linear, &values, s.len() * t.len(), channels, 0, out);
+    }
+
+    /// The vertex and linear variables of a single vertex.
+    pub(crate) fn at_vertex(&self, index: usize) -> impl Iterator<Item = DicePrimvar> + '_ {
+        self.vertex.iter().chain(&self.linear).map(move |var| var.uniform(index))
     }
 
     /// The constant and "perpiece" variables of a piece.

@@ -1,0 +1,55 @@
+//! Widths of points and curves at each motion key.
+
+use crate::build::ShapeKey;
+use granita_base::{Interp, ParamData, Params};
+use std::sync::Arc;
+
+/// The widths at one motion key. Numbers that are negative or not finite count as 0.
+#[derive(Clone, Debug)]
+pub(crate) enum Widths {
+    /// One for all.
+    Constant(f32),
+    /// One for each curve.
+    PerPiece(Arc<[f32]>),
+    /// One for each end of each curve.
+    Linear(Arc<[f32]>),
+    /// One for each control vertex.
+    Vertex(Arc<[f32]>),
+}
+
+/// Numbers needed for each interpolation.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WidthCounts {
+    pub(crate) perpiece: usize,
+    pub(crate) linear: usize,
+    pub(crate) vertex: usize,
+}
+
+impl Widths {
+    /// The widths called `name` at every key; `None` when the first key has none, or of a wrong size. Other keys
+    /// without (or with another kind of) widths have those of the first.
+    pub(crate) fn collect(keys: &[ShapeKey<'_>], name: &str, counts: WidthCounts) -> Option<Vec<Self>> {
+        let first = Self::read(keys[0].params, name, counts)?;
+        let same_kind = |w: &Self| std::mem::discriminant(w) == std::mem::discriminant(&first);
+        let others = keys[1..].iter().map(|key| {
+            Self::read(key.params, name, counts).filter(same_kind).unwrap_or_else(|| first.clone())
+        });
+        Some(std::iter::once(first.clone()).chain(others).collect())
+    }
+
+    fn read(params: &Params, name: &str, counts: WidthCounts) -> Option<Self> {
+        let param = params.get(name)?;
+        if param.ty.width() != 1 || matches!(param.data, ParamData::String(_)) {
+            return None;
+        }
+        let raw = param.data.to_floats()?;
+        let values: Arc<[f32]> = raw.iter().map(|&w| if w.is_finite() { w.max(0.0) } else { 0.0 }).collect();
+        let enough = |n: usize| values.len() >= n;
+        match param.ty.interp {
+            Interp::Constant => values.first().map(|&w| Self::Constant(w)),
+            Interp::PerPiece => enough(counts.perpiece).then_some(Self::PerPiece(values)),
+            Interp::Linear => enough(counts.linear).then_some(Self::Linear(values)),
+            Interp::Vertex => enough(counts.vertex).then_some(Self::Vertex(values)),
+        }
+    }
+}
