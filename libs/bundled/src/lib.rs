@@ -4,10 +4,57 @@
 //! is where a search ends.
 
 /// `name.gsl` of every bundled shader, by name.
-const SHADERS: &[(&str, &str)] = &[];
+const SHADERS: &[(&str, &str)] = &[
+    ("ambientlight", include_str!("../../../shaders/ambientlight.gsl")),
+    ("ambocclude", include_str!("../../../shaders/ambocclude.gsl")),
+    ("arealight", include_str!("../../../shaders/arealight.gsl")),
+    ("bakediffuse", include_str!("../../../shaders/bakediffuse.gsl")),
+    ("bumpy", include_str!("../../../shaders/bumpy.gsl")),
+    ("causticlight", include_str!("../../../shaders/causticlight.gsl")),
+    ("clay", include_str!("../../../shaders/clay.gsl")),
+    ("constant", include_str!("../../../shaders/constant.gsl")),
+    ("defaultsurface", include_str!("../../../shaders/defaultsurface.gsl")),
+    ("dented", include_str!("../../../shaders/dented.gsl")),
+    ("dispmap", include_str!("../../../shaders/dispmap.gsl")),
+    ("distantlight", include_str!("../../../shaders/distantlight.gsl")),
+    ("envlight", include_str!("../../../shaders/envlight.gsl")),
+    ("envsurf", include_str!("../../../shaders/envsurf.gsl")),
+    ("fog", include_str!("../../../shaders/fog.gsl")),
+    ("glass", include_str!("../../../shaders/glass.gsl")),
+    ("greenmarble", include_str!("../../../shaders/greenmarble.gsl")),
+    ("indirectlight", include_str!("../../../shaders/indirectlight.gsl")),
+    ("matte", include_str!("../../../shaders/matte.gsl")),
+    ("metal", include_str!("../../../shaders/metal.gsl")),
+    ("movephotons", include_str!("../../../shaders/movephotons.gsl")),
+    ("nullsurface", include_str!("../../../shaders/nullsurface.gsl")),
+    ("oak", include_str!("../../../shaders/oak.gsl")),
+    ("paintedplastic", include_str!("../../../shaders/paintedplastic.gsl")),
+    ("plastic", include_str!("../../../shaders/plastic.gsl")),
+    ("plasticss", include_str!("../../../shaders/plasticss.gsl")),
+    ("pointlight", include_str!("../../../shaders/pointlight.gsl")),
+    ("pretexture", include_str!("../../../shaders/pretexture.gsl")),
+    ("raygoggles", include_str!("../../../shaders/raygoggles.gsl")),
+    ("screen", include_str!("../../../shaders/screen.gsl")),
+    ("shadowspot", include_str!("../../../shaders/shadowspot.gsl")),
+    ("shiny", include_str!("../../../shaders/shiny.gsl")),
+    ("shinymetal", include_str!("../../../shaders/shinymetal.gsl")),
+    ("shinyplastic", include_str!("../../../shaders/shinyplastic.gsl")),
+    ("shootphotons", include_str!("../../../shaders/shootphotons.gsl")),
+    ("showN", include_str!("../../../shaders/showN.gsl")),
+    ("showdudv", include_str!("../../../shaders/showdudv.gsl")),
+    ("showfacing", include_str!("../../../shaders/showfacing.gsl")),
+    ("showgrids", include_str!("../../../shaders/showgrids.gsl")),
+    ("shownormals", include_str!("../../../shaders/shownormals.gsl")),
+    ("showst", include_str!("../../../shaders/showst.gsl")),
+    ("showuv", include_str!("../../../shaders/showuv.gsl")),
+    ("spotlight", include_str!("../../../shaders/spotlight.gsl")),
+    ("subsurflayer", include_str!("../../../shaders/subsurflayer.gsl")),
+    ("texmap", include_str!("../../../shaders/texmap.gsl")),
+    ("uberlight", include_str!("../../../shaders/uberlight.gsl")),
+];
 
 /// Every bundled input, by file name.
-const INPUTS: &[(&str, &[u8])] = &[];
+const INPUTS: &[(&str, &[u8])] = &[("teapot.pyg", include_bytes!("../../../inputs/teapot.pyg"))];
 
 /// Source text of the bundled shader `name` (without extension).
 pub fn shader(name: &str) -> Option<&'static str> {
@@ -22,4 +69,39 @@ pub fn shader_names() -> impl Iterator<Item = &'static str> {
 /// Content of the bundled input `file_name`, as `teapot.pyg`.
 pub fn input(file_name: &str) -> Option<&'static [u8]> {
     INPUTS.iter().find(|(n, _)| *n == file_name).map(|(_, bytes)| *bytes)
+}
+
+/// Names of all bundled inputs, sorted.
+pub fn input_names() -> impl Iterator<Item = &'static str> {
+    INPUTS.iter().map(|(n, _)| *n)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_sorted_and_nothing_is_missing() {
+        assert!(shader_names().is_sorted() && input_names().is_sorted());
+        for (folder, extension, bundled) in [
+            ("../../shaders", ".gsl", shader_names().map(str::to_owned).collect::<Vec<_>>()),
+            ("../../inputs", "", input_names().map(str::to_owned).collect()),
+        ] {
+            let mut files: Vec<String> = std::fs::read_dir(folder)
+                .unwrap()
+                .map(|f| f.unwrap().file_name().into_string().unwrap())
+                .filter_map(|f| f.strip_suffix(extension).map(str::to_owned))
+                .collect();
+            files.sort();
+            assert_eq!(files, bundled);
+        }
+    }
+
+    #[test]
+    fn lookups() {
+        assert!(shader("plastic").is_some_and(|s| s.contains("surface plastic")));
+        assert!(shader("no such shader").is_none());
+        assert!(input("teapot.pyg").is_some_and(|i| !i.is_empty()));
+        assert!(input("no such input").is_none());
+    }
 }
