@@ -1,0 +1,316 @@
+//! What a module does, found by walking its code once.
+
+use crate::ShadeError;
+use granita_gsl::Func;
+use granita_gsl::ir::{
+    Block, ConstValue, EmitForm, Global, Module, Op, OpCode, ShaderKind, Stmt, SymbolId, SymbolKind,
+    ValueType,
+};
+
+/// What the walk finds.
+#[derive(Debug, Default)]
+pub(crate) struct Facts {
+    /// Per symbol: written once, and read only where every reader's lanes have written it. Such a symbol
+    /// need not keep the values of inactive lanes.
+    pub(crate) scratch: Vec<bool>,
+    /// Globals that operations or functions write.
+    pub(crate) writes: [bool; Global::ALL.len()],
+    /// Has an `emit` statement.
+    pub(crate) emits: bool,
+    /// Has a `lights` loop or an illumination function.
+    pub(crate) gathers: bool,
+    /// Looks at neighbouring points.
+    pub(crate) derivatives: bool,
+    /// Sources of `getmessage`, as far as they are constant.
+    pub(crate) listens: Vec<ShaderKind>,
+}
+
+/// Walks a module and checks that it holds together.
+///
+/// Errors: [`ShadeError::Malformed`] for symbols out of range, operands that are missing, operations that
+/// write constants.
+pub(crate) fn analyse(module: &Module) -> Result<Facts, ShadeError> {
+    let n = module.symbols.len();
+    for symbol in &module.symbols {
+        let want = symbol.ty.elements() * symbol.ty.value.components();
+        let have = match &symbol.kind {
+            SymbolKind::Const(ConstValue::Floats(v)) => v.len(),
+            SymbolKind::Const(ConstValue::Strings(v)) => v.len(),
+            SymbolKind::Param(k) if *k as usize >= module.params.len() => {
+                return Err(malformed(module, format!("parameter {k} of {}", module.params.len())));
+            }
+            _ => want,
+        };
+        if have != want || want == 0 {
+            return Err(malformed(module, format!("symbol \"{}\" has {have} of {want} values", symbol.name)));
+        }
+    }
+    let mut walk = Walk {
+        module,
+        facts: Facts { scratch: vec![false; n], ..Facts::default() },
+        symbols: vec![Usage::Unused; n],
+        open: Vec::new(),
+        blocks: 0,
+        error: None,
+    };
+    for param in &module.params {
+        walk.touch(param.symbol, true);
+        walk.block(&param.init);
+    }
+    walk.block(&module.body);
+    if let Some(what) = walk.error {
+        return Err(malformed(module, what));
+    }
+    for (k, usage) in walk.symbols.iter().enumerate() {
+        let own = matches!(module.symbols[k].kind, SymbolKind::Local | SymbolKind::Temp);
+        walk.facts.scratch[k] = own && matches!(usage, Usage::Once(_));
+    }
+    Ok(walk.facts)
+}
+
+fn malformed(module: &Module, what: String) -> ShadeError {
+    ShadeError::Malformed { shader: module.name.clone(), what }
+}
+
+/// How a symbol has been used so far.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Usage {
+    Unused,
+    /// Written once, in this block; all reads came later inside it.
+    Once(u32),
+    /// Anything else.
+    Kept,
+}
+
+struct Walk<'m> {
+    module: &'m Module,
+    facts: Facts,
+    symbols: Vec<Usage>,
+    /// Blocks around the current statement. Lanes never come back inside one block: those that leave
+    /// come back after the statement around it.
+    open: Vec<u32>,
+    blocks: u32,
+    error: Option<String>,
+}
+
+impl Walk<'_> {
+    fn block(&mut self, block: &Block) {
+        self.open.push(self.blocks);
+        self.blocks += 1;
+        for stmt in block {
+            self.stmt(stmt);
+        }
+        self.open.pop();
+    }
+
+    fn stmt(&mut self, stmt: &Stmt) {
+        match stmt {
+            Stmt::Op(op) => self.op(op),
+            Stmt::If { cond, then, otherwise } => {
+                self.read(*cond);
+                self.block(then);
+                self.block(otherwise);
+            }
+            Stmt::Loop { body_first: _, test, cond, body, step } => {
+                // The condition is read inside the block of the test.
+                self.open.push(self.blocks);
+                self.blocks += 1;
+                for stmt in test {
+                    self.stmt(stmt);
+                }
+                if let Some(cond) = cond {
+                    self.read(*cond);
+                }
+                self.open.pop();
+                self.block(body);
+                self.block(step);
+            }
+            Stmt::Scope { id: _, body } => self.block(body),
+            Stmt::Leave(_) | Stmt::Break | Stmt::Continue | Stmt::Exit => {}
+            Stmt::Lights { category, position, cone, body, at: _ } => {
+                self.facts.gathers = true;
+                for &sym in category.iter().chain([position]).chain(cone.iter().flat_map(|(a, b)| [a, b])) {
+                    self.read(sym);
+                }
+                self.block(body);
+            }
+            Stmt::Emit { form, body, at: _ } => {
+                self.facts.emits = true;
+                match form {
+                    EmitForm::Point(from) => self.read(*from),
+                    EmitForm::Cone { from, axis, angle } => {
+                        [from, axis, angle].into_iter().for_each(|&s| self.read(s));
+                    }
+                    EmitForm::Distant { axis, spread } => {
+                        [axis, spread].into_iter().for_each(|&s| self.read(s));
+                    }
+                    EmitForm::Reflection => {}
+                }
+                for global in [Global::L, Global::Cl] {
+                    self.facts.writes[global as usize] = true;
+                }
+                self.block(body);
+            }
+            Stmt::Trace { set, position, axis, angle, samples, options, body, at: _ } => {
+                for &sym in [set, position, axis, angle, samples]
+                    .into_iter()
+                    .chain(options.iter().flat_map(|(name, value)| [name, value]))
+                {
+                    self.read(sym);
+                }
+                self.block(body);
+            }
+        }
+    }
+
+    fn op(&mut self, op: &Op) {
+        if op.args.len() < least_args(op.code) {
+            self.fail(format!("{:?} has {} operands", op.code, op.args.len()));
+        }
+        if op.dst.is_none() && needs_result(op.code) {
+            self.fail(format!("{:?} has no result", op.code));
+        }
+        for &arg in &op.args {
+            self.read(arg);
+        }
+        if let OpCode::Call(func) = op.code {
+            self.call(func, op);
+        }
+        if let Some(dst) = op.dst {
+            let partial =
+                matches!(op.code, OpCode::IndexSet | OpCode::ComponentSet | OpCode::MatrixComponentSet)
+                    || op.code == OpCode::Assign && self.elements(dst) != self.elements(op.args[0]);
+            self.write(dst, partial);
+        }
+    }
+
+    fn elements(&self, sym: SymbolId) -> usize {
+        self.module.symbols.get(sym.0 as usize).map_or(0, |s| s.ty.elements())
+    }
+
+    /// What a function does beside returning a value.
+    fn call(&mut self, func: Func, op: &Op) {
+        match func {
+            Func::DeltaU | Func::DeltaV | Func::FilterWidth | Func::SurfaceNormal | Func::SampleArea => {
+                self.facts.derivatives = true;
+            }
+            Func::AaStep | Func::Texture | Func::Texture3d | Func::Environment | Func::Shadow => {
+                self.facts.derivatives = true;
+            }
+            Func::Ambient | Func::Diffuse | Func::Specular => self.facts.gathers = true,
+            Func::Displace => {
+                self.facts.derivatives = true;
+                self.facts.writes[Global::P as usize] = true;
+                self.facts.writes[Global::N as usize] = true;
+            }
+            Func::Bump => {
+                self.facts.derivatives = true;
+                self.facts.writes[Global::N as usize] = true;
+            }
+            Func::GetMessage => {
+                if let Some(kind) = op.args.first().and_then(|&s| self.constant(s)).and_then(usage_word) {
+                    self.facts.listens.push(kind);
+                }
+            }
+            _ => {}
+        }
+        // Functions that may store into their arguments, or leave them as they are.
+        let from = match func {
+            Func::Fresnel => 3,
+            Func::Texture | Func::Texture3d | Func::Environment | Func::Shadow => 3,
+            Func::Occlusion => 4,
+            Func::SpatialDbQuery | Func::GetMessage | Func::GetTextureInfo => 2,
+            Func::GetAttribute => 1,
+            _ => return,
+        };
+        for &arg in op.args.iter().skip(from) {
+            let constant = matches!(
+                self.module.symbols.get(arg.0 as usize).map(|s| &s.kind),
+                Some(SymbolKind::Const(_))
+            );
+            if !constant {
+                self.write(arg, true);
+            }
+        }
+    }
+
+    /// The text of a constant string.
+    fn constant(&self, sym: SymbolId) -> Option<&str> {
+        match &self.module.symbols.get(sym.0 as usize)?.kind {
+            SymbolKind::Const(ConstValue::Strings(v)) => v.first().map(|s| &**s),
+            _ => None,
+        }
+    }
+
+    fn read(&mut self, sym: SymbolId) {
+        self.touch(sym, false);
+        if let Some(usage) = self.symbols.get_mut(sym.0 as usize) {
+            match *usage {
+                Usage::Once(block) if self.open.contains(&block) => {}
+                _ => *usage = Usage::Kept,
+            }
+        }
+    }
+
+    fn write(&mut self, sym: SymbolId, partial: bool) {
+        self.touch(sym, true);
+        let block = self.open.last().copied().unwrap_or(0);
+        if let Some(usage) = self.symbols.get_mut(sym.0 as usize) {
+            *usage = if *usage == Usage::Unused && !partial { Usage::Once(block) } else { Usage::Kept };
+        }
+        if let Some(SymbolKind::Global(g)) = self.module.symbols.get(sym.0 as usize).map(|s| &s.kind) {
+            self.facts.writes[*g as usize] = true;
+        }
+    }
+
+    /// Checks a symbol.
+    fn touch(&mut self, sym: SymbolId, writing: bool) {
+        match self.module.symbols.get(sym.0 as usize) {
+            None => self.fail(format!("symbol {} of {}", sym.0, self.module.symbols.len())),
+            Some(s) if writing && matches!(s.kind, SymbolKind::Const(_)) => {
+                self.fail("a constant is written".to_owned());
+            }
+            Some(s) if s.ty.value == ValueType::Void => self.fail("a void value is used".to_owned()),
+            _ => {}
+        }
+    }
+
+    fn fail(&mut self, what: String) {
+        self.error.get_or_insert(what);
+    }
+}
+
+/// The usage a source name of `getmessage` stands for.
+pub(crate) fn usage_word(word: &str) -> Option<ShaderKind> {
+    [ShaderKind::Surface, ShaderKind::Displacement, ShaderKind::Volume].into_iter().find(|k| k.word() == word)
+}
+
+/// How many operands an operation needs at least.
+fn least_args(code: OpCode) -> usize {
+    use Func as F;
+    match code {
+        OpCode::Assign | OpCode::Neg | OpCode::Not | OpCode::Truth | OpCode::Construct => 1,
+        OpCode::MatrixComponent | OpCode::MatrixComponentSet => 3,
+        OpCode::Call(func) => match func {
+            F::Random | F::RandomGrid | F::GridN | F::GridNU | F::GridNV | F::GridIndex | F::Ambient => 0,
+            F::RayLevel | F::IsShadowRay | F::IsIndirectRay => 0,
+            F::Pow | F::Hypot | F::Mod | F::Min | F::Max | F::Dot | F::Cross | F::Distance => 2,
+            F::FaceForward | F::Reflect | F::Transform | F::TransformV | F::TransformN | F::TransformU => 2,
+            F::TransformC | F::Translate | F::Scale | F::Step | F::Fprintf | F::Match | F::Substr => 2,
+            F::Environment | F::Shadow | F::Texture3d | F::AaStep | F::GetAttribute | F::SetMessage => 2,
+            F::PNoise | F::PSNoise | F::PNNoise | F::Spline => 2,
+            F::Clamp | F::Mix | F::Refract | F::Rotate | F::SmoothStep | F::Texture | F::Specular => 3,
+            F::Indirect | F::Subsurface | F::GetMessage | F::GetTextureInfo => 3,
+            F::SpatialDbSave | F::SpatialDbQuery => 3,
+            F::SpecularBrdf | F::Occlusion => 4,
+            F::Fresnel => 7,
+            _ => 1,
+        },
+        _ => 2,
+    }
+}
+
+/// Whether an operation is nothing without a result.
+fn needs_result(code: OpCode) -> bool {
+    !matches!(code, OpCode::Call(_))
+}

@@ -1,0 +1,58 @@
+//! Values given with a shader instance.
+
+use crate::run::strings::Strings;
+use granita_base::{BaseType, Param, ParamData, Severity};
+use granita_gsl::ir::{Symbol, ValueType};
+use std::sync::Arc;
+
+/// The instance's value for a parameter, as floats (strings as their numbers); `None` when the types do
+/// not go together, which is reported.
+///
+/// Any numeric type converts when the number of values fits; one number fills a single triple. A
+/// variable-length array takes any whole number of elements.
+pub(crate) fn given(
+    symbol: &Symbol,
+    param: &Param,
+    strings: &mut Strings,
+    report: &mut dyn FnMut(Severity, String),
+) -> Option<Arc<[f32]>> {
+    let (value, elements) = (symbol.ty.value, symbol.ty.elements());
+    let values: Arc<[f32]> = match (&param.data, value) {
+        (ParamData::String(list), ValueType::String) => list.iter().map(|s| strings.intern(s)).collect(),
+        (ParamData::String(_), _) | (_, ValueType::String) => {
+            return refuse(symbol, param, report);
+        }
+        (data, _) => data.to_floats()?,
+    };
+    let size = value.components();
+    if symbol.ty.array.is_some() && symbol.ty.open {
+        return if !values.is_empty() && values.len().is_multiple_of(size) {
+            Some(values)
+        } else {
+            refuse(symbol, param, report)
+        };
+    }
+    if values.len() == size * elements {
+        // A matrix of 16 floats and a point of 3 are fine; a colour given as hpoint is not.
+        return Some(values);
+    }
+    if values.len() == 1 && symbol.ty.array.is_none() && value.is_triple() {
+        return Some([values[0]; 3].into());
+    }
+    refuse(symbol, param, report)
+}
+
+/// Reports a value that does not fit.
+fn refuse(symbol: &Symbol, param: &Param, report: &mut dyn FnMut(Severity, String)) -> Option<Arc<[f32]>> {
+    let array = symbol.ty.array.map_or(String::new(), |n| format!("[{n}]"));
+    let what = if param.ty.base == BaseType::Unknown {
+        format!("{} values", param.data.len())
+    } else {
+        format!("{} with {} values", param.ty, param.data.len())
+    };
+    report(
+        Severity::Warning,
+        format!("parameter \"{}\" is a {}{array}, not {what}", symbol.name, symbol.ty.value.word()),
+    );
+    None
+}

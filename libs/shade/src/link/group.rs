@@ -1,0 +1,525 @@
+//! Layers of shaders, linked.
+
+use super::analyse::{Facts, analyse};
+use super::given::given;
+use super::wires::{End, Named, Tap, Wire, compatible, refuse, resolve};
+use crate::ShadeError;
+use crate::run::strings::Strings;
+use granita_base::{Params, Severity};
+use granita_gsl::ir::{ConstValue, Global, Module, ShaderKind, SymbolId, SymbolKind, ValueType};
+use std::collections::HashSet;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// More numbers than this per point are no shader but an attack on memory.
+const MAX_NUMBERS: usize = 1 << 20;
+
+/// One layer, as a scene gives it.
+#[derive(Clone, Debug)]
+pub struct LayerSource<'a> {
+    /// The compiled shader.
+    pub module: Arc<Module>,
+    /// Values given with it; spatial ones are in the layer's "shader" space.
+    pub params: &'a Params,
+    /// Name of the layer, for connections and messages.
+    pub name: Option<&'a str>,
+}
+
+/// One `ConnectShaders` (reference 2.6).
+#[derive(Clone, Copy, Debug)]
+pub struct ConnectionSource<'a> {
+    /// Layer that gives.
+    pub source_layer: &'a str,
+    /// Its parameter or a global, with an optional index: `"out"`, `"c[1]"`.
+    pub source: &'a str,
+    /// Layer that takes; comes later in the group.
+    pub target_layer: &'a str,
+    /// Its parameter or a global, with an optional index.
+    pub target: &'a str,
+}
+
+/// Where a symbol lives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum At {
+    /// Register.
+    Slot(u32),
+    /// Constant of the group.
+    Const(u32),
+}
+
+/// A symbol as the executor sees it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    pub(crate) at: At,
+    pub(crate) value: ValueType,
+    /// Elements, with the true length of variable-length parameters; 1 when not an array.
+    pub(crate) elements: u32,
+    pub(crate) array: bool,
+    /// Values of inactive lanes need not be kept.
+    pub(crate) scratch: bool,
+}
+
+/// How a parameter gets its value, beside primitive variables.
+#[derive(Debug)]
+pub(crate) struct ParamPlan {
+    pub(crate) symbol: SymbolId,
+    pub(crate) name: Arc<str>,
+    /// Value of the instance.
+    pub(crate) given: Option<Arc<[f32]>>,
+    pub(crate) wires: Vec<Wire>,
+}
+
+/// A linked layer.
+#[derive(Debug)]
+pub(crate) struct Layer {
+    pub(crate) module: Arc<Module>,
+    /// By symbol.
+    pub(crate) places: Vec<Place>,
+    pub(crate) params: Vec<ParamPlan>,
+    /// Connections into globals.
+    pub(crate) globals: Vec<Wire>,
+    /// Globals that later layers take as this layer leaves them, and where they are kept.
+    pub(crate) kept: Vec<(Global, u32)>,
+}
+
+/// Shaders that run one after the other on the same points, ready to run. Immutable and shared by all
+/// threads.
+///
+/// Globals are common to all layers; every layer has its own parameters and variables. All layers run,
+/// whether anything is connected to them or not.
+#[derive(Debug)]
+pub struct Group {
+    pub(crate) layers: Vec<Layer>,
+    /// Floats per register; the first are the globals, in the order of [`Global::ALL`].
+    pub(crate) slots: Vec<u32>,
+    pub(crate) constants: Vec<Arc<[f32]>>,
+    pub(crate) strings: Strings,
+    /// Globals that the code reads or writes.
+    pub(crate) used: [bool; Global::ALL.len()],
+    pub(crate) keeps: bool,
+    usage: ShaderKind,
+    facts: Vec<Facts>,
+    writes: [bool; Global::ALL.len()],
+    outputs: Vec<Arc<str>>,
+    said: Mutex<HashSet<String>>,
+}
+
+impl Group {
+    /// Links layers, the first of which runs first.
+    ///
+    /// What does not fit (unknown parameters, connections that cannot be made) goes to `report`, and the
+    /// rest is linked without it.
+    ///
+    /// Errors: no layer, or layers of different types ([`ShadeError::Misuse`]); a module that does not
+    /// hold together ([`ShadeError::Malformed`]); absurd array sizes ([`ShadeError::Limit`]).
+    pub fn link(
+        layers: &[LayerSource<'_>],
+        connections: &[ConnectionSource<'_>],
+        report: &mut dyn FnMut(Severity, String),
+    ) -> Result<Self, ShadeError> {
+        let usage = common_kind(layers)?;
+        let facts = layers.iter().map(|l| analyse(&l.module)).collect::<Result<Vec<_>, _>>()?;
+        let mut group = Self {
+            layers: Vec::new(),
+            slots: Global::ALL.iter().map(|g| g.value_type().components() as u32).collect(),
+            constants: Vec::new(),
+            strings: Strings::default(),
+            used: [false; Global::ALL.len()],
+            keeps: false,
+            usage,
+            facts,
+            writes: [false; Global::ALL.len()],
+            outputs: Vec::new(),
+            said: Mutex::default(),
+        };
+        let wires = resolve_all(layers, connections, report);
+        for (k, source) in layers.iter().enumerate() {
+            group.add_layer(k, source, &wires, report)?;
+        }
+        for wire in &wires {
+            group.add_wire(wire);
+        }
+        let numbers: usize = group.slots.iter().map(|&s| s as usize).sum();
+        if numbers > MAX_NUMBERS {
+            return Err(ShadeError::Limit { what: "numbers per point", asked: numbers, max: MAX_NUMBERS });
+        }
+        group.summarise();
+        Ok(group)
+    }
+
+    /// Checks that every layer may be used as `usage` (reference 5.1.2, table 5.4) and makes that the
+    /// group's usage. Needed for generic shaders, harmless for others.
+    ///
+    /// Errors: [`ShadeError::Misuse`] naming the shader and what it does.
+    pub fn attach(&mut self, usage: ShaderKind) -> Result<(), ShadeError> {
+        if self.usage != ShaderKind::Generic && self.usage != usage {
+            return Err(ShadeError::Misuse {
+                what: format!("a {} shader cannot be used as {}", self.usage.word(), usage.word()),
+            });
+        }
+        for (layer, facts) in self.layers.iter().zip(&self.facts) {
+            if layer.module.kind == ShaderKind::Generic {
+                check_usage(&layer.module, facts, usage)?;
+            }
+        }
+        self.usage = usage;
+        Ok(())
+    }
+
+    /// What the group is used as: the type of its shaders, or what [`Group::attach`] made it.
+    pub fn usage(&self) -> ShaderKind {
+        self.usage
+    }
+
+    /// Whether some layer looks at neighbouring points.
+    pub fn needs_derivatives(&self) -> bool {
+        self.layers.iter().any(|l| l.module.needs_derivatives) || self.facts.iter().any(|f| f.derivatives)
+    }
+
+    /// Whether some layer or connection writes a global.
+    pub fn writes(&self, global: Global) -> bool {
+        self.writes[global as usize]
+    }
+
+    /// Whether some layer writes `opacity`: if not, the object is as opaque as its attribute says.
+    pub fn sets_opacity(&self) -> bool {
+        self.writes(Global::opacity)
+    }
+
+    /// Whether some layer has an `emit` statement; a light without is ambient.
+    pub fn has_emit(&self) -> bool {
+        self.facts.iter().any(|f| f.emits)
+    }
+
+    /// Whether some layer looks at the lights.
+    pub fn gathers_light(&self) -> bool {
+        self.facts.iter().any(|f| f.gathers)
+    }
+
+    /// Names of the output parameters of all layers, each once, in order of declaration.
+    pub fn output_names(&self) -> &[Arc<str>] {
+        &self.outputs
+    }
+
+    /// Value of a string parameter as far as it can be told without running: given with the instance, or
+    /// a constant default. Of several layers the last counts.
+    pub fn param_string(&self, name: &str) -> Option<Arc<str>> {
+        self.layers.iter().rev().find_map(|layer| {
+            let k = layer.params.iter().position(|p| *p.name == *name)?;
+            let plan = &layer.params[k];
+            if layer.places[plan.symbol.0 as usize].value != ValueType::String {
+                return None;
+            }
+            if let Some(given) = &plan.given {
+                return self.strings.text(given[0]).cloned();
+            }
+            match &layer.module.params[k].default {
+                granita_gsl::ir::DefaultValue::Known { value: ConstValue::Strings(list), .. } => {
+                    list.first().cloned()
+                }
+                _ => None,
+            }
+        })
+    }
+
+    /// Whether some `getmessage` asks the object's shader of another usage.
+    pub fn listens_to(&self, usage: ShaderKind) -> bool {
+        self.facts.iter().any(|f| f.listens.contains(&usage))
+    }
+
+    /// Leaves all parameters on the grid after a run, for a later shader of the object that
+    /// [listens](Group::listens_to).
+    pub fn keep_parameters(&mut self) {
+        self.keeps = true;
+    }
+
+    /// Whether this is the first call with this cause: for messages said once.
+    pub(crate) fn first_time(&self, cause: String) -> bool {
+        self.said.lock().unwrap_or_else(PoisonError::into_inner).insert(cause)
+    }
+
+    /// Lays out a layer's symbols and takes the values of its instance.
+    fn add_layer(
+        &mut self,
+        index: usize,
+        source: &LayerSource<'_>,
+        wires: &[Resolved],
+        report: &mut dyn FnMut(Severity, String),
+    ) -> Result<(), ShadeError> {
+        let module = &source.module;
+        for param in source.params {
+            if module.param(&param.name).is_none() {
+                report(
+                    Severity::Warning,
+                    format!("shader \"{}\" has no parameter \"{}\"", module.name, param.name),
+                );
+            }
+        }
+        let mut params = Vec::with_capacity(module.params.len());
+        let mut lengths: Vec<u32> = module.symbols.iter().map(|s| s.ty.elements() as u32).collect();
+        for (k, decl) in module.params.iter().enumerate() {
+            let symbol = module.symbol(decl.symbol);
+            let given = source.params.get(&symbol.name).and_then(|p| {
+                let name = module.name.clone();
+                given(symbol, p, &mut self.strings, &mut |s, text| {
+                    report(s, format!("shader \"{name}\": {text}"));
+                })
+            });
+            if symbol.ty.open && symbol.ty.array.is_some() {
+                lengths[decl.symbol.0 as usize] = {
+                    let size = symbol.ty.value.components();
+                    let own = given.as_ref().map_or(symbol.ty.elements(), |g| g.len() / size);
+                    self.open_length(index, k, own as u32, wires)
+                };
+            }
+            params.push(ParamPlan {
+                symbol: decl.symbol,
+                name: symbol.name.clone(),
+                given,
+                wires: Vec::new(),
+            });
+        }
+        let mut places = Vec::with_capacity(module.symbols.len());
+        for (k, symbol) in module.symbols.iter().enumerate() {
+            let at = match &symbol.kind {
+                SymbolKind::Global(g) => At::Slot(*g as u32),
+                SymbolKind::Const(value) => At::Const(self.constant(value)),
+                _ => {
+                    let floats = (lengths[k] as usize).saturating_mul(symbol.ty.value.components());
+                    if floats > MAX_NUMBERS {
+                        return Err(ShadeError::Limit {
+                            what: "array elements",
+                            asked: floats,
+                            max: MAX_NUMBERS,
+                        });
+                    }
+                    self.slots.push(floats as u32);
+                    At::Slot(self.slots.len() as u32 - 1)
+                }
+            };
+            places.push(Place {
+                at,
+                value: symbol.ty.value,
+                elements: lengths[k].max(1),
+                array: symbol.ty.array.is_some(),
+                scratch: self.facts[index].scratch[k],
+            });
+        }
+        self.layers.push(Layer {
+            module: module.clone(),
+            places,
+            params,
+            globals: Vec::new(),
+            kept: Vec::new(),
+        });
+        Ok(())
+    }
+
+    /// True length of a variable-length parameter (reference 5.3.2), `own` without connections.
+    fn open_length(&self, layer: usize, param: usize, own: u32, wires: &[Resolved]) -> u32 {
+        let into = wires.iter().filter(|w| w.target_layer == layer && w.target.end == End::Param(param));
+        let (mut whole, mut reach) = (None, 0);
+        for wire in into {
+            match (wire.target.element, wire.source.end) {
+                (Some(e), _) => reach = reach.max(e.saturating_add(1)),
+                // The source may be of variable length itself; its layer is linked already.
+                (None, End::Param(p)) => {
+                    let source = &self.layers[wire.source_layer];
+                    whole = Some(source.places[source.params[p].symbol.0 as usize].elements);
+                }
+                (None, End::Global(_)) => {}
+            }
+        }
+        whole.unwrap_or(own).max(reach).max(1)
+    }
+
+    /// The constant's index.
+    fn constant(&mut self, value: &ConstValue) -> u32 {
+        let floats: Arc<[f32]> = match value {
+            ConstValue::Floats(v) => v.clone(),
+            ConstValue::Strings(v) => v.iter().map(|s| self.strings.intern(s)).collect(),
+        };
+        self.constants.push(floats);
+        self.constants.len() as u32 - 1
+    }
+
+    /// Makes a connection whose ends are checked.
+    fn add_wire(&mut self, wire: &Resolved) {
+        let source = match wire.source.end {
+            End::Param(p) => self.param_tap(wire.source_layer, p, &wire.source),
+            End::Global(g) => {
+                // Later layers may change the global: keep it as the source layer leaves it.
+                let known = self.layers[wire.source_layer].kept.iter().find(|(k, _)| *k == g).map(|k| k.1);
+                let slot = known.unwrap_or_else(|| {
+                    self.slots.push(g.value_type().components() as u32);
+                    let slot = self.slots.len() as u32 - 1;
+                    self.layers[wire.source_layer].kept.push((g, slot));
+                    slot
+                });
+                self.used[g as usize] = true;
+                global_tap(slot, &wire.source)
+            }
+        };
+        match wire.target.end {
+            End::Param(p) => {
+                let target = self.param_tap(wire.target_layer, p, &wire.target);
+                self.layers[wire.target_layer].params[p].wires.push(Wire { source, target });
+            }
+            End::Global(g) => {
+                self.used[g as usize] = true;
+                self.writes[g as usize] = true;
+                let target = global_tap(g as u32, &wire.target);
+                self.layers[wire.target_layer].globals.push(Wire { source, target });
+            }
+        }
+    }
+
+    /// The end of a connection at a parameter.
+    fn param_tap(&self, layer: usize, param: usize, named: &Named) -> Tap {
+        let layer = &self.layers[layer];
+        let place = &layer.places[layer.params[param].symbol.0 as usize];
+        let At::Slot(slot) = place.at else { unreachable!("parameters have registers") };
+        Tap {
+            slot,
+            value: place.value,
+            elements: place.elements,
+            element: named.element,
+            component: named.component,
+        }
+    }
+
+    /// Gathers what is known of all layers.
+    fn summarise(&mut self) {
+        for (layer, facts) in self.layers.iter().zip(&self.facts) {
+            for g in Global::ALL {
+                let written = facts.writes[g as usize] || layer.module.writes.contains(&g);
+                self.writes[g as usize] |= written;
+                self.used[g as usize] |= written || layer.module.reads.contains(&g);
+            }
+            for symbol in &layer.module.symbols {
+                if let SymbolKind::Global(g) = symbol.kind {
+                    self.used[g as usize] = true;
+                }
+            }
+            for decl in layer.module.params.iter().filter(|p| p.output) {
+                let name = &layer.module.symbol(decl.symbol).name;
+                if !self.outputs.contains(name) {
+                    self.outputs.push(name.clone());
+                }
+            }
+        }
+        // Functions use these without naming them.
+        for g in [Global::P, Global::N, Global::Ng, Global::I] {
+            self.used[g as usize] = true;
+        }
+    }
+}
+
+/// The end of a connection at a global.
+fn global_tap(slot: u32, named: &Named) -> Tap {
+    Tap { slot, value: named.value, elements: 1, element: None, component: named.component }
+}
+
+/// A connection whose layers and names are known.
+struct Resolved {
+    source_layer: usize,
+    source: Named,
+    target_layer: usize,
+    target: Named,
+}
+
+/// Resolves all connections; those that cannot be made are reported and dropped. Of several into one
+/// end, the last counts.
+fn resolve_all(
+    layers: &[LayerSource<'_>],
+    connections: &[ConnectionSource<'_>],
+    report: &mut dyn FnMut(Severity, String),
+) -> Vec<Resolved> {
+    let mut list: Vec<Resolved> = Vec::new();
+    for c in connections {
+        let made = (|| {
+            let find = |name: &str| {
+                layers
+                    .iter()
+                    .rposition(|l| l.name == Some(name))
+                    .ok_or_else(|| format!("there is no layer \"{name}\""))
+            };
+            let (source_layer, target_layer) = (find(c.source_layer)?, find(c.target_layer)?);
+            if source_layer >= target_layer {
+                return Err("the source must be an earlier layer".to_owned());
+            }
+            let source = resolve(&layers[source_layer].module, c.source)?;
+            let target = resolve(&layers[target_layer].module, c.target)?;
+            compatible(&source, &target)?;
+            Ok(Resolved { source_layer, source, target_layer, target })
+        })();
+        match made {
+            Err(why) => refuse(c, &why, report),
+            Ok(wire) => {
+                list.retain(|w| {
+                    w.target_layer != wire.target_layer
+                        || w.target.end != wire.target.end
+                        || w.target.element != wire.target.element
+                        || w.target.component != wire.target.component
+                });
+                list.push(wire);
+            }
+        }
+    }
+    list
+}
+
+/// The type of the layers; generic ones join any.
+fn common_kind(layers: &[LayerSource<'_>]) -> Result<ShaderKind, ShadeError> {
+    if layers.is_empty() {
+        return Err(ShadeError::Misuse { what: "a shader group without layers".to_owned() });
+    }
+    let mut kind = ShaderKind::Generic;
+    for layer in layers {
+        let own = layer.module.kind;
+        if own == ShaderKind::Generic || own == kind {
+            continue;
+        }
+        if kind != ShaderKind::Generic {
+            return Err(ShadeError::Misuse {
+                what: format!(
+                    "a {} shader (\"{}\") in a group of {} shaders",
+                    own.word(),
+                    layer.module.name,
+                    kind.word()
+                ),
+            });
+        }
+        kind = own;
+    }
+    Ok(kind)
+}
+
+/// Whether a generic shader keeps the rules of a usage.
+fn check_usage(module: &Module, facts: &Facts, usage: ShaderKind) -> Result<(), ShadeError> {
+    let refuse = |does: &str| {
+        Err(ShadeError::Misuse {
+            what: format!("shader \"{}\" {does}, which a {} shader may not", module.name, usage.word()),
+        })
+    };
+    let allowed: &[Global] = match usage {
+        ShaderKind::Surface => &[Global::N, Global::C, Global::opacity],
+        ShaderKind::Displacement => &[Global::P, Global::N],
+        ShaderKind::Volume => &[Global::C, Global::opacity],
+        ShaderKind::Light => &[Global::L, Global::Cl],
+        ShaderKind::Generic => &Global::ALL,
+    };
+    for g in Global::ALL {
+        let written = facts.writes[g as usize] || module.writes.contains(&g);
+        // `emit` sets L and Cl itself; it is refused below by its own name.
+        let implied = facts.emits && matches!(g, Global::L | Global::Cl);
+        if written && !implied && !allowed.contains(&g) {
+            return refuse(&format!("writes {}", g.word()));
+        }
+    }
+    match usage {
+        ShaderKind::Surface | ShaderKind::Volume if facts.emits => refuse("emits light"),
+        ShaderKind::Displacement if facts.emits => refuse("emits light"),
+        ShaderKind::Displacement | ShaderKind::Light if facts.gathers => refuse("gathers light"),
+        _ => Ok(()),
+    }
+}

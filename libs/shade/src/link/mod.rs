@@ -1,0 +1,11 @@
+//! Linking: from modules and scene parameters to something that runs.
+
+mod analyse;
+mod given;
+mod group;
+mod wires;
+
+pub(crate) use analyse::usage_word;
+pub(crate) use group::{At, Layer, ParamPlan, Place};
+pub use group::{ConnectionSource, Group, LayerSource};
+pub(crate) use wires::{Tap, Wire};

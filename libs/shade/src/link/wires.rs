@@ -1,0 +1,157 @@
+//! Connections between layers: names with indexes to places, and which types go together.
+
+use crate::ConnectionSource;
+use granita_base::Severity;
+use granita_gsl::ir::{Global, Module, ValueType};
+
+/// One end of a connection.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Tap {
+    /// Register.
+    pub(crate) slot: u32,
+    /// Type of an element.
+    pub(crate) value: ValueType,
+    /// Number of elements.
+    pub(crate) elements: u32,
+    /// The only element.
+    pub(crate) element: Option<u32>,
+    /// The only component.
+    pub(crate) component: Option<u32>,
+}
+
+impl Tap {
+    /// Whether everything of the symbol is meant.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.element.is_none() && self.component.is_none()
+    }
+}
+
+/// A connection that holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Wire {
+    pub(crate) source: Tap,
+    pub(crate) target: Tap,
+}
+
+/// What a name at an end of a connection means.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum End {
+    /// Parameter of this index.
+    Param(usize),
+    Global(Global),
+}
+
+/// A name with indexes, before slots are known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Named {
+    pub(crate) end: End,
+    pub(crate) value: ValueType,
+    /// Array length; `None` when not an array.
+    pub(crate) array: Option<u32>,
+    /// Declared `[]`.
+    pub(crate) open: bool,
+    pub(crate) element: Option<u32>,
+    pub(crate) component: Option<u32>,
+}
+
+impl Named {
+    /// What arrives or leaves: type, and the length of whole arrays.
+    fn shape(&self) -> (ValueType, Option<u32>) {
+        if self.component.is_some() {
+            (ValueType::Float, None)
+        } else {
+            (self.value, if self.element.is_some() { None } else { self.array })
+        }
+    }
+}
+
+/// Reads `"name"`, `"name[1]"`, `"name[1][2]"` as seen by a module.
+pub(crate) fn resolve(module: &Module, text: &str) -> Result<Named, String> {
+    let (name, mut indexes) = split(text)?;
+    let mut named = if let Some(k) = module.params.iter().position(|p| *module.symbol(p.symbol).name == *name)
+    {
+        let ty = module.symbol(module.params[k].symbol).ty;
+        Named {
+            end: End::Param(k),
+            value: ty.value,
+            array: ty.array,
+            open: ty.open,
+            element: None,
+            component: None,
+        }
+    } else if let Some(g) = Global::ALL.into_iter().find(|g| g.word() == name) {
+        Named {
+            end: End::Global(g),
+            value: g.value_type(),
+            array: None,
+            open: false,
+            element: None,
+            component: None,
+        }
+    } else {
+        return Err(format!("shader \"{}\" has no parameter \"{name}\"", module.name));
+    };
+    if let (Some(length), Some(&index)) = (named.array, indexes.first()) {
+        if index >= length && !named.open {
+            return Err(format!("\"{text}\" is outside of the array's {length} elements"));
+        }
+        named.element = Some(index);
+        indexes.remove(0);
+    }
+    if let Some(&index) = indexes.first() {
+        if !named.value.is_triple() || indexes.len() > 1 {
+            return Err(format!("\"{text}\" has an index, but is no array and no triple"));
+        }
+        if index > 2 {
+            return Err(format!("\"{text}\" is outside of the three components"));
+        }
+        named.component = Some(index);
+    }
+    Ok(named)
+}
+
+/// Name and indexes.
+fn split(text: &str) -> Result<(&str, Vec<u32>), String> {
+    let Some(open) = text.find('[') else { return Ok((text.trim(), Vec::new())) };
+    let fail = || format!("cannot read the index in \"{text}\"");
+    let mut indexes = Vec::new();
+    let mut rest = text[open..].trim();
+    while !rest.is_empty() {
+        let inner = rest.strip_prefix('[').ok_or_else(fail)?;
+        let (number, after) = inner.split_once(']').ok_or_else(fail)?;
+        indexes.push(number.trim().parse().map_err(|_| fail())?);
+        rest = after.trim();
+    }
+    Ok((text[..open].trim(), indexes))
+}
+
+/// Whether the ends go together (reference 2.6): equal types; triples among each other; a float to a
+/// triple; a triple to a float by its first component. Whole arrays need the same length.
+pub(crate) fn compatible(source: &Named, target: &Named) -> Result<(), String> {
+    let ((from, from_array), (to, to_array)) = (source.shape(), target.shape());
+    let arrays = match (from_array, to_array) {
+        (None, None) => true,
+        (Some(a), Some(b)) => a == b || target.open,
+        _ => false,
+    };
+    if !arrays {
+        return Err("the array lengths differ".to_owned());
+    }
+    let numeric = |t: ValueType| t == ValueType::Float || t.is_triple();
+    // Conversions are for single values; arrays must have the same kind of element.
+    let types = from == to
+        || from.is_triple() && to.is_triple()
+        || from_array.is_none() && numeric(from) && numeric(to);
+    if types { Ok(()) } else { Err(format!("a {} does not connect to a {}", from.word(), to.word())) }
+}
+
+/// Reports a connection that is not made.
+pub(crate) fn refuse(c: &ConnectionSource<'_>, why: &str, report: &mut dyn FnMut(Severity, String)) {
+    report(
+        Severity::Error,
+        format!(
+            "cannot connect \"{}\" of layer \"{}\" to \"{}\" of layer \"{}\": {why}",
+            c.source, c.source_layer, c.target, c.target_layer
+        ),
+    );
+}

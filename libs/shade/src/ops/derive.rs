@@ -1,0 +1,313 @@
+//! Differences between neighbouring points (reference 5.8.7).
+//!
+//! On a rectangular grid they are central inside and one-sided of second order at the borders, so that a
+//! quadratic has no seam between grids. Only active neighbours count: where one is missing, what remains
+//! decides. At ray hits the neighbours are lanes of their own; unrelated points have no differences.
+
+use super::{compute_as, result_type};
+use crate::Lane;
+use crate::Topology;
+use crate::run::machine::Machine;
+use crate::run::store::Out;
+use granita_base::Vec3;
+use granita_gsl::Func;
+use granita_gsl::ir::{Global, Op, SymbolId};
+
+/// One of the two directions over a grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Direction {
+    U,
+    V,
+}
+
+/// Differences of `x` towards the next point, smoothed.
+pub(crate) fn difference(m: &Machine<'_>, x: Lane<'_>, direction: Direction, out: &mut [f32]) {
+    if x.stride == 0 {
+        out.fill(0.0);
+        return;
+    }
+    let v = x.values;
+    match m.grid.topology {
+        Topology::Scattered { .. } => out.fill(0.0),
+        Topology::Triplets { n } => {
+            let from = if direction == Direction::U { n } else { 2 * n };
+            for i in 0..n {
+                let known = m.mask.on[i] && m.mask.on[from + i];
+                let d = if known { v[from + i] - v[i] } else { 0.0 };
+                out[i] = d;
+                out[n + i] = d;
+                out[2 * n + i] = d;
+            }
+        }
+        Topology::Rect { nu, nv } => {
+            let (count, stride, lines, line) = match direction {
+                Direction::U => (nu, 1, nv, nu),
+                Direction::V => (nv, nu, nu, 1),
+            };
+            let all = m.mask.count() == m.n;
+            for k in 0..lines {
+                let start = k * line;
+                if all {
+                    line_difference(v, start, stride, count, out);
+                } else {
+                    partial_difference(v, &m.mask.on, start, stride, count, out);
+                }
+            }
+        }
+    }
+}
+
+/// One row or column, all active.
+fn line_difference(v: &[f32], start: usize, stride: usize, count: usize, out: &mut [f32]) {
+    let at = |i: usize| start + i * stride;
+    match count {
+        0 => {}
+        1 => out[at(0)] = 0.0,
+        2 => {
+            let d = v[at(1)] - v[at(0)];
+            out[at(0)] = d;
+            out[at(1)] = d;
+        }
+        _ => {
+            out[at(0)] = forward(v[at(0)], v[at(1)], v[at(2)]);
+            for i in 1..count - 1 {
+                out[at(i)] = 0.5 * (v[at(i + 1)] - v[at(i - 1)]);
+            }
+            let last = count - 1;
+            out[at(last)] = -forward(v[at(last)], v[at(last - 1)], v[at(last - 2)]);
+        }
+    }
+}
+
+/// Slope at `a` of the parabola through three equidistant values.
+fn forward(a: f32, b: f32, c: f32) -> f32 {
+    // Written by differences: constants give exactly 0.
+    2.0 * (b - a) - 0.5 * (c - a)
+}
+
+/// One row or column, with points missing.
+fn partial_difference(v: &[f32], on: &[bool], start: usize, stride: usize, count: usize, out: &mut [f32]) {
+    let at = |i: usize| start + i * stride;
+    let known = |i: isize| i >= 0 && (i as usize) < count && on[at(i as usize)];
+    for i in 0..count {
+        if !on[at(i)] {
+            continue;
+        }
+        let k = i as isize;
+        let value = |j: isize| v[at(j as usize)];
+        out[at(i)] = match (known(k - 1), known(k + 1)) {
+            (true, true) => 0.5 * (value(k + 1) - value(k - 1)),
+            (false, true) if known(k + 2) => forward(value(k), value(k + 1), value(k + 2)),
+            (false, true) => value(k + 1) - value(k),
+            (true, false) if known(k - 2) => -forward(value(k), value(k - 1), value(k - 2)),
+            (true, false) => value(k) - value(k - 1),
+            (false, false) => 0.0,
+        };
+    }
+}
+
+/// Differences towards the next point as they are, backwards at the last one: true sizes of what is
+/// around the point.
+fn true_difference(m: &Machine<'_>, x: Lane<'_>, direction: Direction, out: &mut [f32]) {
+    let Topology::Rect { nu, nv } = m.grid.topology else { return difference(m, x, direction, out) };
+    if x.stride == 0 {
+        out.fill(0.0);
+        return;
+    }
+    let v = x.values;
+    let on = |i: usize| m.mask.on[i];
+    for j in 0..nv {
+        for i in 0..nu {
+            let here = j * nu + i;
+            let (k, count, stride) = match direction {
+                Direction::U => (i, nu, 1),
+                Direction::V => (j, nv, nu),
+            };
+            out[here] = if k + 1 < count && on(here + stride) {
+                v[here + stride] - v[here]
+            } else if k > 0 && on(here - stride) {
+                v[here] - v[here - stride]
+            } else {
+                0.0
+            };
+        }
+    }
+}
+
+/// Both differences of a value: `components` numbers each.
+pub(crate) fn differences(m: &mut Machine<'_>, sym: SymbolId, components: usize) -> [Out; 2] {
+    let varying = m.view(sym).varying;
+    let mut result = [m.out(varying, components), m.out(varying, components)];
+    let view = m.view(sym);
+    for (out, direction) in result.iter_mut().zip([Direction::U, Direction::V]) {
+        for c in 0..components {
+            difference(m, view.lane(c), direction, out.part(c));
+        }
+    }
+    result
+}
+
+/// The differences' length over both directions: how much a value changes between samples.
+pub(crate) fn filterwidth(m: &mut Machine<'_>, sym: SymbolId) -> Out {
+    let components = m.view(sym).components;
+    let [du, dv] = differences(m, sym, components);
+    let mut out = m.out(du.varying, 1);
+    let part = out.part(0);
+    part.fill(0.0);
+    for d in [&du, &dv] {
+        for c in 0..components {
+            crate::run::kernel::fold1(part, d.lane(c), |o, x| o + x * x);
+        }
+    }
+    part.iter_mut().for_each(|x| *x = x.sqrt());
+    m.discard(du);
+    m.discard(dv);
+    out
+}
+
+/// The functions.
+pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
+    let Some(dst) = op.dst else { return };
+    let x = op.args[0];
+    let varying = m.view(x).varying;
+    match func {
+        Func::DeltaU | Func::DeltaV => {
+            let Some(ty) = result_type(m, op) else { return };
+            let direction = if func == Func::DeltaU { Direction::U } else { Direction::V };
+            compute_as(m, dst, varying, ty.components(), |m, out, _| {
+                for c in 0..ty.components() {
+                    difference(m, m.view(x).lane(c), direction, out.part(c));
+                }
+            });
+        }
+        Func::FilterWidth => {
+            let mut out = filterwidth(m, x);
+            super::widen(m, dst, &mut out, 1);
+            m.commit(dst, out);
+        }
+        Func::SampleArea => compute_as(m, dst, varying, 1, |m, out, work| {
+            let view = m.view(x);
+            let mut tangents = [[(); 3]; 2].map(|t| t.map(|()| vec![0.0; out.width]));
+            for (t, direction) in tangents.iter_mut().zip([Direction::U, Direction::V]) {
+                for (c, t) in t.iter_mut().enumerate() {
+                    true_difference(m, view.lane(c), direction, t);
+                }
+            }
+            let at = |k: usize, i: usize| Vec3::new(tangents[k][0][i], tangents[k][1][i], tangents[k][2][i]);
+            work.each(|i| out.set(0, i, at(0, i).cross(at(1, i)).length()));
+        }),
+        _ => {
+            let out = surface_normal(m, x);
+            m.commit(dst, out);
+        }
+    }
+}
+
+/// `cross (deltau (p), deltav (p))`, turned as the surface is, where both have a direction. Where a tangent
+/// vanishes (at a pole) the next row of points gives one; where there is none either, the geometric normal
+/// stands in.
+pub(crate) fn surface_normal(m: &mut Machine<'_>, p: SymbolId) -> Out {
+    let p = m.captured(p);
+    let out = normals_of(m, &p);
+    m.discard(p);
+    out
+}
+
+/// As [`surface_normal`], of positions that are no symbol's.
+pub(crate) fn normals_of(m: &mut Machine<'_>, p: &Out) -> Out {
+    let mut tangents = [m.out(true, 3), m.out(true, 3)];
+    for (out, direction) in tangents.iter_mut().zip([Direction::U, Direction::V]) {
+        for c in 0..3 {
+            difference(m, p.lane(c), direction, out.part(c));
+        }
+    }
+    let mut out = m.out(true, 3);
+    let sign = if m.grid.flip_normals { -1.0 } else { 1.0 };
+    {
+        let (du, dv) = (tangents[0].triple(), tangents[1].triple());
+        let ng = m.global(Global::Ng).triple();
+        let rect = match m.grid.topology {
+            Topology::Rect { nu, nv } => Some((nu, nv)),
+            _ => None,
+        };
+        m.work(true).each(|i| {
+            let (a, b) = (du.get(i), dv.get(i));
+            let mut normal = a.cross(b);
+            // Squared sine below 1e-10: parallel, or one without length.
+            let degenerate = |n: Vec3, a: Vec3, b: Vec3| {
+                let size = a.length_squared() * b.length_squared();
+                // NaN is degenerate too.
+                !(n.length_squared() > 1e-10 * size && size > 0.0)
+            };
+            if degenerate(normal, a, b) {
+                normal = ng.get(i) * sign;
+                if let Some((nu, nv)) = rect {
+                    let (u, v) = (i % nu, i / nu);
+                    let inward =
+                        |k: usize, count: usize| if 2 * k < count { k + 1 } else { k.wrapping_sub(1) };
+                    let row = (inward(v, nv) < nv).then(|| inward(v, nv) * nu + u);
+                    let column = (inward(u, nu) < nu).then(|| v * nu + inward(u, nu));
+                    // At a pole one tangent vanishes: take it from the next row or column.
+                    let candidates = [
+                        row.filter(|&k| m.mask.on[k]).map(|k| (du.get(k), b)),
+                        column.filter(|&k| m.mask.on[k]).map(|k| (a, dv.get(k))),
+                    ];
+                    for (a, b) in candidates.into_iter().flatten() {
+                        if !degenerate(a.cross(b), a, b) {
+                            normal = a.cross(b);
+                            break;
+                        }
+                    }
+                }
+            }
+            out.set3(i, sign * normal);
+        });
+    }
+    let [du, dv] = tangents;
+    m.discard(du);
+    m.discard(dv);
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parabolas_have_exact_slopes_up_to_the_borders() {
+        let f = |i: usize| {
+            let x = i as f32;
+            0.5 * x * x - 3.0 * x + 1.0
+        };
+        let v: Vec<f32> = (0..7).map(f).collect();
+        let mut out = vec![0.0; 7];
+        line_difference(&v, 0, 1, 7, &mut out);
+        for (i, d) in out.iter().enumerate() {
+            assert_eq!(*d, i as f32 - 3.0);
+        }
+    }
+
+    #[test]
+    fn missing_neighbours_are_left_out() {
+        let v = [0.0, 1.0, f32::NAN, 9.0, 16.0, 25.0];
+        let on = [true, true, false, true, true, true];
+        let mut out = [0.0; 6];
+        partial_difference(&v, &on, 0, 1, 6, &mut out);
+        assert_eq!(out, [1.0, 1.0, 0.0, 6.0, 8.0, 10.0]);
+        let mut all = [0.0; 4];
+        let mut some = [0.0; 4];
+        let v = [1.0, 4.0, 2.0, 8.0];
+        line_difference(&v, 0, 1, 4, &mut all);
+        partial_difference(&v, &[true; 4], 0, 1, 4, &mut some);
+        assert_eq!(all, some);
+    }
+
+    #[test]
+    fn short_lines() {
+        let mut out = [7.0; 2];
+        line_difference(&[1.0], 0, 1, 1, &mut out[..1]);
+        assert_eq!(out[0], 0.0);
+        line_difference(&[1.0, 4.0], 0, 1, 2, &mut out);
+        assert_eq!(out, [3.0, 3.0]);
+    }
+}

@@ -1,0 +1,85 @@
+//! Matrix functions (reference 5.8.5) and products. A singular matrix has no inverse: the identity takes
+//! its place and an error says so once.
+
+use super::{compute, math};
+use crate::run::machine::Machine;
+use crate::run::store::{Out, View};
+use granita_base::{Transform, Vec3};
+use granita_gsl::Func;
+use granita_gsl::ir::{Op, SymbolId};
+use std::cell::Cell;
+
+/// The matrix of lane `i`.
+pub(super) fn matrix_of(view: &View<'_>, i: usize) -> Transform {
+    Transform::from_rows(&view.matrix_at(i))
+}
+
+/// Stores the matrix of lane `i`.
+pub(super) fn set_matrix(out: &mut Out, i: usize, value: &Transform) {
+    for (c, x) in value.to_rows().into_iter().enumerate() {
+        out.set(c, i, x);
+    }
+}
+
+/// `a b`, or `a` times the inverse of `b`.
+pub(super) fn product(m: &mut Machine<'_>, op: &Op, inverted: bool) {
+    let singular = Cell::new(false);
+    compute(m, op, 16, |m, out, work| {
+        let (a, b) = (m.view(op.args[0]), m.view(op.args[1]));
+        work.each(|i| {
+            let right = matrix_of(&b, i);
+            let right = if inverted { inverse(&right, &singular) } else { right };
+            set_matrix(out, i, &matrix_of(&a, i).then(&right));
+        });
+    });
+    if singular.get() {
+        m.complain(op.at, "a singular matrix has no inverse");
+    }
+}
+
+/// The inverse, or the identity and a note.
+pub(super) fn inverse(matrix: &Transform, singular: &Cell<bool>) -> Transform {
+    matrix.try_inverse().unwrap_or_else(|| {
+        singular.set(true);
+        Transform::IDENTITY
+    })
+}
+
+/// Functions of matrices. The new transformation applies first, as those of the scene interface do.
+pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
+    match func {
+        Func::Determinant => compute(m, op, 1, |m, out, work| {
+            let a = m.view(op.args[0]);
+            work.each(|i| out.set(0, i, matrix_of(&a, i).determinant()));
+        }),
+        Func::Transpose => prepend(m, op, |a, _, _| a.transpose()),
+        Func::Translate => prepend(m, op, |a, t, _| Transform::translate(t).then(a)),
+        Func::Scale => prepend(m, op, |a, t, _| Transform::scale(t).then(a)),
+        // rotate (M, angle, axis)
+        Func::Rotate => {
+            let axis = op.args[2];
+            prepend_with(m, op, axis, |a, axis, angle| Transform::rotate(angle, axis).then(a));
+        }
+        _ => math::run(m, func, op),
+    }
+}
+
+/// A matrix from a matrix and the triple after it.
+fn prepend(m: &mut Machine<'_>, op: &Op, f: impl Fn(&Transform, Vec3, f32) -> Transform) {
+    let triple = op.args[op.args.len().min(2) - 1];
+    prepend_with(m, op, triple, f);
+}
+
+/// A matrix from a matrix, a triple, and the second operand as a float.
+fn prepend_with(
+    m: &mut Machine<'_>,
+    op: &Op,
+    triple: SymbolId,
+    f: impl Fn(&Transform, Vec3, f32) -> Transform,
+) {
+    compute(m, op, 16, |m, out, work| {
+        let a = m.view(op.args[0]);
+        let (t, x) = (m.view(triple).triple(), m.view(op.args[op.args.len().min(2) - 1]));
+        work.each(|i| set_matrix(out, i, &f(&matrix_of(&a, i), t.get(i), x.get(i))));
+    });
+}

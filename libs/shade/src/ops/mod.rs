@@ -1,0 +1,202 @@
+//! The operations and the functions of the standard library (reference 5.8).
+//!
+//! Pure ones compute into a fresh buffer and then store it under the mask ([`Machine::commit`]), so an
+//! operand may be the result. Uniform operands give a uniform result, computed once. Cheap ones compute
+//! all lanes, whatever the mask; expensive ones the active lanes only. What is computed for inactive lanes
+//! never reaches an active one: functions that look at neighbours take active ones only.
+
+mod arith;
+mod color;
+mod derive;
+mod displace;
+mod format;
+mod geometry;
+mod gridwise;
+pub(crate) mod lookup;
+mod math;
+mod matrix;
+mod message;
+mod noise;
+mod pattern;
+mod shading;
+mod spaces;
+mod spline;
+mod text;
+
+use crate::Lane;
+use crate::run::kernel::{map1, map2, map3};
+use crate::run::machine::Machine;
+use crate::run::store::{Out, View, Work};
+use granita_gsl::Func;
+use granita_gsl::ir::{Op, OpCode, SymbolId, ValueType};
+
+/// Runs one operation in the active lanes.
+pub(crate) fn run(m: &mut Machine<'_>, op: &Op) {
+    match op.code {
+        OpCode::Call(func) => call(m, func, op),
+        _ => arith::run(m, op),
+    }
+}
+
+/// Runs a library function.
+fn call(m: &mut Machine<'_>, func: Func, op: &Op) {
+    use Func as F;
+    match func {
+        F::Dot | F::Cross | F::Length | F::Distance | F::Normalize | F::FaceForward | F::Reflect => {
+            geometry::run(m, func, op);
+        }
+        F::Refract | F::Fresnel => geometry::run(m, func, op),
+        F::Rotate if result_type(m, op) == Some(ValueType::Matrix) => matrix::run(m, func, op),
+        F::Rotate => geometry::run(m, func, op),
+        F::Transform | F::TransformV | F::TransformN => spaces::transform(m, func, op),
+        F::TransformU => spaces::transformu(m, op),
+        F::Luminance | F::TransformC => color::run(m, func, op),
+        F::Determinant | F::Transpose | F::Translate | F::Scale => matrix::run(m, func, op),
+        F::Noise | F::SNoise | F::CNoise | F::PNoise | F::PNNoise | F::PSNoise => pattern::noise(m, func, op),
+        F::Random | F::RandomGrid => pattern::random(m, func, op),
+        F::Spline => spline::run(m, op),
+        F::DeltaU | F::DeltaV | F::FilterWidth | F::SurfaceNormal | F::SampleArea => derive::run(m, func, op),
+        F::AaStep => pattern::aastep(m, op),
+        F::GridN | F::GridNU | F::GridNV | F::GridIndex | F::GridAny | F::GridMin | F::GridMax => {
+            gridwise::run(m, func, op);
+        }
+        F::RayLevel | F::IsShadowRay | F::IsIndirectRay | F::ArrayLength => gridwise::run(m, func, op),
+        F::Format | F::Printf | F::Error | F::Fprintf | F::Concat | F::Match | F::Substr => {
+            text::run(m, func, op);
+        }
+        F::Texture | F::Texture3d | F::Environment | F::Shadow => lookup::run(m, func, op),
+        F::Indirect | F::Occlusion => lookup::probe(m, func, op),
+        F::Ambient | F::Diffuse | F::Specular | F::SpecularBrdf => shading::run(m, func, op),
+        F::Displace | F::Bump => displace::run(m, func, op),
+        F::SetMessage | F::GetMessage | F::GetAttribute | F::GetTextureInfo => message::run(m, func, op),
+        F::Subsurface | F::SpatialDbSave | F::SpatialDbQuery => {
+            m.missing(func.word());
+            zero(m, op);
+        }
+        _ => math::run(m, func, op),
+    }
+}
+
+/// Type of an operation's result.
+fn result_type(m: &Machine<'_>, op: &Op) -> Option<ValueType> {
+    op.dst.map(|dst| m.type_of(dst))
+}
+
+/// A result of zeros.
+fn zero(m: &mut Machine<'_>, op: &Op) {
+    if let Some(dst) = op.dst {
+        let mut out = m.out(false, m.type_of(dst).components());
+        out.data.fill(0.0);
+        m.commit(dst, out);
+    }
+}
+
+/// A uniform float result.
+fn constant(m: &mut Machine<'_>, op: &Op, value: f32) {
+    if let Some(dst) = op.dst {
+        let mut out = m.out(false, m.type_of(dst).components());
+        out.data.fill(value);
+        m.commit(dst, out);
+    }
+}
+
+/// Computes a result of `components` numbers into the operation's symbol. The result varies when an
+/// operand does; `f` gets the lanes to compute.
+fn compute(
+    m: &mut Machine<'_>,
+    op: &Op,
+    components: usize,
+    f: impl FnOnce(&Machine<'_>, &mut Out, Work<'_>),
+) {
+    let Some(dst) = op.dst else { return };
+    let varying = m.varies(&op.args);
+    compute_as(m, dst, varying, components, f);
+}
+
+/// As [`compute`], for any symbol; `varying` is given.
+fn compute_as(
+    m: &mut Machine<'_>,
+    dst: SymbolId,
+    varying: bool,
+    components: usize,
+    f: impl FnOnce(&Machine<'_>, &mut Out, Work<'_>),
+) {
+    let mut out = m.out(varying, components);
+    f(m, &mut out, m.work(varying));
+    widen(m, dst, &mut out, components);
+    m.commit(dst, out);
+}
+
+/// Makes a float result as wide as the symbol it goes to, should that be a triple.
+fn widen(m: &Machine<'_>, dst: SymbolId, out: &mut Out, components: usize) {
+    let want = m.type_of(dst).components();
+    if components == want {
+        return;
+    }
+    if components == 1 {
+        for _ in 1..want {
+            out.data.extend_from_within(..out.width);
+        }
+    } else {
+        let len = out.data.len().min(want * out.width);
+        out.data.truncate(len);
+        out.data.resize(want * out.width, 0.0);
+    }
+}
+
+/// Component `c` of an operand as a value of type `ty`: a float is the diagonal of a matrix.
+fn component<'v>(view: &View<'v>, c: usize, ty: ValueType) -> Lane<'v> {
+    const ZERO: &[f32] = &[0.0];
+    if ty == ValueType::Matrix && view.components == 1 && !c.is_multiple_of(5) {
+        return Lane { values: ZERO, stride: 0 };
+    }
+    view.lane(c)
+}
+
+/// Whether so few lanes are active that they had better be computed one by one.
+fn sparse(m: &Machine<'_>, varying: bool) -> bool {
+    varying && m.mask.count() * 4 < m.n
+}
+
+/// Component by component of one operand.
+fn unary(m: &mut Machine<'_>, op: &Op, f: impl Fn(f32) -> f32) {
+    let Some(ty) = result_type(m, op) else { return };
+    compute(m, op, ty.components(), |m, out, work| {
+        let a = m.view(op.args[0]);
+        for c in 0..ty.components() {
+            let a = component(&a, c, ty);
+            if sparse(m, out.varying) {
+                work.each(|i| out.set(c, i, f(a.get(i))));
+            } else {
+                map1(out.part(c), a, &f);
+            }
+        }
+    });
+}
+
+/// Component by component of two operands.
+fn binary(m: &mut Machine<'_>, op: &Op, f: impl Fn(f32, f32) -> f32) {
+    let Some(ty) = result_type(m, op) else { return };
+    compute(m, op, ty.components(), |m, out, work| {
+        let (a, b) = (m.view(op.args[0]), m.view(op.args[1]));
+        for c in 0..ty.components() {
+            let (a, b) = (component(&a, c, ty), component(&b, c, ty));
+            if sparse(m, out.varying) {
+                work.each(|i| out.set(c, i, f(a.get(i), b.get(i))));
+            } else {
+                map2(out.part(c), a, b, &f);
+            }
+        }
+    });
+}
+
+/// Component by component of three operands; of the third, a float stands for all components.
+fn ternary(m: &mut Machine<'_>, op: &Op, f: impl Fn(f32, f32, f32) -> f32) {
+    let Some(ty) = result_type(m, op) else { return };
+    compute(m, op, ty.components(), |m, out, _| {
+        let (a, b, t) = (m.view(op.args[0]), m.view(op.args[1]), m.view(op.args[2]));
+        for c in 0..ty.components() {
+            map3(out.part(c), component(&a, c, ty), component(&b, c, ty), t.lane(c), &f);
+        }
+    });
+}

@@ -1,0 +1,223 @@
+//! Noise, random numbers and the antialiased step (reference 5.8.6, 5.8.7).
+
+use super::{compute_as, derive, noise as table};
+use crate::Lane;
+use crate::run::kernel::map2;
+use crate::run::machine::Machine;
+use granita_base::Filter;
+use granita_gsl::Func;
+use granita_gsl::ir::{Op, SymbolId, ValueType};
+use table::{Periods, cellnoise, drawn, hashed, period, snoise};
+
+/// Which noise, of how many numbers, and how it repeats.
+struct Domain<'v> {
+    lanes: [Option<Lane<'v>>; 4],
+    periods: [Option<Lane<'v>>; 4],
+}
+
+/// The floats of a list of operands, triples spread out.
+fn spread<'v>(m: &'v Machine<'_>, args: &[SymbolId]) -> [Option<Lane<'v>>; 4] {
+    let mut lanes = [None; 4];
+    let mut next = 0;
+    for &arg in args {
+        let view = m.view(arg);
+        for c in 0..view.components.min(3) {
+            if next < 4 {
+                lanes[next] = Some(view.lane(c));
+                next += 1;
+            }
+        }
+    }
+    lanes
+}
+
+/// Values of the lanes at `i`; 0 where there is none.
+fn at(lanes: &[Option<Lane<'_>>; 4], i: usize) -> [f32; 4] {
+    lanes.map(|l| l.map_or(0.0, |l| l.get(i)))
+}
+
+/// `noise`, `snoise`, `cnoise`, `pnoise`, `psnoise`.
+pub(super) fn noise(m: &mut Machine<'_>, func: Func, op: &Op) {
+    let Some(dst) = op.dst else { return };
+    let components = m.type_of(dst).components();
+    let varying = m.varies(&op.args);
+    compute_as(m, dst, varying, components, |m, out, work| {
+        let periodic = matches!(func, Func::PNoise | Func::PNNoise | Func::PSNoise);
+        let count = if periodic { op.args.len() / 2 } else { op.args.len() };
+        let domain = Domain {
+            lanes: spread(m, &op.args[..count]),
+            periods: if periodic { spread(m, &op.args[count..]) } else { [None; 4] },
+        };
+        let dimensions = domain.lanes.iter().flatten().count();
+        let signed = matches!(func, Func::SNoise | Func::PSNoise);
+        work.each(|i| {
+            let x = at(&domain.lanes, i);
+            let periods: Periods = domain.periods.map(|p| p.map_or(0, |p| period(p.get(i))));
+            for c in 0..components {
+                let k = c as u32;
+                if func == Func::CNoise {
+                    out.set(c, i, cellnoise(&x[..dimensions], k));
+                    continue;
+                }
+                let v = match dimensions {
+                    1 => snoise([x[0]], periods, k),
+                    2 => snoise([x[0], x[1]], periods, k),
+                    3 => snoise([x[0], x[1], x[2]], periods, k),
+                    _ => snoise(x, periods, k),
+                };
+                out.set(c, i, if signed { v } else { 0.5 + 0.5 * v });
+            }
+        });
+    });
+}
+
+/// `random` and `randomgrid`. Without an argument the numbers depend on the grid's seed, the lane and how
+/// many were drawn before, so that a picture can be computed again.
+pub(super) fn random(m: &mut Machine<'_>, func: Func, op: &Op) {
+    let Some(dst) = op.dst else { return };
+    let components = m.type_of(dst).components();
+    let (seed, draw) = (m.grid.seed, m.draws);
+    if op.args.is_empty() {
+        m.draws = m.draws.wrapping_add(1);
+    }
+    let per_lane = op.args.is_empty() && func == Func::Random;
+    let varying = per_lane || m.varies(&op.args);
+    compute_as(m, dst, varying, components, |m, out, work| {
+        let x = spread(m, &op.args);
+        let dimensions = x.iter().flatten().count();
+        work.each(|i| {
+            for c in 0..components {
+                let k = c as u32;
+                let v = if dimensions > 0 {
+                    hashed(&at(&x, i)[..dimensions], k)
+                } else if per_lane {
+                    drawn(&[seed, draw, i as u32 + 1], k)
+                } else {
+                    drawn(&[seed, draw, 0], k)
+                };
+                out.set(c, i, v);
+            }
+        });
+    });
+}
+
+/// `aastep (edge, s, [ds], ...)`: the step seen through a kernel over `[s - ds/2, s + ds/2]`; `ds` is the
+/// filter width of `s` when not given, and the "width" option widens it.
+pub(super) fn aastep(m: &mut Machine<'_>, op: &Op) {
+    let Some(dst) = op.dst else { return };
+    let given = op.args.get(2).copied().filter(|&s| m.type_of(s) != ValueType::String);
+    let options = &op.args[if given.is_some() { 3 } else { 2 }..];
+    let (mut filter, mut width) = (Filter::CatmullRom, None);
+    for pair in options.chunks_exact(2) {
+        match &*m.string(pair[0]) {
+            "width" => width = Some(pair[1]),
+            "filter" => {
+                let name = m.string(pair[1]);
+                match Filter::from_word(&name) {
+                    Some(f @ (Filter::CatmullRom | Filter::Box | Filter::Triangle | Filter::Gaussian)) => {
+                        filter = f;
+                    }
+                    _ => m.complain(op.at, &format!("aastep knows no filter \"{name}\"")),
+                }
+            }
+            other => {
+                let what = format!("aastep has no option \"{other}\"");
+                m.complain(op.at, &what);
+            }
+        }
+    }
+    let [edge, s] = [op.args[0], op.args[1]];
+    let mut ds = match given {
+        Some(ds) => m.captured(ds),
+        None => derive::filterwidth(m, s),
+    };
+    let mut inputs = vec![edge, s];
+    inputs.extend(width);
+    let varying = ds.varying || m.varies(&inputs);
+    if let Some(width) = width {
+        let scaled_varying = ds.varying || m.view(width).varying;
+        let mut scaled = m.out(scaled_varying, 1);
+        map2(scaled.part(0), ds.lane(0), m.view(width).lane(0), |a, b| a * b);
+        m.discard(std::mem::replace(&mut ds, scaled));
+    }
+    compute_as(m, dst, varying, 1, |m, out, work| {
+        let (edge, s, ds) = (m.view(edge).lane(0), m.view(s).lane(0), ds.lane(0));
+        work.each(|i| out.set(0, i, filtered_step(filter, edge.get(i), s.get(i), ds.get(i))));
+    });
+    m.discard(ds);
+}
+
+/// Share of a kernel of full width `ds` around `s` that lies above `edge`.
+fn filtered_step(filter: Filter, edge: f32, s: f32, ds: f32) -> f32 {
+    let half = 0.5 * ds.abs();
+    // NaN counts as no width.
+    if half.is_nan() || half <= 0.0 {
+        return f32::from(s >= edge);
+    }
+    let x = ((s - edge) / half).clamp(-1.0, 1.0);
+    // Integrals of the kernels over [-1, x], whole 1.
+    match filter {
+        Filter::Box => 0.5 + 0.5 * x,
+        Filter::Triangle => {
+            if x < 0.0 {
+                0.5 * (1.0 + x) * (1.0 + x)
+            } else {
+                1.0 - 0.5 * (1.0 - x) * (1.0 - x)
+            }
+        }
+        // exp (-2 x^2)
+        Filter::Gaussian => 0.5 + 0.5 * libm::erff(std::f32::consts::SQRT_2 * x) / GAUSSIAN,
+        _ => 0.5 + catmull_rom(2.0 * x.abs()).copysign(x),
+    }
+}
+
+/// erf (sqrt 2): the part of the Gaussian inside of its width.
+const GAUSSIAN: f32 = 0.954_499_7;
+
+/// Integral of the Catmull-Rom kernel from 0 to `t`, up to 2; the whole half is 1/2.
+fn catmull_rom(t: f32) -> f32 {
+    if t < 1.0 {
+        // 1 - 5/2 t^2 + 3/2 t^3
+        t - 5.0 / 6.0 * t * t * t + 0.375 * t * t * t * t
+    } else {
+        // 2 - 4 t + 5/2 t^2 - 1/2 t^3, from 1 on; 13/24 at 1.
+        let f = |t: f32| 2.0 * t - 2.0 * t * t + 5.0 / 6.0 * t * t * t - 0.125 * t * t * t * t;
+        13.0 / 24.0 + f(t) - f(1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FILTERS: [Filter; 4] = [Filter::Box, Filter::Triangle, Filter::Gaussian, Filter::CatmullRom];
+
+    #[test]
+    fn steps_are_integrals_of_their_kernels() {
+        for filter in FILTERS {
+            let step = |x: f32| filtered_step(filter, 0.0, x, 2.0);
+            assert!(step(-1.0).abs() < 1e-6 && (step(1.0) - 1.0).abs() < 1e-6, "{filter:?}");
+            assert_eq!((step(-5.0), step(5.0)), (step(-1.0), step(1.0)));
+            assert!((step(0.0) - 0.5).abs() < 1e-6);
+            // Slopes are the kernel, of natural shape squeezed into [-1, 1].
+            let width = filter.natural_width();
+            let norm: f32 =
+                (0..2000).map(|k| filter.weight((k as f32 / 1000.0 - 1.0) * width / 2.0, width)).sum();
+            for k in -8..=8 {
+                let x = k as f32 * 0.11;
+                let slope = (step(x + 0.005) - step(x - 0.005)) / 0.01;
+                let expected = filter.weight(x * width / 2.0, width) / (norm / 1000.0);
+                assert!((slope - expected).abs() < 0.02, "{filter:?} {x}: {slope} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn no_width_is_a_step() {
+        for ds in [0.0, f32::NAN] {
+            assert_eq!(filtered_step(Filter::Box, 1.0, 1.0, ds), 1.0);
+            assert_eq!(filtered_step(Filter::Box, 1.0, 0.99, ds), 0.0);
+        }
+        assert_eq!(filtered_step(Filter::Box, 0.0, 0.25, -1.0), 0.75);
+    }
+}

@@ -1,0 +1,132 @@
+//! Illumination functions (reference 5.8.11).
+
+use super::{compute, compute_as, constant};
+use crate::run::machine::Machine;
+use crate::run::store::Out;
+use granita_base::{Color, Vec3};
+use granita_gsl::Func;
+use granita_gsl::ir::{Global, Op};
+
+/// `ambient`, `diffuse`, `specular`, `specularbrdf`.
+pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
+    match func {
+        Func::Ambient => ambient(m, op),
+        Func::Diffuse => gather(m, op, false),
+        Func::Specular => gather(m, op, true),
+        _ => {
+            compute(m, op, 3, |m, out, work| {
+                let [l, n, v] = [0, 1, 2].map(|k| m.view(op.args[k]).triple());
+                let roughness = m.view(op.args[3]).lane(0);
+                work.each(|i| {
+                    out.set3(i, Vec3::splat(brdf(l.get(i), n.get(i), v.get(i), roughness.get(i))));
+                });
+            });
+        }
+    }
+}
+
+/// max (0, N.H) ^ (1 / roughness), H halfway between light and viewer; all of unit length.
+pub(super) fn brdf(l: Vec3, n: Vec3, v: Vec3, roughness: f32) -> f32 {
+    let h = (l + v).normalize_or_zero();
+    let cos = n.dot(h).max(0.0);
+    if cos == 0.0 { 0.0 } else { cos.powf(1.0 / roughness.max(1e-6)) }
+}
+
+/// The sum of all ambient lights.
+fn ambient(m: &mut Machine<'_>, op: &Op) {
+    let Some(dst) = op.dst else { return };
+    let (ps, ns) = (m.captured_global(Global::P), m.captured_global(Global::N));
+    let mut sum: Option<Out> = None;
+    for k in 0..m.services.light_count() {
+        if !m.services.light_info(k).ambient {
+            continue;
+        }
+        let result = {
+            let batch = crate::Batch { lanes: m.n, active: &m.mask.active, layer: m.layer };
+            let query = crate::IlluminateQuery { batch, ps: ps.triple(), ns: ns.triple() };
+            m.services.illuminate(k, &query)
+        };
+        let Some(light) = result.ambient.as_ref().filter(|l| l.len() == m.n) else { continue };
+        let mut total = sum.take().unwrap_or_else(|| {
+            let mut zero = m.out(true, 3);
+            zero.data.fill(0.0);
+            zero
+        });
+        for c in 0..3 {
+            for (to, &from) in total.part(c).iter_mut().zip(&light.xyz[c]) {
+                *to += from;
+            }
+        }
+        sum = Some(total);
+    }
+    m.discard(ps);
+    m.discard(ns);
+    match sum {
+        None => constant(m, op, 0.0),
+        Some(mut total) => {
+            super::widen(m, dst, &mut total, 3);
+            m.commit(dst, total);
+        }
+    }
+}
+
+/// `diffuse (N)`: sum of Cl max (0, N.L) (1 - __nondiffuse). `specular (N, V, roughness)`: sum of
+/// Cl specularbrdf (L, N, V, roughness) (1 - __nonspecular) over the lights in front of the surface.
+fn gather(m: &mut Machine<'_>, op: &Op, specular: bool) {
+    let Some(dst) = op.dst else { return };
+    let ps = m.captured_global(Global::P);
+    let ns = m.captured(op.args[0]);
+    let lights = m.illuminated(None, &ps, &ns);
+    if lights.is_empty() {
+        m.discard(ps);
+        m.discard(ns);
+        return constant(m, op, 0.0);
+    }
+    compute_as(m, dst, true, 3, |m, out, work| {
+        out.data.fill(0.0);
+        let n = ns.triple();
+        let v = op.args.get(1).map(|&v| m.view(v).triple());
+        let roughness = op.args.get(2).map(|&r| m.view(r).lane(0));
+        for light in &lights {
+            let without = if specular { &light.nonspecular } else { &light.nondiffuse };
+            for sample in &light.samples {
+                work.each(|i| {
+                    if !sample.lit.get(i).copied().unwrap_or(false) {
+                        return;
+                    }
+                    let (l, n) = (sample.l.get(i).normalize_or_zero(), n.get(i));
+                    let cos = n.dot(l);
+                    if cos.is_nan() || cos <= 0.0 {
+                        return;
+                    }
+                    let factor = match (v, roughness) {
+                        (Some(v), Some(r)) if specular => brdf(l, n, v.get(i), r.get(i)),
+                        _ => cos,
+                    };
+                    let scale = factor * (1.0 - without.get(i).copied().unwrap_or(0.0));
+                    let so_far: Color = Vec3::from(out.parts3().map(|part| part[i]));
+                    out.set3(i, so_far + sample.cl.get(i) * scale);
+                });
+            }
+        }
+    });
+    m.discard(ps);
+    m.discard(ns);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn highlights() {
+        let n = Vec3::Z;
+        assert_eq!(brdf(n, n, n, 0.1), 1.0);
+        // H at 45 degrees: cos^2 is a half.
+        let (l, v) = (Vec3::X, Vec3::Z);
+        assert!((brdf(l, n, v, 0.5) - 0.853_553).abs() < 1e-5);
+        // Light and viewer opposite: no halfway direction.
+        assert_eq!(brdf(Vec3::X, n, -Vec3::X, 0.1), 0.0);
+        assert!(brdf(l, n, v, 0.0).is_finite() && brdf(n, n, n, 0.0) == 1.0);
+    }
+}

@@ -1,0 +1,167 @@
+//! Strings and printing (reference 5.8.9).
+
+use super::compute_as;
+use super::format::{Item, fill};
+use crate::run::machine::Machine;
+use granita_base::Severity;
+use granita_gsl::Func;
+use granita_gsl::ir::{Op, SymbolId, ValueType};
+use std::sync::Arc;
+
+/// The functions. Those that print say one line for all lanes when their arguments are uniform, else one
+/// per active lane.
+pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
+    match func {
+        Func::Format => strings(m, op, |m, i| formatted(m, &op.args, i)),
+        Func::Concat => strings(m, op, |m, i| {
+            op.args.iter().map(|&s| &**m.text(m.view(s).get(i))).collect::<Vec<_>>().concat()
+        }),
+        Func::Substr => strings(m, op, |m, i| {
+            let text = m.text(m.view(op.args[0]).get(i)).clone();
+            let start = m.view(op.args[1]).get(i);
+            let length = op.args.get(2).map(|&s| m.view(s).get(i));
+            substr(&text, start, length)
+        }),
+        Func::Match => matches(m, op),
+        Func::Printf => each_lane(m, op, |m, i| {
+            let text = formatted(m, &op.args, i);
+            m.services.say(Severity::Message, &text);
+        }),
+        Func::Error => each_lane(m, op, |m, i| {
+            let text = formatted(m, &op.args, i);
+            let text = text.trim_end().to_owned();
+            let module = m.code().module.name.clone();
+            let object = &m.grid.object;
+            let place = if object.is_empty() { String::new() } else { format!(" (on \"{object}\")") };
+            m.services.say(Severity::Error, &format!("shader \"{module}\": {text}{place}"));
+        }),
+        Func::Fprintf => each_lane(m, op, |m, i| {
+            let file = m.text(m.view(op.args[0]).get(i)).clone();
+            let text = formatted(m, &op.args[1..], i);
+            m.services.append(&file, &text);
+        }),
+        _ => {}
+    }
+}
+
+/// A template and its values for lane `i`.
+fn formatted(m: &Machine<'_>, args: &[SymbolId], i: usize) -> String {
+    let Some((&template, values)) = args.split_first() else { return String::new() };
+    // Numbers of all values in one list; strings by their text.
+    let mut numbers: Vec<f32> = Vec::new();
+    let mut parts: Vec<(usize, usize, Option<Arc<str>>)> = Vec::new();
+    for &value in values {
+        let view = m.view(value);
+        for e in 0..view.elements {
+            if m.type_of(value) == ValueType::String {
+                parts.push((0, 0, Some(m.text(view.lane_at(e, 0).get(i)).clone())));
+            } else {
+                let from = numbers.len();
+                numbers.extend((0..view.components).map(|c| view.lane_at(e, c).get(i)));
+                parts.push((from, numbers.len(), None));
+            }
+        }
+    }
+    let items = parts.iter().map(|(from, to, text)| match text {
+        Some(text) => Item::Text(text),
+        None => Item::Numbers(&numbers[*from..*to]),
+    });
+    fill(m.text(m.view(template).get(i)), items)
+}
+
+/// A string per lane.
+fn strings(m: &mut Machine<'_>, op: &Op, f: impl Fn(&Machine<'_>, usize) -> String) {
+    let Some(dst) = op.dst else { return };
+    let varying = m.varies(&op.args);
+    let mut out = m.out(varying, 1);
+    if varying {
+        for k in 0..m.mask.count() {
+            let i = m.mask.active[k] as usize;
+            let text = f(m, i);
+            let id = m.intern(&text);
+            out.set(0, i, id);
+        }
+    } else {
+        let text = f(m, 0);
+        let id = m.intern(&text);
+        out.set(0, 0, id);
+    }
+    m.commit(dst, out);
+}
+
+/// Something said once, or per active lane.
+fn each_lane(m: &mut Machine<'_>, op: &Op, f: impl Fn(&mut Machine<'_>, usize)) {
+    if m.varies(&op.args) {
+        for k in 0..m.mask.count() {
+            let i = m.mask.active[k] as usize;
+            f(m, i);
+        }
+    } else {
+        f(m, 0);
+    }
+}
+
+/// `match (pattern, subject)`.
+fn matches(m: &mut Machine<'_>, op: &Op) {
+    let Some(dst) = op.dst else { return };
+    let varying = m.varies(&op.args);
+    let mut out = m.out(varying, 1);
+    let count = if varying { m.mask.count() } else { 1 };
+    // Neighbouring lanes mostly ask the same.
+    let mut last: Option<(f32, f32, f32)> = None;
+    for k in 0..count {
+        let i = if varying { m.mask.active[k] as usize } else { 0 };
+        let (pattern, subject) = (m.view(op.args[0]).get(i), m.view(op.args[1]).get(i));
+        let result = match last {
+            Some((p, s, r)) if p == pattern && s == subject => r,
+            _ => {
+                let (pattern, subject) = (m.text(pattern).clone(), m.text(subject).clone());
+                match m.st.regexes.matches(&pattern, &subject) {
+                    Ok(found) => f32::from(found),
+                    Err(what) => {
+                        m.complain(op.at, &what);
+                        0.0
+                    }
+                }
+            }
+        };
+        last = Some((pattern, subject, result));
+        out.set(0, i, result);
+    }
+    compute_as(m, dst, varying, 1, |_, to, _| to.data.copy_from_slice(&out.data));
+    m.discard(out);
+}
+
+/// Characters `start` to `start + length` (all that follow without a length); a negative start counts from
+/// the end. What lies outside of the string is left out.
+fn substr(text: &str, start: f32, length: Option<f32>) -> String {
+    let count = text.chars().count() as f32;
+    let start = if start < 0.0 { (count + start.floor()).max(0.0) } else { start.floor() };
+    let length = length.map_or(count, f32::floor).max(0.0);
+    // `as` turns NaN into 0.
+    text.chars().skip(start as usize).take(length as usize).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn substrings() {
+        for (start, length, expected) in [
+            (0.0, Some(2.0), "he"),
+            (1.0, Some(3.0), "ell"),
+            (3.0, None, "lo"),
+            (-1.0, None, "o"),
+            (-3.0, Some(2.0), "ll"),
+            (-99.0, Some(2.0), "he"),
+            (9.0, None, ""),
+            (2.0, Some(99.0), "llo"),
+            (2.0, Some(-1.0), ""),
+            (f32::NAN, Some(1.0), "h"),
+        ] {
+            assert_eq!(substr("hello", start, length), expected, "{start} {length:?}");
+        }
+        assert_eq!(substr("äöü", 1.0, Some(1.0)), "ö");
+    }
+}

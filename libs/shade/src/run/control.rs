@@ -1,0 +1,173 @@
+//! Statements: blocks, conditions, loops, scopes.
+
+use crate::run::machine::{LoopFrame, Machine};
+use granita_gsl::ir::{Op, ScopeId, SourcePos, Stmt, SymbolId};
+
+/// A loop with more iterations than this is taken for one that never ends.
+pub(crate) const MAX_ITERATIONS: u32 = 1 << 22;
+
+impl Machine<'_> {
+    /// Runs statements in order until no lane is left.
+    pub(crate) fn block(&mut self, block: &[Stmt]) {
+        for stmt in block {
+            if self.mask.is_empty() {
+                return;
+            }
+            self.stmt(stmt);
+        }
+    }
+
+    fn stmt(&mut self, stmt: &Stmt) {
+        match stmt {
+            Stmt::Op(op) => self.op(op),
+            Stmt::If { cond, then, otherwise } => self.condition(*cond, then, otherwise),
+            Stmt::Loop { body_first, test, cond, body, step } => {
+                self.repeat(*body_first, test, *cond, body, step);
+            }
+            Stmt::Scope { id, body } => self.scope(*id, body),
+            Stmt::Leave(id) => self.leave(*id),
+            Stmt::Break => {
+                if let Some(frame) = self.loops.last_mut() {
+                    frame.broken.add(&self.mask);
+                }
+                self.mask.clear();
+            }
+            Stmt::Continue => {
+                if let Some(frame) = self.loops.last_mut() {
+                    frame.continued.add(&self.mask);
+                }
+                self.mask.clear();
+            }
+            Stmt::Exit => self.mask.clear(),
+            Stmt::Lights { category, position, cone, body, at: _ } => {
+                self.lights(*category, *position, *cone, body);
+            }
+            Stmt::Emit { form, body, at: _ } => self.emit(form, body),
+            Stmt::Trace { set, position, axis, angle, samples, options, body, at } => {
+                let rays = [*set, *position, *axis, *angle, *samples];
+                self.trace(rays, options, body, *at);
+            }
+        }
+    }
+
+    /// `if`: uniform conditions take one branch, others split the lanes.
+    fn condition(&mut self, cond: SymbolId, then: &[Stmt], otherwise: &[Stmt]) {
+        let view = self.view(cond);
+        if !view.varying {
+            let truth = view.get(0) != 0.0;
+            self.block(if truth { then } else { otherwise });
+            return;
+        }
+        let mut others = self.borrow_mask();
+        others.copy_from(&self.mask);
+        let mut mask = std::mem::take(&mut self.mask);
+        {
+            let truth = self.view(cond).lane(0);
+            mask.retain(|i| truth.get(i) != 0.0);
+            others.retain(|i| truth.get(i) == 0.0);
+        }
+        self.mask = mask;
+        self.block(then);
+        if !others.is_empty() && !otherwise.is_empty() {
+            std::mem::swap(&mut self.mask, &mut others);
+            self.block(otherwise);
+        }
+        self.mask.add(&others);
+        self.return_mask(others);
+    }
+
+    /// Any loop.
+    fn repeat(
+        &mut self,
+        body_first: bool,
+        test: &[Stmt],
+        cond: Option<SymbolId>,
+        body: &[Stmt],
+        step: &[Stmt],
+    ) {
+        let frame = LoopFrame { broken: self.borrow_mask(), continued: self.borrow_mask() };
+        self.loops.push(frame);
+        // Lanes whose test failed.
+        let mut done = self.borrow_mask();
+        let mut tested = !body_first;
+        for iteration in 0.. {
+            if tested {
+                self.block(test);
+                if let Some(cond) = cond {
+                    self.split_off(cond, &mut done);
+                }
+            }
+            tested = true;
+            if self.mask.is_empty() {
+                break;
+            }
+            self.block(body);
+            if let Some(frame) = self.loops.last_mut() {
+                self.mask.add(&frame.continued);
+                frame.continued.clear();
+            }
+            self.block(step);
+            if self.mask.is_empty() {
+                break;
+            }
+            if iteration == MAX_ITERATIONS {
+                let what = format!("a loop was left after {MAX_ITERATIONS} iterations");
+                self.complain(SourcePos::default(), &what);
+                break;
+            }
+        }
+        self.mask.add(&done);
+        self.return_mask(done);
+        if let Some(frame) = self.loops.pop() {
+            self.mask.add(&frame.broken);
+            self.return_mask(frame.broken);
+            self.return_mask(frame.continued);
+        }
+    }
+
+    /// Moves lanes where the condition is false to `done`.
+    fn split_off(&mut self, cond: SymbolId, done: &mut crate::run::store::Mask) {
+        let view = self.view(cond);
+        if !view.varying {
+            if view.get(0) == 0.0 {
+                done.add(&self.mask);
+                self.mask.clear();
+            }
+            return;
+        }
+        let mut mask = std::mem::take(&mut self.mask);
+        let mut failed = self.borrow_mask();
+        failed.copy_from(&mask);
+        {
+            let truth = self.view(cond).lane(0);
+            mask.retain(|i| truth.get(i) != 0.0);
+            failed.retain(|i| truth.get(i) == 0.0);
+        }
+        done.add(&failed);
+        self.return_mask(failed);
+        self.mask = mask;
+    }
+
+    /// An inlined function: lanes that leave come back after it.
+    fn scope(&mut self, id: ScopeId, body: &[Stmt]) {
+        let left = self.borrow_mask();
+        self.scopes.push((id, left));
+        self.block(body);
+        if let Some((_, left)) = self.scopes.pop() {
+            self.mask.add(&left);
+            self.return_mask(left);
+        }
+    }
+
+    fn leave(&mut self, id: ScopeId) {
+        if let Some((_, left)) = self.scopes.iter_mut().rev().find(|(scope, _)| *scope == id) {
+            left.add(&self.mask);
+        }
+        self.mask.clear();
+    }
+
+    /// One operation.
+    fn op(&mut self, op: &Op) {
+        crate::ops::run(self, op);
+    }
+}

@@ -1,0 +1,248 @@
+//! The public door: runs linked groups.
+
+use crate::link::At;
+use crate::run::machine::{Emission, Machine, State};
+use crate::run::store::Mask;
+use crate::{Grid, Group, IlluminateQuery, LightResult, Message, Services};
+use granita_base::{Param, ParamData, ParamType};
+use granita_gsl::ir::{Global, ValueType};
+use std::sync::Arc;
+
+/// Runs shaders and keeps its memory from run to run, so that nothing is allocated once the first grids
+/// have been shaded (results that are handed out excepted). One per thread; a light asked for from inside
+/// a run needs another one.
+///
+/// Results depend on the arguments only, to the bit: not on what an executor ran before.
+#[derive(Debug, Default)]
+pub struct Executor {
+    state: State,
+}
+
+impl Executor {
+    /// With no memory yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Runs a surface, displacement or volume group over a grid.
+    ///
+    /// What the group writes of `P`, `N`, `C` and `opacity` is written back into the grid, and its messages
+    /// are appended to it. Returns the values of `wanted` after the run, in their order: output parameters
+    /// (of the last layer that has one of that name and type) or globals, component after component over all
+    /// lanes; `None` where there is none.
+    pub fn run(
+        &mut self,
+        group: &Group,
+        grid: &mut Grid,
+        services: &mut dyn Services,
+        wanted: &[(&str, ValueType)],
+    ) -> Vec<Option<Vec<f32>>> {
+        let n = grid.len();
+        if n == 0 {
+            return vec![None; wanted.len()];
+        }
+        let mut machine = machine(group, grid, services, &mut self.state);
+        machine.mask.fill(n);
+        machine.base = n;
+        machine.prepare(None);
+        machine.layers(true);
+        let results = wanted.iter().map(|(name, ty)| machine.output(name, *ty)).collect();
+        let messages = machine.messages();
+        machine.finish();
+        self.write_back(group, grid);
+        grid.messages.extend(messages);
+        results
+    }
+
+    /// Runs a light for the points of a query, over the grid of the surface that asks.
+    ///
+    /// Lanes outside of the query's active ones are left zero, or whatever came out.
+    pub fn run_light(
+        &mut self,
+        group: &Group,
+        surface_grid: &Grid,
+        query: &IlluminateQuery<'_>,
+        services: &mut dyn Services,
+    ) -> LightResult {
+        let n = surface_grid.len();
+        if n == 0 || query.batch.active.is_empty() {
+            return LightResult::default();
+        }
+        let mut machine = machine(group, surface_grid, services, &mut self.state);
+        machine.mask.set_active(n, query.batch.active);
+        machine.base = machine.mask.count();
+        machine.emitted = Some(LightResult::default());
+        machine.prepare(Some(query));
+        machine.layers(false);
+        let mut result = machine.emitted.take().unwrap_or_default();
+        if !group.has_emit() {
+            result.ambient = Some(machine.lanes3_of(Global::Cl as usize));
+        }
+        result.nondiffuse = machine.param_lanes("__nondiffuse");
+        result.nonspecular = machine.param_lanes("__nonspecular");
+        result.params = machine.uniform_params();
+        machine.finish();
+        result
+    }
+
+    /// Copies what a group writes into the grid.
+    fn write_back(&mut self, group: &Group, grid: &mut Grid) {
+        let n = grid.len();
+        for (g, lanes) in [
+            (Global::P, &mut grid.p),
+            (Global::N, &mut grid.n),
+            (Global::C, &mut grid.c),
+            (Global::opacity, &mut grid.opacity),
+        ] {
+            if !group.writes(g) {
+                continue;
+            }
+            let slot = &self.state.slots[g as usize];
+            for c in 0..3 {
+                lanes.xyz[c].resize(n, 0.0);
+                if slot.varying {
+                    lanes.xyz[c].copy_from_slice(&slot.data[c * n..(c + 1) * n]);
+                } else {
+                    lanes.xyz[c].fill(slot.data[c]);
+                }
+            }
+        }
+    }
+}
+
+/// A machine that has not started.
+fn machine<'a>(
+    group: &'a Group,
+    grid: &'a Grid,
+    services: &'a mut dyn Services,
+    state: &'a mut State,
+) -> Machine<'a> {
+    let mask = state.masks.pop().unwrap_or_default();
+    Machine {
+        group,
+        grid,
+        services,
+        st: state,
+        n: grid.len(),
+        layer: 0,
+        mask,
+        base: 0,
+        loops: Vec::new(),
+        scopes: Vec::new(),
+        draws: 0,
+        emission: Emission::default(),
+        emitted: None,
+        light: None,
+        ray: None,
+    }
+}
+
+impl Machine<'_> {
+    /// Runs all layers in order. `primvars`: parameters take primitive variables.
+    fn layers(&mut self, primvars: bool) {
+        let mut all = self.borrow_mask();
+        all.copy_from(&self.mask);
+        for layer in 0..self.group.layers.len() {
+            self.layer = layer;
+            self.mask.copy_from(&all);
+            self.bind_params(primvars);
+            // An initialiser cannot leave the shader, but a damaged one must not stop it.
+            self.mask.copy_from(&all);
+            let body = &self.code().module.body;
+            self.block(body);
+            self.keep_globals();
+        }
+        self.mask.copy_from(&all);
+        self.return_mask(all);
+    }
+
+    /// Gives memory back.
+    fn finish(self) {
+        let Self { st, mask, .. } = self;
+        st.masks.push(mask);
+    }
+
+    /// Register of a parameter, searched from the last layer; the type must fit if one is given.
+    pub(crate) fn find_param(&self, name: &str, ty: Option<ValueType>, outputs: bool) -> Option<usize> {
+        self.group.layers.iter().rev().find_map(|layer| {
+            let k = layer.params.iter().position(|p| *p.name == *name)?;
+            let place = &layer.places[layer.params[k].symbol.0 as usize];
+            let fits = ty.is_none_or(|t| t == place.value) && (!outputs || layer.module.params[k].output);
+            match place.at {
+                At::Slot(slot) if fits && !place.array => Some(slot as usize),
+                _ => None,
+            }
+        })
+    }
+
+    /// A wanted result.
+    fn output(&mut self, name: &str, ty: ValueType) -> Option<Vec<f32>> {
+        if ty == ValueType::String {
+            return None;
+        }
+        if let Some(slot) = self.find_param(name, Some(ty), true) {
+            return Some(self.lanes_of(slot));
+        }
+        let global = Global::ALL.into_iter().find(|g| g.word() == name)?;
+        if global.value_type().components() != ty.components() {
+            return None;
+        }
+        if !self.group.used[global as usize] {
+            self.load_global(global, None);
+        }
+        Some(self.lanes_of(global as usize))
+    }
+
+    /// What the run leaves for `getmessage`; parameters first, messages after them hide them.
+    fn messages(&self) -> Vec<Message> {
+        let from = self.group.usage();
+        let mut list = Vec::new();
+        if self.group.keeps {
+            list.extend(self.parameters().into_iter().map(|value| Message { from, value }));
+        }
+        for sent in &self.st.messages {
+            let name: Arc<str> = self.text(sent.name).clone();
+            let array = (sent.elements > 1).then_some(sent.elements);
+            list.push(Message { from, value: self.as_primvar(&name, sent.value, array, &sent.slot) });
+        }
+        list
+    }
+
+    /// A float parameter per lane; empty without it.
+    fn param_lanes(&self, name: &str) -> Vec<f32> {
+        self.find_param(name, Some(ValueType::Float), false).map_or(Vec::new(), |slot| self.lanes_of(slot))
+    }
+
+    /// Parameters that are the same for all lanes.
+    fn uniform_params(&self) -> Vec<Param> {
+        let mut list: Vec<Param> = Vec::new();
+        for layer in &self.group.layers {
+            for plan in &layer.params {
+                let place = &layer.places[plan.symbol.0 as usize];
+                let At::Slot(slot) = place.at else { continue };
+                let slot = &self.st.slots[slot as usize];
+                if slot.varying {
+                    continue;
+                }
+                let data = if place.value == ValueType::String {
+                    ParamData::String(slot.data.iter().map(|&id| self.text(id).clone()).collect())
+                } else {
+                    ParamData::Float(slot.data.as_slice().into())
+                };
+                let ty = ParamType {
+                    base: crate::run::params::base_type(place.value),
+                    array: place.array.then_some(place.elements),
+                    ..ParamType::default()
+                };
+                list.push(Param { name: plan.name.clone(), ty, data });
+            }
+        }
+        list
+    }
+}
+
+impl std::fmt::Debug for Machine<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Machine({} lanes, layer {}, {:?} active)", self.n, self.layer, Mask::count(&self.mask))
+    }
+}

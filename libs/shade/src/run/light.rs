@@ -1,0 +1,374 @@
+//! `lights`, `emit` and `trace` (reference 5.5.5).
+
+use crate::ops::lookup::{self, Parts};
+use crate::run::machine::{Emission, Machine};
+use crate::run::store::Out;
+use crate::{Batch, IlluminateQuery, LightInfo, LightResult, LightSample, TraceQuery, TraceResult};
+use granita_base::Vec3;
+use granita_gsl::ir::{EmitForm, Global, SourcePos, Stmt, SymbolId};
+use std::sync::Arc;
+
+/// More rays than this per point are a mistake.
+const MAX_RAYS: f32 = 65_536.0;
+
+/// The globals that a `lights` loop sets.
+const LIGHT_GLOBALS: [Global; 4] = [Global::L, Global::Cl, Global::Pl, Global::Nl];
+
+impl Machine<'_> {
+    /// Asks every light of a category that is not ambient, at positions and axes given as triples.
+    pub(crate) fn illuminated(
+        &mut self,
+        category: Option<&str>,
+        ps: &Out,
+        ns: &Out,
+    ) -> Vec<Arc<LightResult>> {
+        let count = self.services.light_count();
+        let mut results = Vec::with_capacity(count);
+        for k in 0..count {
+            let info = self.services.light_info(k);
+            if info.ambient || !category.is_none_or(|c| category_matches(c, &info)) {
+                continue;
+            }
+            let batch = Batch { lanes: self.n, active: &self.mask.active, layer: self.layer };
+            let query = IlluminateQuery { batch, ps: ps.triple(), ns: ns.triple() };
+            results.push(self.services.illuminate(k, &query));
+        }
+        results
+    }
+
+    /// `lights`: the body runs for each sample of each light, in the lanes it reaches.
+    pub(crate) fn lights(
+        &mut self,
+        category: Option<SymbolId>,
+        position: SymbolId,
+        cone: Option<(SymbolId, SymbolId)>,
+        body: &[Stmt],
+    ) {
+        let category = category.map(|c| self.string(c));
+        let ps = self.captured(position);
+        let axis = match cone {
+            Some((axis, _)) => self.captured(axis),
+            None => self.captured_global(Global::N),
+        };
+        let angle = cone.map(|(_, angle)| self.captured(angle));
+        let results = self.illuminated(category.as_deref(), &ps, &axis);
+        let outer = LIGHT_GLOBALS.map(|g| self.saved(g as usize));
+        let outer_light = self.light.take();
+        // Lanes that have not left the shader or the scope.
+        let mut remaining = self.borrow_mask();
+        remaining.copy_from(&self.mask);
+        for light in &results {
+            for sample in &light.samples {
+                let mut mask = self.borrow_mask();
+                mask.copy_from(&remaining);
+                mask.retain(|i| {
+                    sample.lit.get(i).copied().unwrap_or(false)
+                        && angle.as_ref().is_none_or(|angle| {
+                            in_cone(sample.l.get(i), axis.triple().get(i), angle.lane(0).get(i))
+                        })
+                });
+                if mask.is_empty() {
+                    self.return_mask(mask);
+                    continue;
+                }
+                let all = std::mem::replace(&mut self.mask, mask);
+                self.return_mask(all);
+                let mut entered = self.borrow_mask();
+                entered.copy_from(&self.mask);
+                self.set_light(sample);
+                self.light = Some(light.clone());
+                self.block(body);
+                let stayed = &self.mask;
+                remaining.retain(|i| !entered.on[i] || stayed.on[i]);
+                self.return_mask(entered);
+                if remaining.is_empty() {
+                    break;
+                }
+            }
+        }
+        let last = std::mem::replace(&mut self.mask, remaining);
+        self.return_mask(last);
+        self.light = outer_light;
+        for (g, saved) in LIGHT_GLOBALS.into_iter().zip(outer) {
+            self.restore(g as usize, saved);
+        }
+        for out in [Some(ps), Some(axis), angle].into_iter().flatten() {
+            self.discard(out);
+        }
+    }
+
+    /// Sets the light globals from a sample, in all lanes.
+    fn set_light(&mut self, sample: &LightSample) {
+        let n = self.n;
+        for (g, lanes) in LIGHT_GLOBALS.into_iter().zip([&sample.l, &sample.cl, &sample.pl, &sample.nl]) {
+            let mut out = self.out(true, 3);
+            for c in 0..3 {
+                match lanes.xyz[c].get(..n) {
+                    Some(values) => out.part(c).copy_from_slice(values),
+                    None => out.part(c).fill(0.0),
+                }
+            }
+            // Other lanes do not matter: the body runs in lit lanes only.
+            self.commit_slot(g as usize, out, true);
+        }
+    }
+
+    /// `emit`: sets L, Pl and Nl, clears Cl, runs the body where light goes, and keeps the sample.
+    pub(crate) fn emit(&mut self, form: &EmitForm, body: &[Stmt]) {
+        let mut outside = self.borrow_mask();
+        outside.copy_from(&self.mask);
+        let (mut l, mut pl, mut nl) = (self.out(true, 3), self.out(true, 3), self.out(true, 3));
+        for out in [&mut l, &mut pl, &mut nl] {
+            out.data.fill(0.0);
+        }
+        let mut lit = std::mem::take(&mut self.mask);
+        let mut emission = Emission { inside: true, ..Emission::default() };
+        {
+            let ps = self.global(Global::Ps).triple();
+            match *form {
+                EmitForm::Point(from) => {
+                    let from = self.view(from).triple();
+                    for &i in &lit.active {
+                        let i = i as usize;
+                        l.set3(i, from.get(i) - ps.get(i));
+                        pl.set3(i, from.get(i));
+                    }
+                }
+                EmitForm::Cone { from, axis, angle } => {
+                    let (from, axis) = (self.view(from).triple(), self.view(axis).triple());
+                    let angle = self.view(angle).lane(0);
+                    lit.retain(|i| in_cone(ps.get(i) - from.get(i), axis.get(i), angle.get(i)));
+                    for &i in &lit.active {
+                        let i = i as usize;
+                        l.set3(i, from.get(i) - ps.get(i));
+                        pl.set3(i, from.get(i));
+                        nl.set3(i, axis.get(i));
+                    }
+                }
+                EmitForm::Distant { axis, spread } => {
+                    let axis = self.view(axis).triple();
+                    emission.infinite = true;
+                    emission.spread = self.view(spread).get(self.first_of(&lit));
+                    for &i in &lit.active {
+                        let i = i as usize;
+                        l.set3(i, -axis.get(i));
+                        pl.set3(i, ps.get(i) - axis.get(i));
+                        nl.set3(i, axis.get(i));
+                    }
+                }
+                EmitForm::Reflection => {
+                    emission.infinite = true;
+                    let n = self.global(Global::N).triple();
+                    let incident = self.global(Global::I).triple();
+                    for &i in &lit.active {
+                        let i = i as usize;
+                        let (axis, ray) = (n.get(i).normalize_or_zero(), incident.get(i));
+                        let reflected = ray - 2.0 * axis.dot(ray) * axis;
+                        l.set3(i, reflected);
+                        pl.set3(i, ps.get(i) + reflected);
+                    }
+                }
+            }
+        }
+        outside.retain(|i| !lit.on[i]);
+        self.mask = lit;
+        self.commit_global(Global::L, l);
+        self.commit_global(Global::Pl, pl);
+        self.commit_global(Global::Nl, nl);
+        let mut black = self.out(false, 3);
+        black.data.fill(0.0);
+        self.commit_global(Global::Cl, black);
+        if !self.mask.is_empty() {
+            let on = self.mask.on.clone();
+            let before = std::mem::replace(&mut self.emission, emission);
+            self.block(body);
+            self.emission = before;
+            if self.emitted.is_some() {
+                let sample = LightSample {
+                    l: self.lanes3_of(Global::L as usize),
+                    cl: self.lanes3_of(Global::Cl as usize),
+                    pl: self.lanes3_of(Global::Pl as usize),
+                    nl: self.lanes3_of(Global::Nl as usize),
+                    lit: on,
+                };
+                if let Some(result) = &mut self.emitted {
+                    result.samples.push(sample);
+                }
+            }
+        }
+        self.mask.add(&outside);
+        self.return_mask(outside);
+    }
+
+    /// The first lane of a mask.
+    fn first_of(&self, mask: &crate::run::store::Mask) -> usize {
+        mask.active.first().map_or(0, |&i| i as usize)
+    }
+
+    /// `trace`: one ray per lane and iteration. `rays`: set, position, axis, angle, samples.
+    pub(crate) fn trace(
+        &mut self,
+        rays: [SymbolId; 5],
+        options: &[(SymbolId, SymbolId)],
+        body: &[Stmt],
+        at: SourcePos,
+    ) {
+        let set = self.string(rays[0]);
+        let [_, position, axis, angle, samples] = rays;
+        let (position, axis) = (self.captured(position), self.captured(axis));
+        let (angle, samples) = (self.captured(angle), self.captured(samples));
+        let mut most = 0.0_f32;
+        for &i in &self.mask.active {
+            most = most.max(samples.lane(0).get(i as usize));
+        }
+        if most > MAX_RAYS {
+            self.complain(at, &format!("{most} samples asked, {MAX_RAYS} allowed"));
+            most = MAX_RAYS;
+        }
+        let outer = self.ray.take();
+        let mut remaining = self.borrow_mask();
+        remaining.copy_from(&self.mask);
+        for sample in 0..most as u32 {
+            let mut mask = self.borrow_mask();
+            mask.copy_from(&remaining);
+            mask.retain(|i| (sample as f32) < samples.lane(0).get(i).floor());
+            let old = std::mem::replace(&mut self.mask, mask);
+            self.return_mask(old);
+            if self.mask.is_empty() {
+                break;
+            }
+            let mut result = TraceResult::default();
+            {
+                let parts = Parts::of(self.group, self.layer, self.st, self.n, &self.mask);
+                let parsed = lookup::options(&parts, options);
+                let query = TraceQuery {
+                    batch: Batch { lanes: self.n, active: &self.mask.active, layer: self.layer },
+                    set: &set,
+                    p: position.triple(),
+                    axis: axis.triple(),
+                    angle: angle.lane(0),
+                    samples: samples.lane(0),
+                    sample,
+                    distribution: parsed.distribution.unwrap_or("cosine"),
+                    options: parsed.options,
+                };
+                self.services.trace(&query, &mut result);
+            }
+            self.ray = Some(result);
+            let mut entered = self.borrow_mask();
+            entered.copy_from(&self.mask);
+            self.block(body);
+            let stayed = &self.mask;
+            remaining.retain(|i| !entered.on[i] || stayed.on[i]);
+            self.return_mask(entered);
+        }
+        let last = std::mem::replace(&mut self.mask, remaining);
+        self.return_mask(last);
+        self.ray = outer;
+        for out in [position, axis, angle, samples] {
+            self.discard(out);
+        }
+    }
+
+    /// A copy of a symbol's values, that later writes do not change.
+    pub(crate) fn captured(&mut self, sym: SymbolId) -> Out {
+        let (varying, len, components) = {
+            let v = self.view(sym);
+            (v.varying, v.data.len(), v.components)
+        };
+        let mut out = self.out(varying, components);
+        out.data.resize(len, 0.0);
+        out.data.copy_from_slice(self.view(sym).data);
+        out
+    }
+
+    /// A copy of a global's values.
+    pub(crate) fn captured_global(&mut self, global: Global) -> Out {
+        let varying = self.st.slots[global as usize].varying;
+        let mut out = self.out(varying, global.value_type().components());
+        out.data.copy_from_slice(&self.st.slots[global as usize].data);
+        out
+    }
+}
+
+/// Whether a direction lies within `angle` of an axis; a direction of no length does.
+pub(crate) fn in_cone(direction: Vec3, axis: Vec3, angle: f32) -> bool {
+    let lengths = direction.length() * axis.length();
+    if angle >= std::f32::consts::PI || lengths == 0.0 {
+        return true;
+    }
+    direction.dot(axis) >= angle.cos() * lengths
+}
+
+/// Whether a light belongs to a category expression: words joined by `&` and `|` (or `,`) from left to
+/// right, `!` (or `-`) for its opposite, `*` for any category.
+pub(crate) fn category_matches(expression: &str, light: &LightInfo) -> bool {
+    let has = |word: &str| {
+        let mut names = light.category.split(',').map(str::trim).filter(|n| !n.is_empty());
+        if word == "*" { names.next().is_some() } else { names.any(|n| n == word) }
+    };
+    let mut result: Option<bool> = None;
+    let mut rest = expression;
+    let mut operator = '|';
+    loop {
+        let end = rest.find(['&', '|', ',']).unwrap_or(rest.len());
+        let mut word = rest[..end].trim();
+        let mut wanted = true;
+        while let Some(bare) = word.strip_prefix(['!', '-']) {
+            wanted = !wanted;
+            word = bare.trim();
+        }
+        // An empty expression matches every light.
+        let term = if word.is_empty() { None } else { Some(has(word) == wanted) };
+        result = match (result, term, operator) {
+            (None, term, _) => term,
+            (some, None, _) => some,
+            (Some(a), Some(b), '&') => Some(a && b),
+            (Some(a), Some(b), _) => Some(a || b),
+        };
+        match rest[end..].chars().next() {
+            None => return result.unwrap_or(true),
+            Some(c) => {
+                operator = c;
+                rest = &rest[end + 1..];
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn categories() {
+        let light = |c: &str| LightInfo { ambient: false, category: c.into() };
+        for (expression, category, expected) in [
+            ("blue", "red,blue", true),
+            ("blue", "bluegreen", false),
+            ("blue&!red", "blue", true),
+            ("blue&!red", "blue, red", false),
+            ("blue&-red", "blue,red", false),
+            ("a|b&c", "a", false),
+            ("a|b&c", "a,c", true),
+            ("b&c|a", "a", true),
+            ("a,b", "b", true),
+            ("*", "x", true),
+            ("*", "", false),
+            ("-*", "", true),
+            ("!*", "x", false),
+            ("", "x", true),
+            ("!!a", "a", true),
+        ] {
+            assert_eq!(category_matches(expression, &light(category)), expected, "{expression} {category}");
+        }
+    }
+
+    #[test]
+    fn cones() {
+        assert!(in_cone(Vec3::X, Vec3::X * 3.0, 0.0));
+        assert!(in_cone(Vec3::new(1.0, 0.9, 0.0), Vec3::X, std::f32::consts::FRAC_PI_4));
+        assert!(!in_cone(Vec3::new(1.0, 1.1, 0.0), Vec3::X, std::f32::consts::FRAC_PI_4));
+        assert!(in_cone(Vec3::ZERO, Vec3::X, 0.1) && in_cone(-Vec3::X, Vec3::X, 4.0));
+    }
+}

@@ -1,0 +1,291 @@
+//! A run of a group over a grid: registers, mask and the outside world.
+
+use crate::link::{At, Layer, Place};
+use crate::run::kernel::{blend, blend_one};
+use crate::run::store::{Mask, Out, Pool, Slot, View, Work};
+use crate::run::strings::{Regexes, StringTable};
+use crate::{Grid, Group, LightResult, LookupResult, Services, TraceResult};
+use granita_base::{Severity, Transform};
+use granita_gsl::ir::{Global, ScopeId, SourcePos, SymbolId, ValueType};
+use std::sync::Arc;
+
+/// What survives from run to run: memory only, never values.
+#[derive(Debug, Default)]
+pub(crate) struct State {
+    pub(crate) slots: Vec<Slot>,
+    pub(crate) pool: Pool,
+    pub(crate) masks: Vec<Mask>,
+    pub(crate) strings: StringTable,
+    pub(crate) regexes: Regexes,
+    pub(crate) lookup: LookupResult,
+    pub(crate) messages: Vec<Sent>,
+    pub(crate) spaces: Vec<(f32, usize, Option<Transform>)>,
+}
+
+/// A message of `setmessage`.
+#[derive(Debug)]
+pub(crate) struct Sent {
+    pub(crate) name: f32,
+    pub(crate) value: ValueType,
+    pub(crate) elements: u32,
+    pub(crate) slot: Slot,
+}
+
+/// A loop that runs.
+#[derive(Debug)]
+pub(crate) struct LoopFrame {
+    pub(crate) broken: Mask,
+    pub(crate) continued: Mask,
+}
+
+/// What `emit` bodies know of the emission.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Emission {
+    pub(crate) inside: bool,
+    pub(crate) infinite: bool,
+    /// Half angle of a broad distant light.
+    pub(crate) spread: f32,
+}
+
+/// One run.
+pub(crate) struct Machine<'a> {
+    pub(crate) group: &'a Group,
+    pub(crate) grid: &'a Grid,
+    pub(crate) services: &'a mut dyn Services,
+    pub(crate) st: &'a mut State,
+    /// Lanes.
+    pub(crate) n: usize,
+    /// The layer that runs.
+    pub(crate) layer: usize,
+    pub(crate) mask: Mask,
+    /// Lanes at the start of the run; others never matter.
+    pub(crate) base: usize,
+    pub(crate) loops: Vec<LoopFrame>,
+    pub(crate) scopes: Vec<(ScopeId, Mask)>,
+    /// Calls of `random` and `randomgrid` so far.
+    pub(crate) draws: u32,
+    pub(crate) emission: Emission,
+    /// Where samples of a running light go.
+    pub(crate) emitted: Option<LightResult>,
+    /// The light that the innermost `lights` loop examines.
+    pub(crate) light: Option<Arc<LightResult>>,
+    /// The rays of the innermost `trace` loop.
+    pub(crate) ray: Option<TraceResult>,
+}
+
+impl<'a> Machine<'a> {
+    /// The running layer.
+    pub(crate) fn code(&self) -> &'a Layer {
+        let group: &'a Group = self.group;
+        &group.layers[self.layer]
+    }
+
+    /// Where a symbol lives.
+    pub(crate) fn place(&self, sym: SymbolId) -> &'a Place {
+        &self.code().places[sym.0 as usize]
+    }
+
+    /// Type of a symbol's elements.
+    pub(crate) fn type_of(&self, sym: SymbolId) -> ValueType {
+        self.place(sym).value
+    }
+
+    /// The values of a symbol.
+    pub(crate) fn view(&self, sym: SymbolId) -> View<'_> {
+        view(self.code(), self.group, &self.st.slots, self.n, sym)
+    }
+
+    /// The values of a global.
+    pub(crate) fn global(&self, global: Global) -> View<'_> {
+        let slot = &self.st.slots[global as usize];
+        View {
+            data: &slot.data,
+            n: self.n,
+            varying: slot.varying,
+            components: global.value_type().components(),
+            elements: 1,
+        }
+    }
+
+    /// Whether one of the symbols varies.
+    pub(crate) fn varies(&self, list: &[SymbolId]) -> bool {
+        list.iter().any(|&s| self.view(s).varying)
+    }
+
+    /// Whether every lane that matters is active.
+    pub(crate) fn whole(&self) -> bool {
+        self.mask.count() == self.base
+    }
+
+    /// The lanes to compute one by one.
+    pub(crate) fn work(&self, varying: bool) -> Work<'_> {
+        if !varying {
+            Work::One
+        } else if self.mask.count() == self.n {
+            Work::All(self.n)
+        } else {
+            Work::Some(&self.mask.active)
+        }
+    }
+
+    /// The first active lane, where varying arguments that must not vary are read.
+    pub(crate) fn first(&self) -> usize {
+        self.mask.active.first().map_or(0, |&i| i as usize)
+    }
+
+    /// Room for a result of `components` numbers.
+    pub(crate) fn out(&mut self, varying: bool, components: usize) -> Out {
+        let width = if varying { self.n } else { 1 };
+        Out { data: self.st.pool.take(components * width), width, varying }
+    }
+
+    /// Gives room back.
+    pub(crate) fn discard(&mut self, out: Out) {
+        self.st.pool.give(out.data);
+    }
+
+    /// Stores a result into a symbol, in active lanes.
+    pub(crate) fn commit(&mut self, dst: SymbolId, out: Out) {
+        let place = self.place(dst);
+        match place.at {
+            At::Slot(slot) => self.commit_slot(slot as usize, out, place.scratch),
+            // Nothing writes constants; linking has checked it.
+            At::Const(_) => self.discard(out),
+        }
+    }
+
+    /// Stores a result into a global, in active lanes.
+    pub(crate) fn commit_global(&mut self, global: Global, out: Out) {
+        self.commit_slot(global as usize, out, false);
+    }
+
+    /// Stores a result, in active lanes. `scratch`: other lanes do not matter.
+    pub(crate) fn commit_slot(&mut self, slot: usize, mut out: Out, scratch: bool) {
+        let whole = scratch || self.whole();
+        let slot = &mut self.st.slots[slot];
+        if whole {
+            std::mem::swap(&mut slot.data, &mut out.data);
+            slot.varying = out.varying;
+        } else if out.varying || slot.varying || !same_bits(&slot.data, &out.data) {
+            promote(slot, self.n, &mut self.st.pool);
+            let on = &self.mask.on;
+            if out.varying {
+                for (to, from) in slot.data.chunks_exact_mut(self.n).zip(out.data.chunks_exact(self.n)) {
+                    blend(to, from, on);
+                }
+            } else {
+                for (to, &from) in slot.data.chunks_exact_mut(self.n).zip(&out.data) {
+                    blend_one(to, from, on);
+                }
+            }
+        }
+        self.st.pool.give(out.data);
+    }
+
+    /// A copy of a symbol's or global's register, to be put back later.
+    pub(crate) fn saved(&mut self, slot: usize) -> Slot {
+        let varying = self.st.slots[slot].varying;
+        let len = self.st.slots[slot].data.len();
+        let mut data = self.st.pool.take(len);
+        data.copy_from_slice(&self.st.slots[slot].data);
+        Slot { data, varying }
+    }
+
+    /// Puts a saved register back.
+    pub(crate) fn restore(&mut self, slot: usize, saved: Slot) {
+        let old = std::mem::replace(&mut self.st.slots[slot], saved);
+        self.st.pool.give(old.data);
+    }
+
+    /// A mask to work with, empty.
+    pub(crate) fn borrow_mask(&mut self) -> Mask {
+        let mut mask = self.st.masks.pop().unwrap_or_default();
+        mask.on.clear();
+        mask.on.resize(self.n, false);
+        mask.active.clear();
+        mask
+    }
+
+    /// Gives a mask back.
+    pub(crate) fn return_mask(&mut self, mask: Mask) {
+        self.st.masks.push(mask);
+    }
+
+    /// The text of a string number.
+    pub(crate) fn text(&self, id: f32) -> &Arc<str> {
+        self.st.strings.text(&self.group.strings, id)
+    }
+
+    /// The number of a text.
+    pub(crate) fn intern(&mut self, text: &str) -> f32 {
+        self.st.strings.intern(&self.group.strings, text)
+    }
+
+    /// The string of a symbol in the first active lane.
+    pub(crate) fn string(&self, sym: SymbolId) -> Arc<str> {
+        self.text(self.view(sym).get(self.first())).clone()
+    }
+
+    /// A mistake of the running shader: said once per place and cause of the group.
+    pub(crate) fn complain(&mut self, at: SourcePos, what: &str) {
+        let module = &self.code().module;
+        let place = module.location(at);
+        let key = format!("{}|{place}|{what}", self.layer);
+        if self.group.first_time(key) {
+            let object = &self.grid.object;
+            let mut text = String::new();
+            if place.is_known() {
+                text.push_str(&format!("{place}: "));
+            }
+            text.push_str(&format!("shader \"{}\": {what}", module.name));
+            if !object.is_empty() {
+                text.push_str(&format!(" (on \"{object}\")"));
+            }
+            self.services.say(Severity::Error, &text);
+        }
+    }
+
+    /// A feature that is missing: said once per group.
+    pub(crate) fn missing(&mut self, feature: &str) {
+        if self.group.first_time(format!("missing {feature}")) {
+            self.services.unsupported(feature);
+        }
+    }
+}
+
+/// The values of a symbol, by parts of a machine so that services may be called meanwhile.
+pub(crate) fn view<'v>(
+    layer: &'v Layer,
+    group: &'v Group,
+    slots: &'v [Slot],
+    n: usize,
+    sym: SymbolId,
+) -> View<'v> {
+    let place = &layer.places[sym.0 as usize];
+    let (data, varying) = match place.at {
+        At::Slot(k) => {
+            let slot = &slots[k as usize];
+            (slot.data.as_slice(), slot.varying)
+        }
+        At::Const(k) => (&*group.constants[k as usize], false),
+    };
+    View { data, n, varying, components: place.value.components().max(1), elements: place.elements as usize }
+}
+
+/// Makes a register varying.
+pub(crate) fn promote(slot: &mut Slot, n: usize, pool: &mut Pool) {
+    if slot.varying {
+        return;
+    }
+    let mut wide = pool.take(slot.data.len() * n);
+    for (to, &from) in wide.chunks_exact_mut(n).zip(&slot.data) {
+        to.fill(from);
+    }
+    pool.give(std::mem::replace(&mut slot.data, wide));
+    slot.varying = true;
+}
+
+/// Whether two lists are the same to the bit.
+fn same_bits(a: &[f32], b: &[f32]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(x, y)| x.to_bits() == y.to_bits())
+}
