@@ -3,7 +3,7 @@
 use crate::whole::{Place, WholeInput, WholeOutput};
 use granita_image::{
     AtomicFile, CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType,
-    Pixels, Result,
+    Pixels, Result, contained,
 };
 use image::{ColorType, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat};
 use std::io::Write;
@@ -218,7 +218,9 @@ fn decoder(place: &Place, format: ImageFormat) -> Result<impl ImageDecoder> {
     limits.max_image_height = Some(place.limits.dimension);
     limits.max_alloc = Some(place.limits.bytes);
     reader.limits(limits);
-    reader.into_decoder().map_err(|e| read_fault(place, e))
+    contained(|| reader.into_decoder())
+        .map_err(|fault| place.malformed(fault))?
+        .map_err(|e| read_fault(place, e))
 }
 
 fn decode(place: &Place, spec: &ImageSpec) -> Result<Pixels> {
@@ -230,7 +232,9 @@ fn decode(place: &Place, spec: &ImageSpec) -> Result<Pixels> {
         return Err(place.malformed("the file changed while it was read"));
     }
     let mut bytes = vec![0; wanted as usize];
-    decoder.read_image(&mut bytes).map_err(|e| read_fault(place, e))?;
+    contained(|| decoder.read_image(&mut bytes))
+        .map_err(|fault| place.malformed(fault))?
+        .map_err(|e| read_fault(place, e))?;
     // The decoders deliver values in the order of the machine.
     Ok(Pixels::from_bytes(spec.pixel_type, bytes, cfg!(target_endian = "big")))
 }

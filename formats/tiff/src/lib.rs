@@ -76,7 +76,7 @@ impl Format for TiffFormat {
     }
 
     fn supports(&self, feature: &str) -> bool {
-        matches!(feature, "write" | "tiles" | "levels" | "half" | "float" | "u16" | "u32" | "channels")
+        matches!(feature, "write" | "tiles" | "levels" | "half" | "float" | "u16" | "u32" | "channels" | "alpha")
     }
 
     fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {

@@ -149,7 +149,8 @@ pub trait Format: Send + Sync {
     /// Opens a file for reading.
     fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>>;
 
-    /// Whether it can write: "tiles", "levels", "half", "float", "u16", "channels" (more than 4), "write".
+    /// Whether it can write: "tiles", "levels", "half", "float", "u16", "channels" (more than 4), "alpha"
+    /// (without it, a fourth channel is left out), "write".
     fn supports(&self, feature: &str) -> bool;
 
     /// The type in which it stores a rendered output whose quantization asks for `quantized` (8 or 16

@@ -13,6 +13,7 @@
 
 mod atomic;
 mod block;
+mod contain;
 mod error;
 mod format;
 mod pixels;
@@ -22,6 +23,7 @@ mod spec;
 
 pub use atomic::AtomicFile;
 pub use block::{BlockCopy, TileRows, rows_from_tiles};
+pub use contain::contained;
 pub use error::{ImageError, Result};
 pub use format::{CreateOptions, Format, FormatRegistry, ImageInput, ImageOutput, Limits};
 pub use pixels::Pixels;

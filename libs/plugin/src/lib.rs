@@ -12,13 +12,14 @@
 use granita_image::{FormatRegistry, Limits};
 use std::sync::Arc;
 
-/// All bundled formats: "tiff", "shadow" and those of `granita-raster`.
+/// All bundled formats: "tiff", "shadow", "exr" ("OpenEXR") and those of `granita-raster`.
 ///
 /// `limits` bound what their readers take in.
 pub fn bundled_formats(limits: Limits) -> FormatRegistry {
     let mut registry = FormatRegistry::new(limits);
     registry.register(Arc::new(granita_tiff::TiffFormat));
     registry.register(Arc::new(granita_tiff::ShadowFormat));
+    registry.register(Arc::new(granita_exr::ExrFormat));
     for format in granita_raster::formats() {
         registry.register(format);
     }

@@ -1,0 +1,341 @@
+//! Writing: chunks as they come, their table at the end.
+
+use crate::attributes::{self, channel_order};
+use crate::{CompressionName, Order};
+use exr::block::{BlockIndex, UncompressedBlock, chunk::CompressedBlock};
+use exr::meta::attribute::{
+    self as exr_attribute, AttributeValue, ChannelDescription, IntegerBounds, LevelMode, LineOrder,
+    SampleType, TileDescription,
+};
+use exr::meta::header::{Header, ImageAttributes};
+use exr::meta::{BlockDescription, MetaData};
+use exr::prelude::{SmallVec, Vec2};
+use granita_image::{
+    AtomicFile, CreateOptions, ImageError, ImageOutput, ImageSpec, PixelType, Pixels, Result, TileRows,
+};
+use std::io::{Seek, SeekFrom, Write};
+use std::path::Path;
+
+/// An OpenEXR file being written: one part, scanlines or tiles, one level or a whole MIP map.
+#[derive(Debug)]
+pub struct ExrOutput {
+    file: AtomicFile,
+    headers: [Header; 1],
+    order: Order,
+    /// Where the next byte goes.
+    position: u64,
+    /// Where the table of chunks is, and what will be in it; 0 for a chunk not yet written.
+    table_at: u64,
+    table: Vec<u64>,
+    /// Level, its spec, and its first chunk.
+    level: usize,
+    spec: ImageSpec,
+    first_chunk: usize,
+    /// Rows that do not fill a block or a row of tiles yet.
+    tiles: Option<TileRows>,
+    block: Pixels,
+    filled: u32,
+    next_y: u32,
+}
+
+impl ExrOutput {
+    /// Begins a file; nothing is visible under its name before `close`.
+    pub fn create(path: &Path, options: &CreateOptions<'_>) -> Result<Self> {
+        let spec = options.spec;
+        let (header, order) = header(path, spec, options.levels)?;
+        let requirements = MetaData::validate(std::slice::from_ref(&header), true)
+            .map_err(|e| misuse(path, format!("OpenEXR cannot hold it: {e}")))?;
+        let mut front = vec![0x76, 0x2f, 0x31, 0x01];
+        let mut written = requirements.write(&mut front);
+        // By name: the crate's own order is that of a hash map, and differs from run to run.
+        let mut all: Vec<(Vec<u8>, AttributeValue)> =
+            header.all_named_attributes().map(|(name, value)| (name.to_vec(), value)).collect();
+        all.sort_by(|a, b| a.0.cmp(&b.0));
+        for (name, value) in &all {
+            written = written.and_then(|()| exr_attribute::write(name, value, &mut front));
+        }
+        written.map_err(|e| misuse(path, e.to_string()))?;
+        front.push(0);
+        let table_at = front.len() as u64;
+        front.resize(front.len() + header.chunk_count * 8, 0);
+        let mut file = AtomicFile::create(path)?;
+        file.write_all(&front).map_err(|e| file.io_error(e))?;
+        let rows = header.compression.scan_lines_per_block().min(spec.height as usize);
+        let block = if spec.is_tiled() { 0 } else { rows * spec.width as usize * spec.nchannels() };
+        Ok(Self {
+            file,
+            table: vec![0; header.chunk_count],
+            headers: [header],
+            order,
+            position: front.len() as u64,
+            table_at,
+            level: 0,
+            spec: spec.clone(),
+            first_chunk: 0,
+            tiles: None,
+            block: Pixels::zeros(spec.pixel_type, block),
+            filled: 0,
+            next_y: 0,
+        })
+    }
+
+    fn misuse(&self, what: String) -> ImageError {
+        misuse(self.file.path(), what)
+    }
+
+    fn check_type(&self, pixels: &Pixels) -> Result<()> {
+        let (got, wanted) = (pixels.pixel_type(), self.spec.pixel_type);
+        if got == wanted {
+            return Ok(());
+        }
+        Err(self.misuse(format!("pixels of type {got:?} for a file of {wanted:?}")))
+    }
+
+    /// Compresses and writes `size` pixels at `at` of the level as chunk `number`; rows of `pixels`
+    /// have `stride` pixels.
+    fn write_block(
+        &mut self,
+        number: usize,
+        at: (usize, usize),
+        size: (usize, usize),
+        pixels: &Pixels,
+        stride: usize,
+    ) -> Result<()> {
+        if self.table[number] != 0 {
+            return Err(self.misuse(format!("tile {number} is written twice")));
+        }
+        let block = UncompressedBlock {
+            index: BlockIndex {
+                layer: 0,
+                pixel_position: Vec2(at.0, at.1),
+                pixel_size: Vec2(size.0, size.1),
+                level: Vec2(self.level, self.level),
+            },
+            data: self.order.gather(pixels, size.0, size.1, stride),
+        };
+        let chunk = block.compress_to_chunk(&self.headers).map_err(|e| match e {
+            exr::error::Error::NotSupported(what) => {
+                let what = format!("OpenEXR: {what} is not supported");
+                ImageError::Unsupported { path: self.file.path().to_owned(), what }
+            }
+            other => self.misuse(other.to_string()),
+        })?;
+        let mut bytes = Vec::new();
+        let written = match &chunk.compressed_block {
+            CompressedBlock::ScanLine(block) => block.write(&mut bytes),
+            CompressedBlock::Tile(block) => block.write(&mut bytes),
+            // A header without deep data makes no deep blocks.
+            CompressedBlock::DeepScanLine(_) | CompressedBlock::DeepTile(_) => Ok(()),
+        };
+        written.map_err(|e| self.misuse(e.to_string()))?;
+        self.file.write_all(&bytes).map_err(|e| self.file.io_error(e))?;
+        self.table[number] = self.position;
+        self.position += bytes.len() as u64;
+        Ok(())
+    }
+
+    /// Number of chunks of the current level.
+    fn chunks(&self) -> usize {
+        if self.spec.is_tiled() {
+            let (across, down) = self.spec.tiles();
+            across as usize * down as usize
+        } else {
+            self.table.len()
+        }
+    }
+
+    /// The current level must be all there.
+    fn check_complete(&self) -> Result<()> {
+        let chunks = &self.table[self.first_chunk..self.first_chunk + self.chunks()];
+        let missing = chunks.iter().filter(|c| **c == 0).count();
+        if missing == 0 {
+            return Ok(());
+        }
+        let (level, total) = (self.level, chunks.len());
+        Err(self
+            .misuse(format!("level {level} is incomplete: {missing} of {total} blocks or tiles are missing")))
+    }
+}
+
+fn misuse(path: &Path, what: String) -> ImageError {
+    ImageError::Misuse { path: path.to_owned(), what }
+}
+
+/// The header of a file for `spec`, and the order of its channels.
+fn header(path: &Path, spec: &ImageSpec, levels: usize) -> Result<(Header, Order)> {
+    let unsupported = |what: String| ImageError::Unsupported { path: path.to_owned(), what };
+    if spec.width == 0 || spec.height == 0 || spec.nchannels() == 0 {
+        let (w, h, n) = (spec.width, spec.height, spec.nchannels());
+        return Err(misuse(path, format!("an image of {w} x {h} pixels with {n} channels")));
+    }
+    let sample_type = match spec.pixel_type {
+        PixelType::Half => SampleType::F16,
+        PixelType::Float => SampleType::F32,
+        PixelType::U32 => SampleType::U32,
+        other => return Err(unsupported(format!("OpenEXR does not hold {other:?} values"))),
+    };
+    let mut sorted = spec.channels.clone();
+    sorted.sort_by(|a, b| a.as_bytes().cmp(b.as_bytes()));
+    if let Some(pair) = sorted.windows(2).find(|p| p[0] == p[1]) {
+        return Err(misuse(path, format!("two channels are called \"{}\"", pair[0])));
+    }
+    let mut list: SmallVec<[ChannelDescription; 5]> = SmallVec::new();
+    for name in &sorted {
+        let text = attributes::channel_name(name)
+            .ok_or_else(|| misuse(path, format!("\"{name}\" cannot name a channel")))?;
+        list.push(ChannelDescription::named(text, sample_type));
+    }
+    let joined = spec.channels.join(",");
+    let order = channel_order(&sorted, Some(&joined));
+    let mut own = attributes::to_header(spec);
+    if channel_order(&sorted, None) != order
+        && let Some(text) = attributes::channel_name(&joined)
+    {
+        own.other.insert(attributes::CHANNEL_ORDER.into(), AttributeValue::Text(text));
+    }
+    own.layer_position = Vec2(spec.x, spec.y);
+
+    let word = spec.string("compression").unwrap_or("zip");
+    let compression = CompressionName::parse(word)
+        .ok_or_else(|| unsupported(format!("OpenEXR compression \"{word}\" is not supported")))?;
+    let (blocks, line_order) = if spec.is_tiled() {
+        if spec.tile_height == 0 {
+            return Err(misuse(path, format!("tiles of {} x 0 pixels", spec.tile_width)));
+        }
+        let tiles = TileDescription {
+            tile_size: Vec2(spec.tile_width as usize, spec.tile_height as usize),
+            level_mode: if levels > 1 { LevelMode::MipMap } else { LevelMode::Singular },
+            rounding_mode: exr::math::RoundingMode::Down,
+        };
+        (BlockDescription::Tiles(tiles), LineOrder::Unspecified)
+    } else if levels > 1 {
+        return Err(misuse(path, "OpenEXR stores MIP levels in tiles only".to_owned()));
+    } else {
+        (BlockDescription::ScanLines, LineOrder::Increasing)
+    };
+    // The size of one cube face has no place of its own: the window is that of all six.
+    let cube = spec.string("textureformat").is_some_and(|t| t.starts_with("CubeFace"));
+    let display = if cube {
+        IntegerBounds::new(Vec2(spec.x, spec.y), Vec2(spec.width as usize, spec.height as usize))
+    } else {
+        let size = Vec2(spec.full_width.max(1) as usize, spec.full_height.max(1) as usize);
+        IntegerBounds::new(Vec2(spec.full_x, spec.full_y), size)
+    };
+    let size = Vec2(spec.width as usize, spec.height as usize);
+    let header = Header::new(Default::default(), size, list)
+        .with_attributes(own)
+        .with_shared_attributes(ImageAttributes::new(display))
+        .with_encoding(compression, blocks, line_order);
+    let types = vec![sample_type; sorted.len()];
+    Ok((header, Order { types, order, pixel_type: spec.pixel_type }))
+}
+
+impl ImageOutput for ExrOutput {
+    fn write_rows(&mut self, pixels: &Pixels) -> Result<()> {
+        self.check_type(pixels)?;
+        let row = self.spec.width as usize * self.spec.nchannels();
+        let count = pixels.len() / row;
+        let next_y = self.tiles.as_ref().map_or(self.next_y, TileRows::next_y);
+        let left = self.spec.height - next_y;
+        if pixels.len() % row != 0 || count > left as usize {
+            let n = pixels.len();
+            return Err(self.misuse(format!(
+                "{n} values are no whole rows of {row}, or more than the {left} rows left"
+            )));
+        }
+        if self.spec.is_tiled() {
+            let spec = self.spec.clone();
+            let mut tiles = self.tiles.take().unwrap_or_else(|| TileRows::new(&spec));
+            let pushed = tiles.push(&spec, pixels, |tx, ty, tile| self.write_tile(tx, ty, tile));
+            self.tiles = Some(tiles);
+            return pushed;
+        }
+        let per_block = self.headers[0].compression.scan_lines_per_block() as u32;
+        let mut done = 0;
+        while done < count {
+            let number = self.next_y / per_block;
+            let top = number * per_block;
+            let in_block = per_block.min(self.spec.height - top);
+            let take = (in_block - self.filled).min((count - done) as u32);
+            self.block.copy_from(self.filled as usize * row, pixels, done * row, take as usize * row);
+            self.filled += take;
+            self.next_y += take;
+            done += take as usize;
+            if self.filled == in_block {
+                self.filled = 0;
+                let block = std::mem::replace(&mut self.block, Pixels::zeros(self.spec.pixel_type, 0));
+                let width = self.spec.width as usize;
+                let at = (0, top as usize);
+                self.write_block(number as usize, at, (width, in_block as usize), &block, width)?;
+                self.block = block;
+            }
+        }
+        Ok(())
+    }
+
+    fn write_tile(&mut self, tx: u32, ty: u32, pixels: &Pixels) -> Result<()> {
+        self.check_type(pixels)?;
+        let spec = &self.spec;
+        let (across, down) = spec.tiles();
+        let (tw, th) = (spec.tile_width, spec.tile_height);
+        let n = tw as usize * th as usize * spec.nchannels();
+        if tx >= across || ty >= down || pixels.len() != n {
+            let got = pixels.len();
+            return Err(self.misuse(format!(
+                "tile ({tx}, {ty}) with {got} values, in an image of {across} x {down} tiles of {n}"
+            )));
+        }
+        let at = ((tx * tw) as usize, (ty * th) as usize);
+        let size =
+            ((spec.width as usize - at.0).min(tw as usize), (spec.height as usize - at.1).min(th as usize));
+        let number = self.first_chunk + ty as usize * across as usize + tx as usize;
+        self.write_block(number, at, size, pixels, tw as usize)
+    }
+
+    fn next_level(&mut self, spec: &ImageSpec) -> Result<()> {
+        self.check_complete()?;
+        let halved = ((self.spec.width / 2).max(1), (self.spec.height / 2).max(1));
+        let first_chunk = self.first_chunk + self.chunks();
+        if !self.spec.is_tiled() || first_chunk >= self.table.len() {
+            let level = self.level;
+            return Err(self.misuse(format!("there is no level after level {level}")));
+        }
+        let (old, new) = (&self.spec, spec);
+        if (new.width, new.height) != halved
+            || (new.tile_width, new.tile_height) != (old.tile_width, old.tile_height)
+            || new.channels != old.channels
+            || new.pixel_type != old.pixel_type
+        {
+            return Err(self.misuse(format!(
+                "level {} is {} x {} in tiles of {} x {}; OpenEXR wants {} x {} in tiles of {} x {}, and the same channels",
+                self.level + 1,
+                new.width,
+                new.height,
+                new.tile_width,
+                new.tile_height,
+                halved.0,
+                halved.1,
+                old.tile_width,
+                old.tile_height,
+            )));
+        }
+        self.first_chunk = first_chunk;
+        self.level += 1;
+        self.spec = spec.clone();
+        self.tiles = None;
+        Ok(())
+    }
+
+    fn close(mut self: Box<Self>) -> Result<()> {
+        self.check_complete()?;
+        if self.first_chunk + self.chunks() < self.table.len() {
+            let level = self.level + 1;
+            return Err(self.misuse(format!("level {level} and those after it are missing")));
+        }
+        let bytes: Vec<u8> = self.table.iter().flat_map(|n| n.to_le_bytes()).collect();
+        let file = &mut self.file;
+        let written = file.seek(SeekFrom::Start(self.table_at)).and_then(|_| file.write_all(&bytes));
+        written.map_err(|e| self.file.io_error(e))?;
+        self.file.commit()
+    }
+}

@@ -1,0 +1,79 @@
+//! Damaged files: an error that names the file, never a panic, a hang or a huge allocation.
+
+use granita_base::Param;
+use granita_exr::ExrFormat;
+use granita_image::{CreateOptions, Format, ImageSpec, Limits, PixelType, Pixels};
+use proptest::prelude::*;
+use std::path::Path;
+
+const COMPRESSIONS: [&str; 8] = ["none", "rle", "zip", "zips", "piz", "pxr24", "b44", "dwaa"];
+
+fn sample(path: &Path, compression: &str, tiled: bool) -> Vec<u8> {
+    let mut spec = ImageSpec::new(23, 19, 3, PixelType::Half);
+    if tiled {
+        spec = spec.tiled(16, 16);
+    }
+    spec.attributes.set(Param::declared("string compression", compression).unwrap());
+    let mut out = ExrFormat.create(path, &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    let ramp: Vec<f32> = (0..23 * 19 * 3).map(|i| (i % 37) as f32 * 0.1).collect();
+    out.write_rows(&Pixels::from_floats(PixelType::Half, &ramp)).unwrap();
+    out.close().unwrap();
+    std::fs::read(path).unwrap()
+}
+
+/// Reads all that can be read.
+fn read(path: &Path, bytes: &[u8]) -> granita_image::Result<()> {
+    let limits = Limits { dimension: 4096, pixels: 1 << 22, bytes: 16 << 20, ..Limits::default() };
+    std::fs::write(path, bytes).unwrap();
+    let input = ExrFormat.open(path, &limits)?;
+    for image in 0..input.images() {
+        for level in 0..input.levels(image) {
+            input.read_level(image, level)?;
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn every_truncation_is_an_error() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("damaged.exr");
+    for tiled in [false, true] {
+        let good = sample(&path, "zip", tiled);
+        for n in 0..good.len() {
+            let error = read(&path, &good[..n]).unwrap_err().to_string();
+            assert!(error.contains("damaged.exr"), "{error}");
+        }
+        read(&path, &good).unwrap();
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+    #[test]
+    fn flipped_bits_are_survived(
+        flips in prop::collection::vec((0.0f64..1.0, 0u8..8), 1..5),
+        header_only in any::<bool>(),
+        kind in 0..COMPRESSIONS.len() * 2,
+    ) {
+        // Written once: samples do not depend on the case.
+        use std::sync::OnceLock;
+        static SAMPLES: OnceLock<Vec<Vec<u8>>> = OnceLock::new();
+        let samples = SAMPLES.get_or_init(|| {
+            let dir = tempfile::tempdir().unwrap();
+            (0..COMPRESSIONS.len() * 2)
+                .map(|i| sample(&dir.path().join("a.exr"), COMPRESSIONS[i / 2], i % 2 == 1))
+                .collect()
+        });
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("damaged.exr");
+        let mut bytes = samples[kind].clone();
+        let range = if header_only { bytes.len().min(500) } else { bytes.len() };
+        for (x, bit) in flips {
+            bytes[(x * range as f64) as usize] ^= 1 << bit;
+        }
+        if let Err(error) = read(&path, &bytes) {
+            prop_assert!(error.to_string().contains("damaged.exr"), "{}", error);
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! Panics of other people's decoders, contained.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// Runs a decoder of another library; `Err` is what it panicked with.
+///
+/// Readers promise an error for any damage to a file. Where a library panics instead (an unchecked
+/// subtraction, an index past the end), this is the place that keeps the promise. Whatever the closure
+/// was filling must be thrown away after an `Err`.
+pub fn contained<T>(decode: impl FnOnce() -> T) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(decode)).map_err(|payload| {
+        let text = payload.downcast_ref::<String>().map(String::as_str);
+        let text = text.or_else(|| payload.downcast_ref::<&str>().copied());
+        format!("the decoder gave up ({})", text.unwrap_or("no reason given"))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn panics_become_errors() {
+        assert_eq!(contained(|| 3), Ok(3));
+        let list: Vec<u8> = Vec::new();
+        let fault = contained(|| list[std::hint::black_box(1)]).unwrap_err();
+        assert!(fault.contains("index out of bounds"), "{fault}");
+    }
+}
