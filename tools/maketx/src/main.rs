@@ -215,7 +215,7 @@ fn say_formats(registry: &FormatRegistry, reporter: &Reporter) {
             .filter(|feature| format.supports(feature))
             .collect();
         let text = format!(
-            "image format \"{name}\": built in, extensions {}, {}",
+            "image format \"{name}\": built in, extensions {}, {}\n",
             format.extensions().join(" "),
             if able.is_empty() { "reads only".to_owned() } else { able.join(" ") }
         );

@@ -1,0 +1,104 @@
+//! A folder with pictures and textures, for tests.
+#![allow(dead_code, unreachable_pub, reason = "each test file uses its part")]
+
+use granita_base::report::Message;
+use granita_base::{Environment, Param, ParamData, ParamType, Reporter, SearchPath};
+use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
+use granita_texture::make::{Made, MakeOptions, make};
+use granita_texture::{CacheOptions, Lookup, TextureCache, TextureError, TextureId};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+
+pub struct Folder {
+    dir: tempfile::TempDir,
+    pub registry: FormatRegistry,
+    pub reporter: Reporter,
+    pub messages: Arc<Mutex<Vec<Message>>>,
+}
+
+impl Folder {
+    pub fn new() -> Self {
+        let (reporter, messages) = Reporter::collecting();
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        Self { dir: tempfile::tempdir().unwrap(), registry, reporter, messages }
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    /// Writes a scanline TIFF of floats.
+    pub fn picture(&self, name: &str, size: (u32, u32), channels: usize, f: impl Fn(u32, u32, usize) -> f32) {
+        self.picture_of(name, ImageSpec::new(size.0, size.1, channels, PixelType::Float), f);
+    }
+
+    pub fn picture_of(&self, name: &str, spec: ImageSpec, f: impl Fn(u32, u32, usize) -> f32) {
+        let mut values = Vec::new();
+        for y in 0..spec.height {
+            for x in 0..spec.width {
+                values.extend((0..spec.nchannels()).map(|c| f(x, y, c)));
+            }
+        }
+        let options = CreateOptions { spec: &spec, levels: 1 };
+        let mut out = self.registry.create(&self.path(name), "tiff", &options).unwrap();
+        out.write_rows(&Pixels::from_floats(spec.pixel_type, &values)).unwrap();
+        out.close().unwrap();
+    }
+
+    /// Makes a texture of pictures of this folder ("-" stays "-").
+    pub fn make(&self, inputs: &[&str], output: &str, options: &MakeOptions) -> Result<Made, TextureError> {
+        let inputs: Vec<PathBuf> =
+            inputs.iter().map(|n| if *n == "-" { PathBuf::from("-") } else { self.path(n) }).collect();
+        make(&inputs, &self.path(output), options, &self.registry, &|_, _| ())
+    }
+
+    pub fn cache(&self, options: CacheOptions) -> TextureCache {
+        let folder = self.dir.path().to_str().unwrap();
+        let search = SearchPath::parse(folder, &SearchPath::default(), &Environment::empty());
+        TextureCache::new(self.registry.clone(), search, options, self.reporter.clone())
+    }
+
+    /// A cache with default options and one texture in it.
+    pub fn open(&self, name: &str) -> (TextureCache, TextureId) {
+        let cache = self.cache(CacheOptions::default());
+        let id = cache.find(name).unwrap_or_else(|| panic!("{name}: {:?}", self.messages.lock().unwrap()));
+        (cache, id)
+    }
+
+    pub fn texts(&self) -> Vec<String> {
+        self.messages.lock().unwrap().iter().map(|m| m.to_string()).collect()
+    }
+}
+
+/// One channel of one lookup.
+pub fn value(cache: &TextureCache, id: TextureId, lookup: &Lookup) -> f32 {
+    let mut out = [f32::NAN];
+    cache.texture(id, lookup, &mut out);
+    out[0]
+}
+
+pub fn at(s: f32, t: f32) -> Lookup {
+    Lookup { s, t, ..Lookup::default() }
+}
+
+/// A lookup with a square footprint, as a fraction of the picture.
+pub fn wide(s: f32, t: f32, width: f32) -> Lookup {
+    Lookup { dsdx: width, dtdy: width, ..at(s, t) }
+}
+
+pub fn random(i: u32, seed: u32) -> f32 {
+    granita_base::hash::unit(granita_base::hash::words(&[i, seed]))
+}
+
+pub fn matrix(name: &str, m: &[f32; 16]) -> Param {
+    Param {
+        name: name.into(),
+        ty: ParamType::of(granita_base::BaseType::Matrix),
+        data: ParamData::from(&m[..]),
+    }
+}
+
+/// Exact bits, for comparing runs.
+pub fn bits(values: &[f32]) -> Vec<u32> {
+    values.iter().map(|v| v.to_bits()).collect()
+}
