@@ -27,12 +27,15 @@ pub(crate) struct Level {
     pub(crate) tile_height: u32,
 }
 
+/// An open file, or none while it is closed.
+pub(crate) type Handle = Mutex<Option<Arc<dyn ImageInput>>>;
+
 /// Where the texels are.
 pub(crate) enum Source {
     /// In tiles of the file, read one by one.
     Tiles {
         /// Open file; closed when too many are open.
-        handle: Mutex<Option<Arc<dyn ImageInput>>>,
+        handle: Handle,
         /// When it was last read from.
         stamp: AtomicU64,
     },

@@ -1,4 +1,54 @@
-//! Tile cache, filtered lookups, environment and shadow maps, and the making of textures.
+//! Textures: a tile cache with filtered lookups, and the making of texture files (reference 9, 5.8.10).
+//!
+//! A renderer makes one [`TextureCache`] per frame and asks it from any number of threads: pictures with
+//! [`TextureCache::texture`], maps of all directions with [`TextureCache::environment`], depth maps seen
+//! from lights with [`TextureCache::shadow`]. `maketx` calls [`make::make`], which turns pictures of any
+//! format into tiled, MIP-mapped files.
+//!
+//! Invariants:
+//! - an answer depends on the file and the question alone, to the bit: not on memory, open files,
+//!   threads or what was asked before;
+//! - only tiles that a lookup touches are read, and what the cache keeps stays within its bound;
+//! - a constant picture looks constant everywhere, exactly; without a footprint a texel's centre gives the
+//!   texel; what is not a number anywhere has a defined result;
+//! - texels are sampled where they are: rows run downward, (0, 0) is the outer corner of the first texel,
+//!   texel centres stand at half numbers.
+//!
+//! How things are filtered is said where it is done: `footprint` (ellipses and probes), `environment`
+//! (seams, poles and cube edges), `shadow` (percentage-closer filtering), `volume` (opacity against depth).
+//! Footprints longer than 16 times their width are widened to that ratio.
+//!
+//! Deliberately absent: `texture3d` and its files, shadow maps made while rendering (reference 10.1.5),
+//! colour management, names of geometry sets (the renderer sorts those out before it asks).
+//!
+//! ```
+//! use granita_base::{Environment, Reporter, SearchPath};
+//! use granita_image::{CreateOptions, ImageSpec, Limits, PixelType, Pixels};
+//! use granita_texture::make::{MakeOptions, make};
+//! use granita_texture::{CacheOptions, Lookup, TextureCache, Wrap};
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let folder = tempfile::tempdir()?;
+//! let formats = granita_plugin::bundled_formats(Limits::default());
+//! // A picture of 2 x 1 pixels, made into a texture that repeats ...
+//! let (picture, texture) = (folder.path().join("a.tif"), folder.path().join("a.tx"));
+//! let spec = ImageSpec::new(2, 1, 1, PixelType::Float);
+//! let mut file = formats.create(&picture, "tiff", &CreateOptions { spec: &spec, levels: 1 })?;
+//! file.write_rows(&Pixels::Float(vec![1.0, 3.0]))?;
+//! file.close()?;
+//! let options = MakeOptions { swrap: Wrap::Periodic, twrap: Wrap::Periodic, ..MakeOptions::default() };
+//! make(&[picture], &texture, &options, &formats, &|_, _| ())?;
+//! // ... looked up at the centre of its second texel, sharp and then blurred over everything.
+//! let path = SearchPath::parse(&folder.path().to_string_lossy(), &SearchPath::default(), &Environment::empty());
+//! let cache = TextureCache::new(formats, path, CacheOptions::default(), Reporter::silent());
+//! let id = cache.find("a.tx").ok_or("no such texture")?;
+//! let mut value = [0.0];
+//! cache.texture(id, &Lookup { s: 0.75, t: 0.5, ..Lookup::default() }, &mut value);
+//! assert_eq!(value, [3.0]);
+//! cache.texture(id, &Lookup { s: 0.75, t: 0.5, sblur: 1.0, tblur: 1.0, ..Lookup::default() }, &mut value);
+//! assert_eq!(value, [2.0]);
+//! # Ok(())
+//! # }
+//! ```
 
 mod cache;
 mod cube;

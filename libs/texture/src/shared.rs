@@ -1,7 +1,7 @@
 //! What all lookups of a cache share: files, tiles, open handles, counters.
 
 use crate::CacheOptions;
-use crate::file::{Lack, Source, TextureFile};
+use crate::file::{Handle, Lack, Source, TextureFile};
 use crate::files::Files;
 use crate::statistics::{Counters, add};
 use crate::tiles::{Tile, TileCache, TileKey};
@@ -26,8 +26,8 @@ pub(crate) struct Shared {
     clock: AtomicU64,
 }
 
-/// The handle of a file that is read by tiles.
-fn handle(file: &TextureFile) -> Option<(&Mutex<Option<Arc<dyn ImageInput>>>, &AtomicU64)> {
+/// The handle of a file that is read by tiles, and when it was used last.
+fn handle(file: &TextureFile) -> Option<(&Handle, &AtomicU64)> {
     match &file.source {
         Source::Tiles { handle, stamp } => Some((handle, stamp)),
         Source::Memory(_) => None,

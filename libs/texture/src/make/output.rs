@@ -39,6 +39,14 @@ struct Target {
     tile: (u32, u32),
 }
 
+/// One level as it is stored.
+struct Stored {
+    picture: Picture,
+    /// Size of the display window; of a face for cubes.
+    full: (u32, u32),
+    tile: (u32, u32),
+}
+
 /// A string attribute.
 fn word(name: &str, value: &str) -> Param {
     Param { name: name.into(), ty: ParamType::of(BaseType::String), data: value.into() }
@@ -104,10 +112,10 @@ impl Target {
     }
 
     /// The levels as they are stored: picture, display window, tiles.
-    fn levels(&self, body: Body, path: &Path) -> Result<Vec<(Picture, (u32, u32), (u32, u32))>> {
+    fn levels(&self, body: Body, path: &Path) -> Result<Vec<Stored>> {
         let flat = |p: Picture| {
             let (full, tile) = ((p.width as u32, p.height as u32), self.tile(p.width, p.height));
-            (p, full, tile)
+            Stored { picture: p, full, tile }
         };
         match body {
             Body::Flat(levels) => Ok(levels.into_iter().map(flat).collect()),
@@ -124,7 +132,7 @@ impl Target {
                 let mipmapped = levels.len() > 1;
                 let mut out: Vec<_> = levels.iter().map(|faces| flat(column(faces))).collect();
                 // A column is six times as high as wide: its own pyramid has more levels than its faces.
-                while let Some((last, ..)) = out.last().filter(|(p, ..)| mipmapped && p.height > 1) {
+                while let Some(last) = out.last().map(|l| &l.picture).filter(|p| mipmapped && p.height > 1) {
                     let wrap = (crate::Wrap::Clamp, crate::Wrap::Clamp);
                     let next = last.resized(1, half(last.height), granita_base::Filter::Box, wrap);
                     out.push(flat(next));
@@ -136,7 +144,7 @@ impl Target {
                 .map(|faces| {
                     let tile = self.tile(faces[0].width, faces[0].height);
                     let full = (faces[0].width as u32, faces[0].height as u32);
-                    (mosaic(faces, tile), full, tile)
+                    Stored { picture: mosaic(faces, tile), full, tile }
                 })
                 .collect()),
         }
@@ -232,7 +240,7 @@ pub(crate) fn write(
         }
     }
     let levels = target.levels(texture.body, path)?;
-    let spec = |(picture, full, tile): &(Picture, (u32, u32), (u32, u32))| {
+    let spec = |Stored { picture, full, tile }: &Stored| {
         let size = (picture.width as u32, picture.height as u32);
         let mut spec = ImageSpec::new(size.0, size.1, picture.channels, pixel_type).tiled(tile.0, tile.1);
         spec.channels.clone_from(&texture.channels);
@@ -248,11 +256,11 @@ pub(crate) fn write(
     progress(done, total);
     let create = CreateOptions { spec: &specs[0], levels: levels.len() };
     let mut output = registry.create(path, &options.format, &create)?;
-    for (i, ((picture, _, tile), spec)) in levels.into_iter().zip(&specs).enumerate() {
+    for (i, (level, spec)) in levels.into_iter().zip(&specs).enumerate() {
         if i > 0 {
             output.next_level(spec)?;
         }
-        let mut picture = picture;
+        let (mut picture, tile) = (level.picture, level.tile);
         if !texture.kind.is_shadow() {
             gamma(&mut picture, 1.0 / options.outgamma);
         }

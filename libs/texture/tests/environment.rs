@@ -1,0 +1,319 @@
+//! `environment ()`: directions, seams, poles and edges.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod support;
+
+use granita_base::Vec3;
+use granita_texture::make::{MakeOptions, Mode};
+use granita_texture::{EnvLookup, TextureCache, TextureId, TextureKind, Up};
+use std::f32::consts::{PI, TAU};
+use support::{Folder, random};
+
+const FACES: [&str; 6] = ["px.tif", "nx.tif", "py.tif", "ny.tif", "pz.tif", "nz.tif"];
+
+/// Forward, up, right of each face (reference 9.3).
+const FRAMES: [[Vec3; 3]; 6] = [
+    [Vec3::X, Vec3::Y, Vec3::NEG_Z],
+    [Vec3::NEG_X, Vec3::Y, Vec3::Z],
+    [Vec3::Y, Vec3::NEG_Z, Vec3::X],
+    [Vec3::NEG_Y, Vec3::Z, Vec3::X],
+    [Vec3::Z, Vec3::Y, Vec3::X],
+    [Vec3::NEG_Z, Vec3::Y, Vec3::NEG_X],
+];
+
+fn options(mode: Mode) -> MakeOptions {
+    MakeOptions { mode, ..MakeOptions::default() }
+}
+
+fn look(cache: &TextureCache, id: TextureId, lookup: &EnvLookup) -> [f32; 3] {
+    let mut out = [f32::NAN; 3];
+    cache.environment(id, lookup, &mut out);
+    out
+}
+
+fn toward(r: Vec3) -> EnvLookup {
+    EnvLookup { r, ..EnvLookup::default() }
+}
+
+/// A direction, evenly spread over the sphere.
+fn any_direction(i: u32) -> Vec3 {
+    let (z, phi) = (random(i, 50) * 2.0 - 1.0, random(i, 51) * TAU);
+    let around = (1.0 - z * z).sqrt();
+    Vec3::new(around * phi.cos(), around * phi.sin(), z)
+}
+
+/// Something smooth to see in every direction, between 0 and 1.
+fn sky(d: Vec3, c: usize) -> f32 {
+    let d = d.normalize();
+    0.5 + 0.5 * [d.x, d.y, d.z][c]
+}
+
+/// A cube map of `f`, made of six views.
+fn cube_of(folder: &Folder, n: u32, options: &MakeOptions, f: impl Fn(Vec3, usize) -> f32) {
+    for (name, [forward, up, right]) in FACES.iter().zip(FRAMES) {
+        folder.picture(name, (n, n), 3, |x, y, c| {
+            let ndc = |v: u32| 2.0 * (v as f32 + 0.5) / n as f32 - 1.0;
+            f(forward + right * ndc(x) - up * ndc(y), c)
+        });
+    }
+    folder.make(&FACES, "cube.env", options).unwrap();
+}
+
+/// A latitude-longitude map of `f`, +z up.
+fn latlong_of(folder: &Folder, (w, h): (u32, u32), f: impl Fn(Vec3, usize) -> f32) {
+    folder.picture("ll.tif", (w, h), 3, |x, y, c| {
+        let (phi, theta) = (((x as f32 + 0.5) / w as f32 - 0.5) * TAU, (y as f32 + 0.5) / h as f32 * PI);
+        f(Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()), c)
+    });
+    folder.make(&["ll.tif"], "ll.env", &options(Mode::EnvLatLong)).unwrap();
+}
+
+#[test]
+fn directions_are_found() {
+    let folder = Folder::new();
+    cube_of(&folder, 64, &options(Mode::EnvCube), sky);
+    latlong_of(&folder, (256, 128), sky);
+    for (name, kind) in
+        [("cube.env", TextureKind::CubeFaceEnvironment), ("ll.env", TextureKind::LatLongEnvironment)]
+    {
+        let (cache, id) = folder.open(name);
+        assert_eq!(cache.kind(id), kind);
+        for i in 0..2000 {
+            let d = any_direction(i);
+            let v = look(&cache, id, &toward(d * (0.1 + 10.0 * random(i, 3))));
+            for (c, v) in v.iter().enumerate() {
+                assert!((v - sky(d, c)).abs() < 0.01, "{name} {d} {c}: {v} {}", sky(d, c));
+            }
+        }
+    }
+}
+
+/// Blurred over everything, both maps come near the mean of the sky; a wide cone at +x sees more of +x.
+#[test]
+fn blur_is_an_angle() {
+    let folder = Folder::new();
+    cube_of(&folder, 64, &options(Mode::EnvCube), sky);
+    latlong_of(&folder, (256, 128), sky);
+    for name in ["cube.env", "ll.env"] {
+        let (cache, id) = folder.open(name);
+        for d in [Vec3::X, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z, Vec3::ONE] {
+            let by_angle = |angle| look(&cache, id, &EnvLookup { angle: Some(angle), ..toward(d) });
+            let by_blur = |b| look(&cache, id, &EnvLookup { sblur: b, tblur: b, ..toward(d) });
+            assert_eq!(by_angle(0.25 * PI * 0.5), by_blur(0.5), "half angle against full width in quarters");
+            for c in 0..3 {
+                // Averaging a plane wave over a cone brings it nearer to one half, never beyond.
+                let (sharp, soft) = (by_angle(0.0)[c] - 0.5, by_angle(0.5)[c] - 0.5);
+                assert!(soft.abs() <= sharp.abs() + 0.05, "{name} {d} {c}: {sharp} {soft}");
+                assert!(soft * sharp >= -0.01, "{name} {d} {c}: {sharp} {soft}");
+            }
+        }
+    }
+}
+
+#[test]
+fn constants_are_exact_in_all_directions() {
+    let folder = Folder::new();
+    cube_of(&folder, 20, &options(Mode::EnvCube), |_, c| 0.1 + 0.7 * c as f32);
+    latlong_of(&folder, (33, 17), |_, c| 0.1 + 0.7 * c as f32);
+    for name in ["cube.env", "ll.env"] {
+        let (cache, id) = folder.open(name);
+        for i in 0..1500 {
+            let r = |k| random(i, k);
+            let jump = |k: u32| (any_direction(i + 7777 * k)) * r(60 + k) * r(61) * 2.0;
+            let lookup = EnvLookup {
+                drdx: jump(1),
+                drdy: jump(2),
+                sblur: if i % 3 == 0 { r(5) } else { 0.0 },
+                tblur: if i % 4 == 0 { r(6) } else { 0.0 },
+                ..toward(any_direction(i))
+            };
+            let v = look(&cache, id, &lookup);
+            if name == "ll.env" {
+                assert_eq!(v, [0.1, 0.8, 0.1 + 0.7 * 2.0], "{name} {lookup:?}");
+            } else {
+                // The corner texel that does not exist is a mean of three: exact but for rounding.
+                for (c, v) in v.iter().enumerate() {
+                    assert!((v - (0.1 + 0.7 * c as f32)).abs() < 1e-6, "{name} {lookup:?}");
+                }
+            }
+        }
+    }
+}
+
+/// Largest change of any channel over a small step.
+fn jump(cache: &TextureCache, id: TextureId, a: Vec3, b: Vec3, width: f32) -> f32 {
+    let footprint = |r: Vec3| EnvLookup { angle: Some(0.5 * width), ..toward(r) };
+    let (a, b) = (look(cache, id, &footprint(a)), look(cache, id, &footprint(b)));
+    (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max)
+}
+
+/// Noise has no meaning across edges; what is looked up must still be continuous there.
+#[test]
+fn cube_edges_and_corners_are_continuous() {
+    let folder = Folder::new();
+    let noise = |d: Vec3, c: usize| {
+        let q = |v: f32| (v * 1000.0).round() as i32 as u32;
+        random(q(d.x) ^ q(d.y).rotate_left(10) ^ q(d.z).rotate_left(20), c as u32)
+    };
+    cube_of(&folder, 16, &options(Mode::EnvCube), noise);
+    let (cache, id) = folder.open("cube.env");
+    let step = 1e-4;
+    for i in 0..3000 {
+        // A point on an edge: two components alike in size, or all three at a corner.
+        let third = if i % 10 == 0 { 1.0 } else { random(i, 1) * 2.0 - 1.0 };
+        let sign = |k| if random(i, k) < 0.5 { -1.0 } else { 1.0 };
+        let (a, b) = (sign(2), sign(3));
+        let edge = match i % 3 {
+            0 => Vec3::new(a, b, third),
+            1 => Vec3::new(a, third, b),
+            _ => Vec3::new(third, a, b),
+        };
+        let aside = any_direction(i) * step;
+        for width in [0.0, 0.05, 0.2, 1.0] {
+            let j = jump(&cache, id, edge + aside, edge - aside, width);
+            // A texel is 2/16 wide and differs by at most 1: 100 steps would be needed for the whole way.
+            assert!(j < 40.0 * step, "{edge} {width}: {j}");
+        }
+    }
+}
+
+#[test]
+fn latlong_seam_and_poles_are_continuous() {
+    let folder = Folder::new();
+    latlong_of(&folder, (32, 16), |d, c| {
+        let q = |v: f32| (v * 1000.0).round() as i32 as u32;
+        random(q(d.x) ^ q(d.y).rotate_left(10) ^ q(d.z).rotate_left(20), c as u32)
+    });
+    let (cache, id) = folder.open("ll.env");
+    let step = 1e-4;
+    for i in 0..2000 {
+        let theta = random(i, 0) * PI;
+        let seam = Vec3::new(-theta.sin(), 0.0, theta.cos());
+        let pole = Vec3::Z * if i % 2 == 0 { 1.0 } else { -1.0 };
+        let aside = any_direction(i) * step;
+        for width in [0.0, 0.1, 0.5] {
+            if theta.sin() > 0.3 {
+                let j = jump(&cache, id, seam + aside, seam - aside, width);
+                assert!(j < 100.0 * step, "seam {seam} {width}: {j}");
+            }
+            // Around the pole everything is within a small circle: one value.
+            let j = jump(&cache, id, pole + aside, pole - aside, width);
+            assert!(j < 100.0 * step, "pole {pole} {width}: {j}");
+        }
+    }
+}
+
+#[test]
+fn orientation_of_latlong_maps() {
+    let folder = Folder::new();
+    latlong_of(&folder, (64, 32), sky);
+    let (cache, id) = folder.open("ll.env");
+    let up = |r: Vec3, up: Option<Up>| look(&cache, id, &EnvLookup { up, ..toward(r) });
+    for i in 0..100 {
+        let d = any_direction(i);
+        assert_eq!(up(d, None), up(d, Some(Up::Z)));
+        // +y up, right handed, +z in the centre, +x to its left.
+        assert_eq!(up(Vec3::new(-d.y, d.z, d.x), Some(Up::Y)), up(d, Some(Up::Z)));
+    }
+    // The centre of the picture is +x, its upper edge +z; a quarter to the right of the centre is +y.
+    let mut out = [0.0; 2];
+    for (s, t, d) in
+        [(0.5, 0.5, Vec3::X), (0.75, 0.5, Vec3::Y), (0.25, 0.5, Vec3::NEG_Y), (0.5, 0.0, Vec3::Z)]
+    {
+        cache.texture(id, &support::at(s, t), &mut out);
+        let seen = up(d, None);
+        assert!((seen[0] - sky(d, 0)).abs() < 0.06, "{s} {t} {d} {seen:?}");
+    }
+}
+
+#[test]
+fn odd_directions_are_black_and_do_no_harm() {
+    let folder = Folder::new();
+    cube_of(&folder, 8, &options(Mode::EnvCube), sky);
+    latlong_of(&folder, (16, 8), sky);
+    for name in ["cube.env", "ll.env"] {
+        let (cache, id) = folder.open(name);
+        for bad in [Vec3::ZERO, Vec3::NAN, Vec3::INFINITY, Vec3::new(f32::MAX, f32::MAX, 0.0)] {
+            assert_eq!(look(&cache, id, &toward(bad)), [0.0; 3], "{name} {bad}");
+            let v =
+                look(&cache, id, &EnvLookup { drdx: bad, drdy: -bad, angle: Some(bad.x), ..toward(Vec3::X) });
+            assert!(v.iter().all(|v| (0.0..=1.0).contains(v)), "{name} {bad}: {v:?}");
+        }
+    }
+}
+
+#[test]
+fn faces_are_padded_to_tiles_and_levels_reach_one_texel() {
+    let folder = Folder::new();
+    let made = {
+        cube_of(&folder, 100, &MakeOptions { resize: false, ..options(Mode::EnvCube) }, sky);
+        folder.registry.open(&folder.path("cube.env")).unwrap()
+    };
+    assert_eq!(made.levels(0), 7);
+    let sizes: Vec<_> = (0..7)
+        .map(|l| made.spec(0, l).map(|s| (s.width, s.height, s.full_width, s.tile_width)).unwrap())
+        .collect();
+    assert_eq!(sizes[0], (384, 256, 100, 64));
+    assert_eq!(sizes[4], (48, 32, 6, 16));
+    assert_eq!(sizes[6], (48, 32, 1, 16));
+    let (cache, id) = folder.open("cube.env");
+    for i in 0..500 {
+        let d = any_direction(i);
+        let v = look(&cache, id, &toward(d));
+        assert!((v[1] - sky(d, 1)).abs() < 0.01);
+    }
+}
+
+#[test]
+fn vertical_cross_and_light_probe_show_the_same_sky() {
+    let folder = Folder::new();
+    // A vertical cross: column, row of px nx py ny pz nz.
+    let cells = [(2, 1), (0, 1), (1, 0), (1, 2), (1, 1), (1, 3)];
+    let n = 32;
+    folder.picture("vc.tif", (3 * n, 4 * n), 3, |x, y, c| {
+        let Some(face) = cells.iter().position(|cell| *cell == (x / n, y / n)) else { return 0.0 };
+        let ndc = |v: u32| 2.0 * ((v % n) as f32 + 0.5) / n as f32 - 1.0;
+        let [forward, up, right] = FRAMES[face];
+        // The lowest face hangs on the one above it: upside down.
+        let turn = if face == 5 { -1.0 } else { 1.0 };
+        sky(forward + (right * ndc(x) - up * ndc(y)) * turn, c)
+    });
+    folder.make(&["vc.tif"], "vc.env", &options(Mode::VertCross)).unwrap();
+    // An angular map of 200 pixels: the angle from +z grows evenly from the centre to the rim.
+    folder.picture("lp.tif", (200, 200), 3, |x, y, c| {
+        let (u, v) = ((x as f32 + 0.5) / 100.0 - 1.0, 1.0 - (y as f32 + 0.5) / 100.0);
+        let r = u.hypot(v);
+        let angle = r * PI;
+        let across = if r > 0.0 { angle.sin() / r } else { 0.0 };
+        sky(Vec3::new(u * across, v * across, angle.cos()), c)
+    });
+    folder.make(&["lp.tif"], "lp.env", &options(Mode::LightProbe)).unwrap();
+    for (name, tolerance) in [("vc.env", 0.02), ("lp.env", 0.03)] {
+        let (cache, id) = folder.open(name);
+        for i in 0..1000 {
+            let d = any_direction(i);
+            let v = look(&cache, id, &toward(d));
+            for (c, v) in v.iter().enumerate() {
+                assert!((v - sky(d, c)).abs() < tolerance, "{name} {d} {c}: {v} {}", sky(d, c));
+            }
+        }
+    }
+}
+
+#[test]
+fn inputs_that_do_not_fit_are_refused() {
+    let folder = Folder::new();
+    for (i, name) in FACES.iter().enumerate() {
+        folder.picture(name, (8, if i == 3 { 9 } else { 8 }), 1, |_, _, _| 0.0);
+    }
+    let fails = |inputs: &[&str], mode, what: &str| {
+        let error = folder.make(inputs, "x.env", &options(mode)).unwrap_err().to_string();
+        assert!(error.contains(what), "{error}");
+        assert!(!folder.path("x.env").exists());
+    };
+    fails(&FACES, Mode::EnvCube, "face ny is not square: 8 x 9");
+    fails(&FACES[..5], Mode::EnvCube, "6 input files are needed, 5 given");
+    fails(&["px.tif"], Mode::VertCross, "3 by 4");
+    fails(&["ny.tif"], Mode::LightProbe, "square");
+    fails(&["none.tif"], Mode::EnvLatLong, "none.tif");
+}

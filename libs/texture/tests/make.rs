@@ -1,0 +1,181 @@
+//! What `make` writes.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod support;
+
+use granita_base::Filter;
+use granita_image::{ImageSpec, PixelType};
+use granita_texture::Wrap;
+use granita_texture::make::{Made, MakeOptions};
+use std::time::{Duration, SystemTime};
+use support::{Folder, matrix, random};
+
+fn options() -> MakeOptions {
+    MakeOptions::default()
+}
+
+#[test]
+fn levels_tiles_and_attributes() {
+    let folder = Folder::new();
+    let mut spec = ImageSpec::new(300, 100, 3, PixelType::U8);
+    let m: [f32; 16] = std::array::from_fn(|i| i as f32);
+    spec.attributes.set(matrix("worldtocamera", &m));
+    folder.picture_of("a.tif", spec, |x, _, _| x as f32 / 300.0);
+    let o = MakeOptions { swrap: Wrap::Periodic, twrap: Wrap::Mirror, ..options() };
+    let made = folder.make(&["a.tif"], "a.tx", &o).unwrap();
+    assert_eq!(made, Made::Written { width: 512, height: 128, levels: 10, notes: vec![] });
+    let file = folder.registry.open(&folder.path("a.tx")).unwrap();
+    assert_eq!((file.images(), file.levels(0)), (1, 10));
+    for level in 0..10 {
+        let s = file.spec(0, level).unwrap();
+        assert_eq!((s.width, s.height), (512 >> level, (128_u32 >> level).max(1)));
+        assert_eq!((s.pixel_type, s.nchannels()), (PixelType::U8, 3));
+        assert!(s.tile_width.is_power_of_two() && s.tile_width <= 64 && s.tile_width >= 16);
+    }
+    let s = file.spec(0, 0).unwrap();
+    assert_eq!(s.string("textureformat"), Some("Plain Texture"));
+    assert_eq!(s.string("wrapmodes"), Some("periodic,mirror"));
+    assert_eq!(s.matrix("worldtocamera"), Some(m));
+    // Given matrices replace those of the input.
+    let id = granita_base::Transform::IDENTITY.to_rows();
+    folder.make(&["a.tif"], "b.tx", &MakeOptions { mcamera: Some(id), ..options() }).unwrap();
+    let file = folder.registry.open(&folder.path("b.tx")).unwrap();
+    assert_eq!(file.spec(0, 0).unwrap().matrix("worldtocamera"), Some(id));
+}
+
+#[test]
+fn noresize_keeps_the_size_and_the_texels() {
+    let folder = Folder::new();
+    let f = |x: u32, y: u32, c: usize| random(x + 100 * y, c as u32);
+    folder.picture("a.tif", (77, 33), 5, f);
+    for separate in [false, true] {
+        for tile in [16, 32, 128] {
+            let o = MakeOptions { resize: false, separate, tile_size: (tile, tile), ..options() };
+            folder.make(&["a.tif"], "a.tx", &o).unwrap();
+            let file = folder.registry.open(&folder.path("a.tx")).unwrap();
+            let s = file.spec(0, 0).unwrap();
+            assert_eq!((s.width, s.height, s.nchannels(), file.levels(0)), (77, 33, 5, 7));
+            let values = file.read_level(0, 0).unwrap().to_floats();
+            for (i, v) in values.iter().enumerate() {
+                let (c, x, y) = (i % 5, i / 5 % 77, i / 5 / 77);
+                assert_eq!(*v, f(x as u32, y as u32, c));
+            }
+        }
+    }
+}
+
+/// With the box filter every level of a power-of-two picture has the mean of the first.
+#[test]
+fn levels_keep_the_energy() {
+    let folder = Folder::new();
+    folder.picture("a.tif", (128, 64), 1, |x, y, _| random(x + 128 * y, 0) * 10.0);
+    folder.make(&["a.tif"], "a.tx", &options()).unwrap();
+    let file = folder.registry.open(&folder.path("a.tx")).unwrap();
+    let mean = |level| {
+        let v = file.read_level(0, level).unwrap().to_floats();
+        v.iter().map(|v| f64::from(*v)).sum::<f64>() / v.len() as f64
+    };
+    for level in 1..8 {
+        assert!((mean(level) - mean(0)).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn threads_do_not_change_a_byte() {
+    let folder = Folder::new();
+    folder.picture("a.tif", (150, 90), 3, |x, y, c| random(x + 150 * y, c as u32));
+    let bytes = |threads: usize, filter: Filter| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let o = MakeOptions { filter, ..options() };
+        pool.install(|| folder.make(&["a.tif"], "a.tx", &o)).unwrap();
+        std::fs::read(folder.path("a.tx")).unwrap()
+    };
+    for filter in [Filter::Box, Filter::Gaussian] {
+        assert_eq!(bytes(1, filter), bytes(7, filter));
+    }
+}
+
+#[test]
+fn gammas_are_each_others_inverse_and_levels_are_linear() {
+    let folder = Folder::new();
+    folder.picture("a.tif", (16, 16), 4, |x, _, c| if c == 3 { 0.5 } else { (x % 2) as f32 });
+    let o = MakeOptions { ingamma: 2.2, outgamma: 2.2, ..options() };
+    folder.make(&["a.tif"], "a.tx", &o).unwrap();
+    let file = folder.registry.open(&folder.path("a.tx")).unwrap();
+    let level = |l| file.read_level(0, l).unwrap().to_floats();
+    assert_eq!(level(0)[..8], [0.0, 0.0, 0.0, 0.5, 1.0, 1.0, 1.0, 0.5]);
+    // Half the light, written with gamma; alpha as it is.
+    let half = 0.5_f32.powf(1.0 / 2.2);
+    let first = &level(1)[..4];
+    assert!((first[0] - half).abs() < 1e-6 && first[3] == 0.5, "{first:?}");
+}
+
+#[test]
+fn update_mode_compares_time_stamps() {
+    let folder = Folder::new();
+    folder.picture("a.tif", (8, 8), 1, |_, _, _| 0.5);
+    let stamp = SystemTime::now() - Duration::from_secs(5000);
+    let touch = |name: &str, time| {
+        std::fs::File::options().append(true).open(folder.path(name)).unwrap().set_modified(time).unwrap();
+    };
+    touch("a.tif", stamp);
+    let o = MakeOptions { update: true, ..options() };
+    let time = || std::fs::metadata(folder.path("a.tx")).unwrap().modified().unwrap();
+    let in_time = || std::fs::metadata(folder.path("a.tif")).unwrap().modified().unwrap();
+    assert!(matches!(folder.make(&["a.tif"], "a.tx", &o).unwrap(), Made::Written { .. }));
+    assert_eq!(time(), in_time());
+    assert_eq!(folder.make(&["a.tif"], "a.tx", &o).unwrap(), Made::UpToDate);
+    touch("a.tif", stamp + Duration::from_secs(10));
+    assert!(matches!(folder.make(&["a.tif"], "a.tx", &o).unwrap(), Made::Written { .. }));
+    // Without update mode it is made in any case, and has the time of now.
+    assert!(matches!(folder.make(&["a.tif"], "a.tx", &options()).unwrap(), Made::Written { .. }));
+    assert!(time() > stamp + Duration::from_secs(1000));
+}
+
+#[test]
+fn broken_texels_and_small_tiles_are_told() {
+    let folder = Folder::new();
+    folder.picture("a.tif", (4, 4), 1, |x, _, _| if x == 0 { f32::NAN } else { f32::INFINITY });
+    let o = MakeOptions { tile_size: (8, 8), ..options() };
+    let Made::Written { notes, .. } = folder.make(&["a.tif"], "a.tx", &o).unwrap() else { panic!() };
+    assert!(notes[0].contains("4 values are not numbers"), "{notes:?}");
+    assert!(notes[1].contains("16 x 16"), "{notes:?}");
+    let file = folder.registry.open(&folder.path("a.tx")).unwrap();
+    for level in 0..3 {
+        assert!(file.read_level(0, level).unwrap().to_floats().iter().all(|v| v.is_finite()));
+    }
+}
+
+#[test]
+fn mistakes_leave_no_file() {
+    let folder = Folder::new();
+    folder.picture("a.tif", (4, 4), 1, |_, _, _| 0.0);
+    let fails = |o: MakeOptions, what: &str| {
+        let error = folder.make(&["a.tif"], "x.tx", &o).unwrap_err().to_string();
+        assert!(error.contains(what), "{error}");
+        assert!(!folder.path("x.tx").exists());
+    };
+    fails(MakeOptions { format: "png".to_owned(), ..options() }, "png");
+    fails(MakeOptions { format: "nonsense".to_owned(), ..options() }, "nonsense");
+    fails(MakeOptions { ingamma: 0.0, ..options() }, "ingamma");
+    fails(MakeOptions { outgamma: f32::NAN, ..options() }, "outgamma");
+    fails(MakeOptions { fov_deg: 180.0, ..options() }, "180");
+    fails(MakeOptions { opaque_width: -1.0, ..options() }, "opaquewidth");
+    fails(MakeOptions { tile_size: (0, 16), ..options() }, "0 x 16");
+    fails(MakeOptions { compression: Some("squeeze".to_owned()), ..options() }, "squeeze");
+}
+
+#[test]
+fn the_display_window_is_what_counts() {
+    let folder = Folder::new();
+    let mut spec = ImageSpec::new(4, 4, 1, PixelType::Float);
+    (spec.x, spec.y, spec.full_width, spec.full_height) = (4, 0, 8, 8);
+    folder.picture_of("a.tif", spec, |_, _, _| 1.0);
+    folder.make(&["a.tif"], "a.tx", &options()).unwrap();
+    let file = folder.registry.open(&folder.path("a.tx")).unwrap();
+    let v = file.read_level(0, 0).unwrap().to_floats();
+    assert_eq!(v.len(), 64);
+    for (i, v) in v.iter().enumerate() {
+        assert_eq!(*v, f32::from(i % 8 >= 4 && i / 8 < 4));
+    }
+}

@@ -1,0 +1,239 @@
+//! `shadow ()`: maps of known scenes.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod support;
+
+use granita_base::{Transform, Vec3};
+use granita_image::{ImageSpec, PixelType};
+use granita_texture::make::{MakeOptions, Mode};
+use granita_texture::{ShadowLookup, TextureKind};
+use support::{Folder, matrix, random};
+
+/// A light at (0, 0, -5) that looks along +z with 90 degrees of view.
+fn camera() -> Transform {
+    Transform::translate(Vec3::new(0.0, 0.0, 5.0))
+}
+
+/// x/z, y/z, for a view of 90 degrees.
+fn screen() -> Transform {
+    let perspective = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 1., 0., 0., -0.1, 0.];
+    camera().then(&Transform::from_rows(&perspective))
+}
+
+fn depth_picture(folder: &Folder, name: &str, n: u32, matrices: bool, f: impl Fn(u32, u32) -> f32) {
+    let mut spec = ImageSpec::new(n, n, 1, PixelType::Float);
+    if matrices {
+        spec.attributes.set(matrix("worldtocamera", &camera().to_rows()));
+        spec.attributes.set(matrix("worldtoscreen", &screen().to_rows()));
+    }
+    folder.picture_of(name, spec, |x, y, _| f(x, y));
+}
+
+fn options(mode: Mode) -> MakeOptions {
+    MakeOptions { mode, ..MakeOptions::default() }
+}
+
+fn point(x: f32, y: f32, z: f32) -> ShadowLookup {
+    ShadowLookup { p: Vec3::new(x, y, z), ..ShadowLookup::default() }
+}
+
+/// The left half of the view is blocked at depth 5 (world z = 0).
+fn half_blocked(folder: &Folder) {
+    depth_picture(folder, "z.tif", 128, true, |x, _| if x < 64 { 5.0 } else { 1e30 });
+    folder.make(&["z.tif"], "z.sm", &options(Mode::Shadow)).unwrap();
+}
+
+#[test]
+fn the_edge_is_where_it_is() {
+    let folder = Folder::new();
+    half_blocked(&folder);
+    let (cache, id) = folder.open("z.sm");
+    assert_eq!(cache.kind(id), TextureKind::Shadow);
+    let s = |x: f32, z: f32| cache.shadow(id, &point(x, 0.0, z));
+    // On a plane at depth 10 a texel is 20/128 wide; the edge is at x = 0.
+    let texel = 20.0 / 128.0;
+    assert_eq!(s(-texel, 5.0), 1.0);
+    assert_eq!(s(texel, 5.0), 0.0);
+    assert!((s(0.0, 5.0) - 0.5).abs() < 1e-4);
+    assert!((s(-0.25 * texel, 5.0) - 0.75).abs() < 1e-3);
+    // In front of the blocker there is light; so there is within the bias behind it.
+    assert_eq!(s(-1.0, -1.0), 0.0);
+    assert_eq!(s(-1.0, 0.005), 0.0);
+    assert_eq!(s(-1.0, 0.02), 1.0);
+    // Behind the light, beside the map, and nowhere.
+    assert_eq!(s(-1.0, -9.0), 0.0);
+    assert_eq!(s(-100.0, 5.0), 0.0);
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        assert_eq!(s(bad, 5.0), 0.0);
+        assert_eq!(s(0.0, bad), 0.0);
+        let odd = ShadowLookup {
+            dpdx: Vec3::splat(bad),
+            sblur: bad,
+            bias: bad,
+            swidth: bad,
+            ..point(-3.0, 0.0, 5.0)
+        };
+        assert!((0.0..=1.0).contains(&cache.shadow(id, &odd)));
+    }
+}
+
+#[test]
+fn up_in_the_world_is_up_in_the_map() {
+    let folder = Folder::new();
+    depth_picture(&folder, "z.tif", 64, true, |_, y| if y < 32 { 5.0 } else { 1e30 });
+    folder.make(&["z.tif"], "z.sm", &options(Mode::Shadow)).unwrap();
+    let (cache, id) = folder.open("z.sm");
+    assert_eq!(cache.shadow(id, &point(0.0, 2.0, 5.0)), 1.0);
+    assert_eq!(cache.shadow(id, &point(0.0, -2.0, 5.0)), 0.0);
+}
+
+#[test]
+fn penumbra_of_a_blur_is_linear_and_as_wide_as_it_says() {
+    let folder = Folder::new();
+    half_blocked(&folder);
+    let (cache, id) = folder.open("z.sm");
+    for samples in [16, 64, 256] {
+        for i in 0..40 {
+            // From -0.15 to 0.15 of the map's width, which is 20 at this depth.
+            let offset = (i as f32 / 39.0 - 0.5) * 0.3;
+            let q =
+                ShadowLookup { sblur: 0.2, tblur: 0.2, samples, seed: i, ..point(offset * 20.0, 0.0, 5.0) };
+            let expected = (0.5 - offset / 0.2).clamp(0.0, 1.0);
+            let got = cache.shadow(id, &q);
+            // Stratified in rows of the edge's direction: an error of about one stratum.
+            let tolerance = 1.0 / samples as f32 + 0.05;
+            assert!((got - expected).abs() < tolerance, "{samples} {offset}: {got} {expected}");
+            assert_eq!(got.to_bits(), cache.shadow(id, &q).to_bits());
+        }
+    }
+}
+
+#[test]
+fn a_footprint_is_averaged() {
+    let folder = Folder::new();
+    half_blocked(&folder);
+    let (cache, id) = folder.open("z.sm");
+    let mut sum = 0.0;
+    for seed in 0..50 {
+        let q =
+            ShadowLookup { dpdx: Vec3::X * 4.0, dpdy: Vec3::Y, seed, samples: 64, ..point(1.0, 0.0, 5.0) };
+        let v = cache.shadow(id, &q);
+        assert!((v - 0.25).abs() < 0.06, "{v}");
+        sum += v / 50.0;
+        assert_eq!(cache.shadow(id, &ShadowLookup { swidth: 0.0, twidth: 0.0, ..q }), 0.0);
+    }
+    assert!((sum - 0.25).abs() < 0.01, "{sum}");
+}
+
+#[test]
+fn matrices_are_needed_and_can_be_given() {
+    let folder = Folder::new();
+    depth_picture(&folder, "z.tif", 16, false, |_, _| 5.0);
+    let error = folder.make(&["z.tif"], "z.sm", &options(Mode::Shadow)).unwrap_err().to_string();
+    assert!(error.contains("worldtocamera") && error.contains("-Mcamera"), "{error}");
+    let given = MakeOptions {
+        mcamera: Some(camera().to_rows()),
+        mscreen: Some(screen().to_rows()),
+        ..options(Mode::Shadow)
+    };
+    folder.make(&["z.tif"], "z.sm", &given).unwrap();
+    let (cache, id) = folder.open("z.sm");
+    assert_eq!(cache.shadow(id, &point(0.0, 0.0, 1.0)), 1.0);
+    let m = cache.info("z.sm", "viewingmatrix").unwrap();
+    assert_eq!(m.data.to_floats().unwrap()[..], camera().to_rows());
+    assert_eq!(cache.info("z.sm", "type").unwrap().data, "shadow".into());
+    // A texture is no shadow map: no shadow, one warning.
+    folder.picture("t.tif", (8, 8), 3, |_, _, _| 0.0);
+    let id = cache.find("t.tif").unwrap();
+    for _ in 0..2 {
+        assert_eq!(cache.shadow(id, &point(0.0, 0.0, 1.0)), 0.0);
+    }
+    assert_eq!(folder.texts().iter().filter(|t| t.contains("is not a shadow map")).count(), 1);
+}
+
+const FACES: [&str; 6] = ["px.tif", "nx.tif", "py.tif", "ny.tif", "pz.tif", "nz.tif"];
+
+/// A light at (0, 0, -5) inside a cube of depth 4: every face is a wall, but for the missing ones.
+fn shadow_cube(folder: &Folder, names: &[&str; 6]) {
+    for name in FACES {
+        depth_picture(folder, name, 50, true, |_, _| 4.0);
+    }
+    folder.make(names, "cube.sm", &options(Mode::ShadCube)).unwrap();
+}
+
+#[test]
+fn cubes_of_shadow_maps() {
+    let folder = Folder::new();
+    shadow_cube(&folder, &FACES);
+    let (cache, id) = folder.open("cube.sm");
+    assert_eq!(cache.kind(id), TextureKind::CubeFaceShadow);
+    let light = Vec3::new(0.0, 0.0, -5.0);
+    for i in 0..3000 {
+        let r = |k| random(i, k) * 2.0 - 1.0;
+        let d = Vec3::new(r(0), r(1), r(2));
+        let depth = d.abs().max_element();
+        let at = |depth_wanted: f32| ShadowLookup {
+            p: light + d / depth * depth_wanted,
+            sblur: if i % 2 == 0 { 0.05 } else { 0.0 },
+            tblur: if i % 2 == 0 { 0.05 } else { 0.0 },
+            seed: i,
+            ..ShadowLookup::default()
+        };
+        // Blur across an edge may look at a depth a little larger than the point's.
+        assert_eq!(cache.shadow(id, &at(3.7)), 0.0, "{d}");
+        assert_eq!(cache.shadow(id, &at(4.3)), 1.0, "{d}");
+    }
+    // At the light itself there is no shadow.
+    assert_eq!(cache.shadow(id, &ShadowLookup { p: light, ..ShadowLookup::default() }), 0.0);
+}
+
+#[test]
+fn empty_faces_cast_no_shadow() {
+    let folder = Folder::new();
+    let mut names = FACES;
+    names[0] = "-";
+    names[3] = "-";
+    shadow_cube(&folder, &names);
+    let (cache, id) = folder.open("cube.sm");
+    let shadow = |d: Vec3| {
+        let p = Vec3::new(0.0, 0.0, -5.0) + d * 10.0;
+        cache.shadow(id, &ShadowLookup { p, ..ShadowLookup::default() })
+    };
+    let seen = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z].map(shadow);
+    assert_eq!(seen, [0.0, 1.0, 1.0, 0.0, 1.0, 1.0]);
+    // Without pz the matrices are missing.
+    let mut names = FACES;
+    names[4] = "-";
+    let inputs: Vec<&str> = names.to_vec();
+    let error = folder.make(&inputs, "x.sm", &options(Mode::ShadCube)).unwrap_err().to_string();
+    assert!(error.contains("pz"), "{error}");
+    let error = folder.make(&["-"; 6], "x.sm", &options(Mode::ShadCube)).unwrap_err().to_string();
+    assert!(error.contains("empty"), "{error}");
+}
+
+#[test]
+fn volume_maps() {
+    let folder = Folder::new();
+    let mut spec = ImageSpec::new(64, 64, 5, PixelType::Float);
+    spec.attributes.set(matrix("worldtocamera", &camera().to_rows()));
+    spec.attributes.set(matrix("worldtoscreen", &screen().to_rows()));
+    // Smoke of opacity 0.6 from depth 4 to 8, half of it by 5; a wall at 20.
+    let texel = [20.0, 0.6, 4.0, 5.0, 8.0];
+    folder.picture_of("v.tif", spec, |_, _, c| texel[c]);
+    folder.make(&["v.tif"], "v.vsm", &options(Mode::VolShad)).unwrap();
+    let input = folder.registry.open(&folder.path("v.vsm")).unwrap();
+    assert_eq!(input.levels(0), 7);
+    let (cache, id) = folder.open("v.vsm");
+    assert_eq!(cache.kind(id), TextureKind::VolumeShadow);
+    for blur in [0.0, 0.3] {
+        let at = |depth: f32| {
+            let q = ShadowLookup { sblur: blur, tblur: blur, bias: 0.0, ..point(0.0, 0.0, depth - 5.0) };
+            cache.shadow(id, &q)
+        };
+        for (depth, a) in
+            [(3.0, 0.0), (4.5, 0.15), (5.0, 0.3), (6.5, 0.45), (9.0, 0.6), (19.0, 0.6), (21.0, 1.0)]
+        {
+            assert!((at(depth) - a).abs() < 1e-4, "{blur} {depth}: {} {a}", at(depth));
+        }
+    }
+}
