@@ -232,7 +232,7 @@ fn build(name: &str, a: &mut Args) -> Result<Call, Mistake> {
         },
         "Light" => {
             let id = a.string("the light's id")?;
-            let shader = optional(a)?;
+            let shader = optional(a)?.filter(|s| &**s != "null");
             let layer = layer(a)?;
             Call::Light { id, shader, layer, params: a.params()? }
         }

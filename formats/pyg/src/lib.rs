@@ -3,6 +3,7 @@
 mod bytes;
 mod calls;
 mod flat;
+mod input;
 mod names;
 mod python;
 mod read;
@@ -10,6 +11,7 @@ mod script;
 mod value;
 mod write;
 
+pub use input::runs_program;
 pub use read::{Chunking, PygError, PygOptions, PygSource, read};
 pub use write::{Writer, WriterOptions};
 

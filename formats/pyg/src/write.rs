@@ -341,8 +341,10 @@ impl<W: Write> Writer<W> {
     ) -> io::Result<()> {
         self.with_params(call, params, |w| {
             w.string(first);
-            if call == "Light" || name.is_some() || layer.is_some() || !params.is_empty() {
-                w.optional(name);
+            match name {
+                None if call == "Light" => w.string("null"),
+                None if layer.is_none() && params.is_empty() => {}
+                _ => w.optional(name),
             }
             if let Some(layer) = layer {
                 w.string(layer);

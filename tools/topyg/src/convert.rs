@@ -1,0 +1,171 @@
+//! Reads the inputs and writes their calls.
+
+use crate::output::Output;
+use granita_base::{Environment, Location, Param, Params, Reporter, SearchPath, Severity};
+use granita_cli::Status;
+use granita_pyg::{PygError, PygOptions, PygSource, Writer, WriterOptions, read};
+use granita_scene::{Call, FrameRenderer, InputReader, Scene, SceneSink, State, Stop};
+use std::io;
+use std::sync::Arc;
+
+/// What to do.
+#[derive(Debug)]
+pub(crate) struct Job {
+    pub(crate) inputs: Vec<String>,
+    /// Levels of `Input` to expand.
+    pub(crate) depth: u32,
+    pub(crate) generators: SearchPath,
+    pub(crate) options: PygOptions,
+    pub(crate) writer: WriterOptions,
+    pub(crate) environment: Environment,
+}
+
+/// Converts all inputs, one behind the other.
+pub(crate) fn run(job: &Job, output: Output, reporter: &Reporter) -> Status {
+    let mut echo = Echo {
+        job,
+        reporter,
+        writer: Writer::with_options(output, job.writer),
+        state: State::new(Box::new(Nothing), Reporter::silent()),
+        level: 0,
+        calls: 0,
+    };
+    for input in &job.inputs {
+        match echo.read(input) {
+            Ok(()) => {}
+            Err(error) if is_broken_pipe(&error) => return Status::Done,
+            Err(error) => {
+                reporter.error(error.to_string());
+                return Status::Failed;
+            }
+        }
+    }
+    reporter.info(format!("{} calls", echo.calls));
+    match echo.writer.into_inner().and_then(Output::finish) {
+        Ok(()) if reporter.errors() > 0 => Status::WithErrors,
+        Ok(()) => Status::Done,
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Status::Done,
+        Err(error) => {
+            reporter.error(format!("cannot write: {error}"));
+            Status::Failed
+        }
+    }
+}
+
+fn is_broken_pipe(error: &PygError) -> bool {
+    matches!(error, PygError::Stopped(Stop::Io(e)) if e.kind() == io::ErrorKind::BrokenPipe)
+}
+
+/// Writes calls, and follows the attribute state for scripts that ask and for search paths.
+struct Echo<'a> {
+    job: &'a Job,
+    reporter: &'a Reporter,
+    writer: Writer<Output>,
+    state: State,
+    level: u32,
+    calls: u64,
+}
+
+impl Echo<'_> {
+    fn read(&mut self, command: &str) -> Result<(), PygError> {
+        let source = self.find(command)?;
+        self.reporter.info(format!("reading {}", source.name()));
+        let (options, reporter) = (&self.job.options, self.reporter.clone());
+        read(source, self, options, &reporter)
+    }
+
+    fn find(&self, command: &str) -> Result<PygSource, PygError> {
+        let environment = &self.job.environment;
+        let path = match self.state.attribute("string path:input").map(|p| p.data) {
+            Some(granita_base::ParamData::String(v)) => v.join(":"),
+            _ => ".".to_owned(),
+        };
+        let path = SearchPath::parse(&path, &SearchPath::default(), environment);
+        let found = PygSource::find(command, &path, environment);
+        // A better word about generators: whether there is one, and where it was looked for.
+        if let Err(PygError::Unsupported(_)) = &found {
+            let word = command.split_whitespace().next().unwrap_or("");
+            let name = format!("{word}.generator.so");
+            if let Some(file) = self.job.generators.find(&name) {
+                let text = format!("{}: generator plugins are not supported yet", file.display());
+                return Err(PygError::Unsupported(text));
+            }
+        }
+        found
+    }
+
+    /// `Input` below the last level that is expanded; `Ok (false)` when it is to be echoed.
+    fn expand(&mut self, command: &str, bound: Option<[f32; 6]>, at: &Location) -> Result<bool, Stop> {
+        let depth = self.job.depth.max(self.writer.input_levels().max(0) as u32);
+        if self.level >= depth {
+            return Ok(false);
+        }
+        if let Err(error) = self.find(command) {
+            self.reporter.say(Severity::Error, at, format!("Input \"{command}\" is not expanded: {error}"));
+            return Ok(false);
+        }
+        // An input with a bound leaves no traces in the attribute state.
+        if bound.is_some() {
+            self.call(Call::PushAttributes, at)?;
+        }
+        self.level += 1;
+        let result = self.read(command);
+        self.level -= 1;
+        match result {
+            Ok(()) => {}
+            Err(PygError::Stopped(stop)) => return Err(stop),
+            Err(error) => return Err(Stop::Failed(error.to_string())),
+        }
+        if bound.is_some() {
+            self.call(Call::PopAttributes, at)?;
+        }
+        Ok(true)
+    }
+}
+
+impl SceneSink for Echo<'_> {
+    fn call(&mut self, call: Call, at: &Location) -> Result<(), Stop> {
+        self.calls += 1;
+        match &call {
+            Call::Input { command, bound } => {
+                let (command, bound) = (command.clone(), *bound);
+                if self.expand(&command, bound, at)? {
+                    return Ok(());
+                }
+            }
+            // Nothing that these change can be asked for.
+            Call::Shape { .. }
+            | Call::Command { .. }
+            | Call::Comment(_)
+            | Call::Parameter(_)
+            | Call::Render { .. } => {}
+            other => self.state.call(other.clone(), at)?,
+        }
+        self.writer.call(call, at)
+    }
+
+    fn attribute(&self, declaration: &str) -> Option<Param> {
+        let (_, name) = granita_base::ParamType::parse(declaration).ok()?;
+        if name.starts_with("pyg:") || matches!(name.as_str(), "format:binary" | "limits:inputlevels") {
+            return self.writer.attribute(declaration);
+        }
+        self.state.attribute(declaration)
+    }
+}
+
+/// The renderer behind the followed state: there is none.
+struct Nothing;
+
+impl FrameRenderer for Nothing {
+    fn render(&mut self, _: Arc<Scene>, _: Option<&str>) -> Result<(), Stop> {
+        Ok(())
+    }
+
+    fn command(&mut self, _: &str, _: &Params, _: &Location) -> Result<bool, Stop> {
+        Ok(true)
+    }
+
+    fn input(&mut self, _: &str, _: &str, _: &Location) -> Result<Option<InputReader>, Stop> {
+        Ok(None)
+    }
+}
