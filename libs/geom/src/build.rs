@@ -1,7 +1,7 @@
 //! From descriptions to pieces.
 
 use crate::spline::Spline;
-use crate::{GeomError, Piece, curves, mesh, patch, points, sphere};
+use crate::{GeomError, Piece, curves, mesh, patch, points, sphere, subdiv};
 use granita_base::{Params, Severity, ShapeDesc, TrimDesc};
 
 /// The parameters of a primitive at one motion key.
@@ -45,13 +45,8 @@ pub fn build(
             let splines = [Spline::nurbs(call, "along u", u)?, Spline::nurbs(call, "along v", v)?];
             patch::build(keys, splines, [u.n, v.n], trim, report)
         }
-        ShapeDesc::Mesh { subdivide, nverts, verts } => {
-            if *subdivide {
-                let text = "Mesh \"catmull-clark\" is not supported yet, its faces are drawn flat";
-                report(Severity::Warning, text.into());
-            }
-            mesh::build(keys, nverts, verts, report)
-        }
+        ShapeDesc::Mesh { subdivide: false, nverts, verts } => mesh::build(keys, nverts, verts, report),
+        ShapeDesc::Mesh { subdivide: true, nverts, verts } => subdiv::build(keys, nverts, verts, report),
         ShapeDesc::Sphere { radius, zmin, zmax, thetamax_deg } => {
             sphere::build(keys, [*radius, *zmin, *zmax, *thetamax_deg], report)
         }

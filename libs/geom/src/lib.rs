@@ -37,6 +37,7 @@
 
 mod bezier;
 mod build;
+mod cage;
 mod curves;
 mod dice;
 mod error;
@@ -49,6 +50,7 @@ mod polygon;
 mod range;
 mod sphere;
 mod spline;
+mod subdiv;
 mod surface;
 mod trim;
 mod vars;

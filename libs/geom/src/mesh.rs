@@ -11,7 +11,7 @@ use crate::vars::{Control, Counts, Report, Vars, control, vertex_count};
 use granita_base::{Bound, Params, Severity, Vec3};
 use std::sync::Arc;
 
-const CALL: &str = "Mesh";
+pub(crate) const CALL: &str = "Mesh";
 
 /// A checked face: indices into the vertices, and where they stand in the list of corners.
 #[derive(Clone, Debug)]
@@ -191,7 +191,7 @@ pub(crate) fn build(
 }
 
 /// Winding order to u fastest: corners at (0,0), (1,0), (0,1), (1,1).
-const LATTICE: [usize; 4] = [0, 1, 3, 2];
+pub(crate) const LATTICE: [usize; 4] = [0, 1, 3, 2];
 
 impl Net for Mesh {
     fn times(&self) -> &[f32] {

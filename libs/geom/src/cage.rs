@@ -1,0 +1,286 @@
+//! Control cages of Catmull-Clark surfaces: topology and refinement.
+//!
+//! Rules: Catmull and Clark, "Recursively generated B-spline surfaces on arbitrary topological meshes",
+//! Computer-Aided Design 10(6), 1978; along borders the cubic B-spline curve of the border's vertices.
+
+/// An edge with the faces on its sides.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Edge {
+    /// Its ends, the smaller index first.
+    pub(crate) ends: [u32; 2],
+    /// Up to two faces.
+    pub(crate) faces: [u32; 2],
+    /// How many faces there are. Edges with other than two are sharp: borders, and where more faces meet.
+    pub(crate) count: u32,
+}
+
+impl Edge {
+    /// Whether the surface does not pass smoothly.
+    pub(crate) fn is_sharp(&self) -> bool {
+        self.count != 2
+    }
+
+    /// Which of its ends a vertex is.
+    pub(crate) fn end(&self, vertex: u32) -> usize {
+        usize::from(vertex != self.ends[0])
+    }
+}
+
+/// What the surface does at a vertex.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Corner {
+    /// Smooth all around.
+    Smooth,
+    /// On a border curve with these two neighbours.
+    Crease([u32; 2]),
+    /// It goes through the vertex.
+    Sharp,
+}
+
+/// Faces over vertices with all that neighbours what.
+#[derive(Debug)]
+pub(crate) struct Cage {
+    /// Numbers per vertex.
+    pub(crate) channels: usize,
+    /// Vertices.
+    pub(crate) points: Vec<f64>,
+    /// Where the corners of each face start, and one more.
+    pub(crate) starts: Vec<u32>,
+    /// Vertex at each corner.
+    pub(crate) corners: Vec<u32>,
+    /// Edge from each corner to the next of its face.
+    pub(crate) corner_edges: Vec<u32>,
+    /// All edges.
+    pub(crate) edges: Vec<Edge>,
+    /// Where the faces of each vertex start, and one more.
+    vertex_starts: Vec<u32>,
+    /// Corners at each vertex, in order.
+    vertex_corners: Vec<u32>,
+    /// Edges at each vertex, likewise.
+    edge_starts: Vec<u32>,
+    vertex_edges: Vec<u32>,
+    /// Whether vertices with one face are sharp ("border" 1).
+    sharp_corners: bool,
+}
+
+/// Lists by vertex: where each starts, and all entries in order.
+fn by_vertex(n: usize, entries: impl Iterator<Item = (u32, u32)> + Clone) -> (Vec<u32>, Vec<u32>) {
+    let mut starts = vec![0_u32; n + 1];
+    for (v, _) in entries.clone() {
+        starts[v as usize + 1] += 1;
+    }
+    for v in 0..n {
+        starts[v + 1] += starts[v];
+    }
+    let mut next = starts.clone();
+    let mut list = vec![0; starts[n] as usize];
+    for (v, x) in entries {
+        let at = &mut next[v as usize];
+        list[*at as usize] = x;
+        *at += 1;
+    }
+    (starts, list)
+}
+
+impl Cage {
+    /// From faces; `corners` are in range of the points.
+    pub(crate) fn new(
+        channels: usize,
+        points: Vec<f64>,
+        starts: Vec<u32>,
+        corners: Vec<u32>,
+        sharp_corners: bool,
+    ) -> Self {
+        let n = points.len() / channels;
+        let mut sides: Vec<(u32, u32, u32, u32)> = Vec::with_capacity(corners.len());
+        for face in 0..starts.len() - 1 {
+            let (first, end) = (starts[face], starts[face + 1]);
+            for c in first..end {
+                let next = if c + 1 == end { first } else { c + 1 };
+                let (a, b) = (corners[c as usize], corners[next as usize]);
+                sides.push((a.min(b), a.max(b), face as u32, c));
+            }
+        }
+        sides.sort_unstable();
+        let mut edges: Vec<Edge> = Vec::with_capacity(sides.len() / 2 + 1);
+        let mut corner_edges = vec![0; corners.len()];
+        for &(a, b, face, corner) in &sides {
+            match edges.last_mut() {
+                Some(edge) if edge.ends == [a, b] => {
+                    if edge.count < 2 {
+                        edge.faces[edge.count as usize] = face;
+                    }
+                    edge.count += 1;
+                }
+                _ => edges.push(Edge { ends: [a, b], faces: [face, face], count: 1 }),
+            }
+            corner_edges[corner as usize] = edges.len() as u32 - 1;
+        }
+        let at_corners = corners.iter().enumerate().map(|(c, &v)| (v, c as u32));
+        let (vertex_starts, vertex_corners) = by_vertex(n, at_corners);
+        let at_edges = edges.iter().enumerate().flat_map(|(e, edge)| edge.ends.map(|v| (v, e as u32)));
+        let (edge_starts, vertex_edges) = by_vertex(n, at_edges);
+        Self {
+            channels,
+            points,
+            starts,
+            corners,
+            corner_edges,
+            edges,
+            vertex_starts,
+            vertex_corners,
+            edge_starts,
+            vertex_edges,
+            sharp_corners,
+        }
+    }
+
+    /// Number of vertices.
+    pub(crate) fn vertices(&self) -> usize {
+        self.vertex_starts.len() - 1
+    }
+
+    /// Number of faces.
+    pub(crate) fn faces(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// The channels of a vertex.
+    pub(crate) fn point(&self, vertex: u32) -> &[f64] {
+        &self.points[vertex as usize * self.channels..][..self.channels]
+    }
+
+    /// The corners that are at a vertex.
+    pub(crate) fn corners_at(&self, vertex: u32) -> &[u32] {
+        let v = vertex as usize;
+        &self.vertex_corners[self.vertex_starts[v] as usize..self.vertex_starts[v + 1] as usize]
+    }
+
+    fn edges_at(&self, vertex: u32) -> &[u32] {
+        let v = vertex as usize;
+        &self.vertex_edges[self.edge_starts[v] as usize..self.edge_starts[v + 1] as usize]
+    }
+
+    /// Corner range of a face.
+    pub(crate) fn face(&self, face: usize) -> std::ops::Range<usize> {
+        self.starts[face] as usize..self.starts[face + 1] as usize
+    }
+
+    /// What the surface does at a vertex.
+    pub(crate) fn corner(&self, vertex: u32) -> Corner {
+        let mut neighbours = [0; 2];
+        let mut sharp = 0;
+        for &e in self.edges_at(vertex) {
+            let edge = &self.edges[e as usize];
+            if edge.is_sharp() {
+                if sharp < 2 {
+                    neighbours[sharp] = edge.ends[1 - edge.end(vertex)];
+                }
+                sharp += 1;
+            }
+        }
+        match sharp {
+            0 | 1 => Corner::Smooth,
+            2 if !(self.sharp_corners && self.corners_at(vertex).len() == 1) => Corner::Crease(neighbours),
+            _ => Corner::Sharp,
+        }
+    }
+
+    /// Whether one bicubic patch is exactly the surface at each of these faces.
+    pub(crate) fn is_regular(&self, mut drawn: impl Iterator<Item = usize>) -> bool {
+        let regular = |&v: &u32| {
+            let faces = self.corners_at(v).len();
+            match self.corner(v) {
+                Corner::Smooth => faces == 4,
+                Corner::Crease(_) => faces == 2,
+                Corner::Sharp => faces == 1,
+            }
+        };
+        (0..self.faces()).all(|f| self.face(f).len() == 4)
+            && drawn.all(|f| self.corners[self.face(f)].iter().all(regular))
+    }
+
+    /// One step of subdivision. The quadrilateral at corner `c` has number `c` in the result. Where the face was
+    /// one, too, corner `i` of the child at its corner `i` is that corner, so parameters keep their directions;
+    /// children of other faces start with the face's corner.
+    pub(crate) fn refined(&self) -> Self {
+        let (c, nv, ne, nf) = (self.channels, self.vertices(), self.edges.len(), self.faces());
+        let mut points = vec![0.0; (nv + ne + nf) * c];
+        let (of_vertices, rest) = points.split_at_mut(nv * c);
+        let (of_edges, of_faces) = rest.split_at_mut(ne * c);
+        for (f, out) in of_faces.chunks_exact_mut(c).enumerate() {
+            let corners = &self.corners[self.face(f)];
+            average(out, corners.iter().map(|&v| self.point(v)));
+        }
+        let face_point = |f: u32| &of_faces[f as usize * c..][..c];
+        for (edge, out) in self.edges.iter().zip(of_edges.chunks_exact_mut(c)) {
+            let [a, b] = edge.ends.map(|v| self.point(v));
+            if edge.is_sharp() {
+                average(out, [a, b].into_iter());
+            } else {
+                average(out, [a, b, face_point(edge.faces[0]), face_point(edge.faces[1])].into_iter());
+            }
+        }
+        let mut of_corner = vec![0_u32; self.corners.len()];
+        for f in 0..nf {
+            of_corner[self.face(f)].fill(f as u32);
+        }
+        let (mut ring, mut middle) = (vec![0.0; c], vec![0.0; c]);
+        for (v, out) in of_vertices.chunks_exact_mut(c).enumerate() {
+            let v = v as u32;
+            let p = self.point(v);
+            let corners = self.corners_at(v);
+            match self.corner(v) {
+                Corner::Smooth if !corners.is_empty() => {
+                    let n = self.edges_at(v).len() as f64;
+                    average(&mut middle, corners.iter().map(|&k| face_point(of_corner[k as usize])));
+                    let others = self.edges_at(v).iter().map(|&e| {
+                        let edge = &self.edges[e as usize];
+                        self.point(edge.ends[1 - edge.end(v)])
+                    });
+                    average(&mut ring, others);
+                    for k in 0..c {
+                        // Q/n + 2R/n + (n-3)v/n with R = (v + ring)/2.
+                        out[k] = (middle[k] + ring[k] + (n - 2.0) * p[k]) / n;
+                    }
+                }
+                Corner::Crease([a, b]) => {
+                    let (a, b) = (self.point(a), self.point(b));
+                    for k in 0..c {
+                        out[k] = (6.0 * p[k] + (a[k] + b[k])) / 8.0;
+                    }
+                }
+                _ => out.copy_from_slice(p),
+            }
+        }
+        let mut corners = Vec::with_capacity(self.corners.len() * 4);
+        for f in 0..nf {
+            let range = self.face(f);
+            let n = range.len();
+            for i in 0..n {
+                let at = |i: usize| range.start + i % n;
+                let quad = [
+                    self.corners[at(i)],
+                    nv as u32 + self.corner_edges[at(i)],
+                    (nv + ne + f) as u32,
+                    nv as u32 + self.corner_edges[at(i + n - 1)],
+                ];
+                let turn = if n == 4 { i } else { 0 };
+                corners.extend((0..4).map(|k| quad[(k + 4 - turn) % 4]));
+            }
+        }
+        let starts = (0..=self.corners.len() as u32).map(|k| k * 4).collect();
+        Self::new(c, points, starts, corners, self.sharp_corners)
+    }
+}
+
+/// The mean of points, added up in order.
+fn average<'a>(out: &mut [f64], points: impl Iterator<Item = &'a [f64]>) {
+    out.fill(0.0);
+    let mut n = 0.0;
+    for p in points {
+        out.iter_mut().zip(p).for_each(|(o, x)| *o += x);
+        n += 1.0;
+    }
+    out.iter_mut().for_each(|o| *o /= n);
+}

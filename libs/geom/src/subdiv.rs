@@ -1,0 +1,299 @@
+//! Catmull-Clark surfaces (reference 2.8.2, interpolation "catmull-clark").
+//!
+//! The cage is refined, then every quadrilateral becomes a bicubic Bezier patch: exactly the surface where four
+//! faces meet at each vertex, and beside other vertices an approximation that passes through the limit positions of
+//! all vertices (Loop and Schaefer, "Approximating Catmull-Clark Subdivision Surfaces with Bicubic Patches", ACM
+//! Transactions on Graphics 27(1), 2008). Bezier vertices of common edges are computed once, so that patches join
+//! to the bit. A face of the cage is one part with all its patches as segments.
+
+use crate::GeomError;
+use crate::build::ShapeKey;
+use crate::cage::{Cage, Corner};
+use crate::mesh::{CALL, Faces, LATTICE, check};
+use crate::net::{Net, net_bound, pieces};
+use crate::order::spatial_order;
+use crate::range::{Place, Range};
+use crate::surface::Piece;
+use crate::vars::{Report, Vars};
+use granita_base::{Bound, Severity, Vec3};
+use std::sync::Arc;
+
+/// Most refined faces.
+const MOST_FACES: u64 = 1 << 26;
+
+/// A quadrilateral of the cage, or one of the quadrilaterals of another face.
+#[derive(Clone, Debug)]
+struct Root {
+    /// Face as declared.
+    face: u32,
+    /// First corner of the face in the declared list.
+    first: u32,
+    /// Corners of the face.
+    n: u32,
+    /// Which corner, for faces that are not quadrilaterals.
+    corner: u32,
+    /// First of its refined faces.
+    refined: u32,
+    /// How often it was halved.
+    levels: u32,
+}
+
+struct Subdivision {
+    times: Vec<f32>,
+    channels: usize,
+    vars: Vars,
+    roots: Vec<Root>,
+    /// Bezier vertices at refined vertices, along edges (two each, at each end), and at corners of faces.
+    at_vertices: Vec<f32>,
+    at_edges: Vec<f32>,
+    at_corners: Vec<f32>,
+    cage: Cage,
+    /// For each root and key.
+    bounds: Vec<Bound>,
+}
+
+/// Builds the pieces of a subdivided mesh.
+pub(crate) fn build(
+    keys: &[ShapeKey<'_>],
+    nverts: &[i32],
+    verts: &Arc<[i32]>,
+    report: Report<'_>,
+) -> Result<Vec<Piece>, GeomError> {
+    let Faces { faces, verts, control, vars, holes } = check(keys, nverts, verts, report)?;
+    let border = keys[0].params.int("border").unwrap_or(0);
+    if !(0..=2).contains(&border) {
+        report(Severity::Warning, format!("{CALL}: \"border\" is {border}, it can be 0, 1 or 2; 0 is used"));
+    }
+    let mut starts = vec![0_u32];
+    let mut corners = Vec::new();
+    for face in &faces {
+        corners.extend(verts[face.corners.clone()].iter().map(|&v| v as u32));
+        // Refined vertices and faces are counted by 32 bits, too.
+        if corners.len() as u64 * 4 > MOST_FACES {
+            let asked = verts.len() as u64;
+            return Err(GeomError::Limit { call: CALL, what: "corners", asked, max: MOST_FACES / 4 });
+        }
+        starts.push(corners.len() as u32);
+    }
+    if corners.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut cage = Cage::new(control.channels, control.values, starts, corners, border == 1);
+    // The usual rules do not define faces at a border.
+    let all_borders = border == 1 || border == 2;
+    let is_drawn = |index: &usize| {
+        let inside = || cage.corners[cage.face(*index)].iter().all(|&v| cage.corner(v) == Corner::Smooth);
+        holes.binary_search(&faces[*index].index).is_err() && (all_borders || inside())
+    };
+    let drawn: Vec<usize> = (0..faces.len()).filter(is_drawn).collect();
+    let levels = match cage.corners.len() {
+        _ if cage.is_regular(drawn.iter().copied()) => 0,
+        0..=16_000 => 3,
+        16_001..=200_000 => 2,
+        _ => 1,
+    };
+    let mut roots = Vec::new();
+    for &index in &drawn {
+        let face = &faces[index];
+        let (n, start) = (face.corners.len() as u32, cage.starts[index]);
+        let root = |corner: u32, refined: u32, levels: u32| Root {
+            face: face.index,
+            first: face.corners.start as u32,
+            n,
+            corner,
+            refined,
+            levels,
+        };
+        match (n, levels) {
+            (4, 0) => roots.push(root(0, index as u32, 0)),
+            (4, _) => roots.push(root(0, start << (2 * (levels - 1)), levels)),
+            _ => roots.extend((0..n).map(|i| root(i, (start + i) << (2 * (levels - 1)), levels - 1))),
+        }
+    }
+    for _ in 0..levels {
+        cage = cage.refined();
+    }
+    let times = keys.iter().map(|k| k.time).collect();
+    let mut surface = Subdivision {
+        times,
+        channels: cage.channels,
+        vars,
+        roots,
+        at_vertices: Vec::new(),
+        at_edges: Vec::new(),
+        at_corners: Vec::new(),
+        cage,
+        bounds: Vec::new(),
+    };
+    surface.find_bezier_vertices();
+    surface.find_bounds();
+    let n = surface.roots.len();
+    Ok(pieces(Arc::new(surface), n))
+}
+
+impl Subdivision {
+    /// The Bezier vertices of all patches.
+    fn find_bezier_vertices(&mut self) {
+        let (cage, c) = (&self.cage, self.channels);
+        let kinds: Vec<Corner> = (0..cage.vertices() as u32).map(|v| cage.corner(v)).collect();
+        let mut at_corners = vec![0.0_f32; cage.corners.len() * c];
+        for (k, out) in at_corners.chunks_exact_mut(c).enumerate() {
+            let (first, i) = (k / 4 * 4, k % 4);
+            let [v, next, opposite, before] = [0, 1, 2, 3].map(|step| cage.corners[first + (i + step) % 4]);
+            let faces = cage.corners_at(v).len() as f64;
+            // On borders as if the surface went on beyond them.
+            let n = match kinds[v as usize] {
+                Corner::Smooth => faces,
+                Corner::Crease(_) => (2.0 * faces).max(4.0),
+                Corner::Sharp => 4.0,
+            };
+            let [v, next, opposite, before] = [v, next, opposite, before].map(|v| cage.point(v));
+            for (x, out) in out.iter_mut().enumerate() {
+                let sum = n * v[x] + 2.0 * (next[x] + before[x]) + opposite[x];
+                *out = (sum / (n + 5.0)) as f32;
+            }
+        }
+        let corner_of = |face: u32, vertex: u32| {
+            let first = face as usize * 4;
+            (first..first + 4).find(|&k| cage.corners[k] == vertex).unwrap_or(first)
+        };
+        let mut at_edges = vec![0.0_f32; cage.edges.len() * 2 * c];
+        for (k, out) in at_edges.chunks_exact_mut(c).enumerate() {
+            let edge = &cage.edges[k / 2];
+            let (v, other) = (edge.ends[k % 2], edge.ends[1 - k % 2]);
+            if edge.is_sharp() {
+                let (v, other) = (cage.point(v), cage.point(other));
+                (0..c).for_each(|x| out[x] = ((2.0 * v[x] + other[x]) / 3.0) as f32);
+            } else {
+                let [a, b] = edge.faces.map(|f| &at_corners[corner_of(f, v) * c..][..c]);
+                (0..c).for_each(|x| out[x] = 0.5 * (a[x] + b[x]));
+            }
+        }
+        let mut at_vertices = vec![0.0_f32; cage.vertices() * c];
+        for (v, out) in at_vertices.chunks_exact_mut(c).enumerate() {
+            let (p, corners) = (cage.point(v as u32), cage.corners_at(v as u32));
+            match kinds[v] {
+                Corner::Smooth if !corners.is_empty() => {
+                    for (x, out) in out.iter_mut().enumerate() {
+                        let sum: f64 =
+                            corners.iter().map(|&k| f64::from(at_corners[k as usize * c + x])).sum();
+                        *out = (sum / corners.len() as f64) as f32;
+                    }
+                }
+                Corner::Crease([a, b]) => {
+                    let (a, b) = (cage.point(a), cage.point(b));
+                    (0..c).for_each(|x| out[x] = (((a[x] + b[x]) + 4.0 * p[x]) / 6.0) as f32);
+                }
+                _ => (0..c).for_each(|x| out[x] = p[x] as f32),
+            }
+        }
+        (self.at_corners, self.at_edges, self.at_vertices) = (at_corners, at_edges, at_vertices);
+        // The refined positions are in the Bezier vertices now.
+        self.cage.points = Vec::new();
+    }
+
+    /// Puts the roots in order and bounds them.
+    fn find_bounds(&mut self) {
+        let bound =
+            |part: usize, key: usize| net_bound(self, part, self.segments(part).map(Range::whole), key);
+        let first: Vec<Bound> = (0..self.roots.len()).map(|part| bound(part, 0)).collect();
+        let centres: Vec<Vec3> = first.iter().map(Bound::center).collect();
+        let order = spatial_order(&centres);
+        let keys = self.times.len();
+        let bounds = order
+            .iter()
+            .flat_map(|&i| (0..keys).map(move |key| (i as usize, key)))
+            .map(|(i, key)| if key == 0 { first[i] } else { bound(i, key) })
+            .collect();
+        self.roots = order.iter().map(|&i| self.roots[i as usize].clone()).collect();
+        self.bounds = bounds;
+    }
+
+    /// The refined face at a segment of a root.
+    fn refined(&self, root: &Root, [su, sv]: [u32; 2]) -> usize {
+        const CHILD: [u32; 4] = [0, 1, 3, 2];
+        let path = (0..root.levels)
+            .rev()
+            .fold(0, |path, bit| path << 2 | CHILD[((su >> bit & 1) | (sv >> bit & 1) << 1) as usize]);
+        (root.refined + path) as usize
+    }
+}
+
+impl Net for Subdivision {
+    fn times(&self) -> &[f32] {
+        &self.times
+    }
+    fn dim(&self) -> usize {
+        3
+    }
+    fn channels(&self) -> usize {
+        self.channels
+    }
+    fn vars(&self) -> &Vars {
+        &self.vars
+    }
+    fn degrees(&self) -> [usize; 2] {
+        [3, 3]
+    }
+    fn segments(&self, part: usize) -> [u32; 2] {
+        [1 << self.roots[part].levels; 2]
+    }
+    fn parameter(&self, part: usize, _axis: usize, place: Place) -> (f64, f64) {
+        let n = f64::from(1_u32 << self.roots[part].levels);
+        ((f64::from(place.segment) + place.b) / n, 1.0 / n)
+    }
+    fn extent(&self, _part: usize, _axis: usize) -> (f64, f64) {
+        (0.0, 1.0)
+    }
+    fn gather(&self, part: usize, segment: [u32; 2], out: &mut Vec<f64>) {
+        let c = self.channels;
+        let face = self.refined(&self.roots[part], segment);
+        out.clear();
+        out.resize(16 * c, 0.0);
+        let mut put = |i: usize, j: usize, from: &[f32], index: usize| {
+            let to = &mut out[(j * 4 + i) * c..][..c];
+            to.iter_mut().zip(&from[index * c..]).for_each(|(o, &x)| *o = f64::from(x));
+        };
+        // Corners in winding order, and the way from each to the next.
+        const AT: [[usize; 2]; 4] = [[0, 0], [3, 0], [3, 3], [0, 3]];
+        const INNER: [[usize; 2]; 4] = [[1, 1], [2, 1], [2, 2], [1, 2]];
+        for k in 0..4 {
+            let corner = face * 4 + k;
+            let (v, next) = (self.cage.corners[corner], self.cage.corners[face * 4 + (k + 1) % 4]);
+            let ([i, j], [ni, nj]) = (AT[k], AT[(k + 1) % 4]);
+            put(i, j, &self.at_vertices, v as usize);
+            put(INNER[k][0], INNER[k][1], &self.at_corners, corner);
+            let edge = self.cage.corner_edges[corner] as usize;
+            let end = |v: u32| edge * 2 + self.cage.edges[edge].end(v);
+            put((2 * i + ni) / 3, (2 * j + nj) / 3, &self.at_edges, end(v));
+            put((i + 2 * ni) / 3, (j + 2 * nj) / 3, &self.at_edges, end(next));
+        }
+    }
+    fn corners(&self, part: usize, out: &mut Vec<f64>) {
+        let Root { first, n, corner, .. } = self.roots[part];
+        out.clear();
+        if n == 4 {
+            LATTICE.into_iter().for_each(|i| self.vars.push_linear(first as usize + i, out));
+            return;
+        }
+        let channels = self.vars.linear_channels();
+        let mut all = Vec::with_capacity(n as usize * channels);
+        (0..n).for_each(|i| self.vars.push_linear((first + i) as usize, &mut all));
+        let at = |i: u32, x: usize| all[(i % n) as usize * channels + x];
+        let middle = |i: u32, x: usize| 0.5 * (at(i, x) + at(i + 1, x));
+        let centre = |x: usize| (0..n).map(|i| at(i, x)).sum::<f64>() / f64::from(n);
+        out.extend((0..channels).map(|x| at(corner, x)));
+        out.extend((0..channels).map(|x| middle(corner, x)));
+        out.extend((0..channels).map(|x| middle(corner + n - 1, x)));
+        out.extend((0..channels).map(centre));
+    }
+    fn face(&self, part: usize) -> u32 {
+        self.roots[part].face
+    }
+    fn part_bound(&self, part: usize, key: usize) -> Option<Bound> {
+        self.bounds.get(part * self.times.len() + key).copied()
+    }
+    fn dices_over(&self) -> bool {
+        true
+    }
+}
