@@ -174,10 +174,10 @@ struct SegmentNet<'a> {
 
 type Weights = [f64; MAX_DEGREE + 1];
 
-fn all_weights(degree: usize, places: &[Place], f: fn(usize, f64, f64, &mut [f64])) -> Vec<Weights> {
+fn all_weights(degree: usize, places: &[Place]) -> Vec<Weights> {
     let each = |p: &Place| {
         let mut w = [0.0; MAX_DEGREE + 1];
-        f(degree, p.a, p.b, &mut w);
+        bernstein(degree, p.a, p.b, &mut w);
         w
     };
     places.iter().map(each).collect()
@@ -194,7 +194,7 @@ impl SegmentNet<'_> {
         mut sink: impl FnMut(usize, usize, &[f64]),
     ) {
         let ([du, dv], c) = (self.degrees, self.channels);
-        let (wu, wv) = (all_weights(du, us, bernstein), all_weights(dv, vs, bernstein));
+        let (wu, wv) = (all_weights(du, us), all_weights(dv, vs));
         let mut row = vec![0.0; (du + 1) * c];
         let mut point = vec![0.0; wanted.len()];
         let in_point = self.positions.clamp(wanted.start, wanted.end) - wanted.start;
@@ -233,12 +233,17 @@ impl SegmentNet<'_> {
         let size = [self.longest(0), self.longest(1)];
         let too_small = |d: &[f64; 3], axis: usize| length(*d) <= 1e-6 * size[axis];
         let parallel = |d: &[[f64; 3]; 2]| length(cross(d[0], d[1])) <= 1e-6 * length(d[0]) * length(d[1]);
+        let columns = Column::list(self.degrees[0], us);
+        let mut rows = Vec::new();
         for (j, v) in vs.iter().enumerate() {
+            self.rows(v, &mut rows);
             for (i, u) in us.iter().enumerate() {
-                let mut d = self.frame(u, v);
-                if too_small(&d[0], 0) || too_small(&d[1], 1) || parallel(&d) {
-                    let inside = self.frame(&inset(u), &inset(v));
-                    let small = [too_small(&d[0], 0), too_small(&d[1], 1)];
+                let mut d = self.frame(&columns[i], &rows);
+                let small = [too_small(&d[0], 0), too_small(&d[1], 1)];
+                if small[0] || small[1] || parallel(&d) {
+                    let mut rows = Vec::new();
+                    self.rows(&inset(v), &mut rows);
+                    let inside = self.frame(&Column::list(self.degrees[0], &[inset(u)])[0], &rows);
                     for axis in 0..2 {
                         // Two long but parallel derivatives are both replaced.
                         if small[axis] || !(small[0] || small[1]) {
@@ -249,6 +254,26 @@ impl SegmentNet<'_> {
                 sink(i, j, d);
             }
         }
+    }
+
+    /// Replaces `out` by the vertices of the curve of constant v and their derivatives along v.
+    fn rows(&self, v: &Place, out: &mut Vec<[[f64; 4]; 2]>) {
+        let ([du, dv], c) = (self.degrees, self.channels);
+        let (mut w, mut g) = ([0.0; MAX_DEGREE + 1], [0.0; MAX_DEGREE + 1]);
+        bernstein(dv, v.a, v.b, &mut w);
+        bernstein_derivative(dv, v.a, v.b, &mut g);
+        out.clear();
+        out.extend((0..=du).map(|i| {
+            let mut row = [[0.0; 4]; 2];
+            for k in 0..=dv {
+                let at = &self.net[(k * (du + 1) + i) * c..][..self.dim];
+                for (x, &p) in at.iter().enumerate() {
+                    row[0][x] += w[k] * p;
+                    row[1][x] += g[k] * p;
+                }
+            }
+            row
+        }));
     }
 
     /// The longest derivative the control vertices suggest.
@@ -269,23 +294,15 @@ impl SegmentNet<'_> {
         longest * self.degrees[axis] as f64
     }
 
-    /// Derivatives along u and v at one place.
-    fn frame(&self, u: &Place, v: &Place) -> [[f64; 3]; 2] {
-        let ([du, dv], c) = (self.degrees, self.channels);
-        let one = |degree, place, f| all_weights(degree, std::slice::from_ref(place), f)[0];
-        let (wu, wv) = (one(du, u, bernstein), one(dv, v, bernstein));
-        let (gu, gv) = (one(du, u, bernstein_derivative), one(dv, v, bernstein_derivative));
+    /// Derivatives along u and v at one place of a row.
+    fn frame(&self, column: &Column, rows: &[[[f64; 4]; 2]]) -> [[f64; 3]; 2] {
         // Value, along u, along v.
         let mut sums = [[0.0_f64; 4]; 3];
-        for k in 0..=dv {
-            for i in 0..=du {
-                let at = &self.net[(k * (du + 1) + i) * c..][..self.dim];
-                let weights = [wu[i] * wv[k], gu[i] * wv[k], wu[i] * gv[k]];
-                for (sum, w) in sums.iter_mut().zip(weights) {
-                    for (s, x) in sum.iter_mut().zip(at) {
-                        *s += w * x;
-                    }
-                }
+        for (i, [value, along_v]) in rows.iter().enumerate() {
+            for x in 0..self.dim {
+                sums[0][x] += column.value[i] * value[x];
+                sums[1][x] += column.derivative[i] * value[x];
+                sums[2][x] += column.value[i] * along_v[x];
             }
         }
         let [x, xu, xv] = sums;
@@ -294,6 +311,24 @@ impl SegmentNet<'_> {
             std::array::from_fn(|a| if self.dim == 4 { (d[a] - x[a] / w * d[3]) / w } else { d[a] })
         };
         [quotient(xu), quotient(xv)]
+    }
+}
+
+/// Weights along u at one place.
+struct Column {
+    value: Weights,
+    derivative: Weights,
+}
+
+impl Column {
+    fn list(degree: usize, places: &[Place]) -> Vec<Self> {
+        let each = |p: &Place| {
+            let (mut value, mut derivative) = ([0.0; MAX_DEGREE + 1], [0.0; MAX_DEGREE + 1]);
+            bernstein(degree, p.a, p.b, &mut value);
+            bernstein_derivative(degree, p.a, p.b, &mut derivative);
+            Self { value, derivative }
+        };
+        places.iter().map(each).collect()
     }
 }
 

@@ -101,7 +101,7 @@ impl Spline {
         let knots: Vec<f64> = span.knots.iter().map(|&t| f64::from(t)).collect();
         let p = order - 1;
         let (min, max) = (f64::from(span.min).max(knots[p]), f64::from(span.max).min(knots[n]));
-        if !(min < max) {
+        if min >= max {
             return Err(fail(format!(
                 "the range {} to {} is empty within the knots {} to {}",
                 span.min, span.max, knots[p], knots[n]
@@ -110,7 +110,7 @@ impl Spline {
         let mut segments: Vec<Segment> = Vec::new();
         for k in p..n {
             let (a, b) = (knots[k].max(min), knots[k + 1].min(max));
-            if !(a < b) {
+            if a >= b {
                 continue;
             }
             let mut matrix = extraction(&knots, k, p, a, b);

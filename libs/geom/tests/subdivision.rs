@@ -30,7 +30,7 @@ fn grid(n: usize) -> (ShapeDesc, Vec<f32>) {
 
 fn with_border(p: &[f32], border: i32) -> Params {
     let mut params = params(&[("P", p)]);
-    params.set(Param::declared("int border", border).unwrap());
+    params.set(Param::declared("int border", border).expect("a declaration"));
     params
 }
 

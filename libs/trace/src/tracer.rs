@@ -232,10 +232,9 @@ impl Tracer {
             let node = &self.bvh.nodes[next.child as usize];
             let near = test.enter(node, ray.tmin, tmax);
             let base = stack.len();
-            for slot in 0..WIDTH {
-                if near[slot] < f32::INFINITY {
-                    let entry =
-                        Waiting { child: node.child[slot], count: node.count[slot], near: near[slot] };
+            for (slot, &near) in near.iter().enumerate() {
+                if near < f32::INFINITY {
+                    let entry = Waiting { child: node.child[slot], count: node.count[slot], near };
                     // The nearest goes last, to be taken first.
                     let mut at = stack.len();
                     stack.push(entry);

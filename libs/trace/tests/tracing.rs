@@ -165,7 +165,7 @@ fn barycentric_weights_give_the_point() {
 
 #[test]
 fn moving_triangles_are_hit_where_they_are() {
-    let p = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+    let p = [Vec3::ZERO, Vec3::X, Vec3::Y];
     let up = |z: f32| p.iter().map(|p| *p + Vec3::Z * z).collect::<Vec<_>>();
     let mesh = TriangleMesh {
         times: vec![0.0, 0.5, 1.0],

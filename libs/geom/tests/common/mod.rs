@@ -6,7 +6,7 @@ use granita_geom::{Dice, GeomError, Piece, ShapeKey, SplitDirection};
 
 /// Parameters from declarations and floats.
 pub(crate) fn params(list: &[(&str, &[f32])]) -> Params {
-    list.iter().map(|(name, data)| Param::declared(name, *data).unwrap()).collect()
+    list.iter().map(|(name, data)| Param::declared(name, *data).expect("a declaration")).collect()
 }
 
 /// Builds and collects the messages.
@@ -26,7 +26,7 @@ pub(crate) fn try_build(
 pub(crate) fn build(shape: &ShapeDesc, params: &Params) -> Vec<Piece> {
     let (pieces, said) = try_build(shape, &[params], None);
     assert!(said.is_empty(), "{said:?}");
-    pieces.unwrap()
+    pieces.expect("a good primitive")
 }
 
 /// Splits whatever must be split.
