@@ -43,6 +43,9 @@ impl FilterSpec {
 /// Sums are kept in this many lanes, so that they can run side by side in a fixed order.
 const LANES: usize = 8;
 
+/// Channels that are summed in one pass over the samples.
+const TOGETHER: usize = 4;
+
 /// Filters some channels of samples into the pixels of `pixels`.
 ///
 /// `values` holds channel `c` of sample `s` at `c * samples.len() + s`; `samples` must reach
@@ -111,6 +114,7 @@ impl Support {
         }
     }
 
+    /// A weighted mean per channel. Sums are kept in [`LANES`] lanes: sample `s` of a pixel goes to lane `s % LANES`.
     fn weighted(
         &self,
         samples: &SampleGrid,
@@ -120,27 +124,44 @@ impl Support {
         out: &mut [f32],
     ) {
         let total = samples.len();
-        let mut weight = [0.0_f32; LANES];
-        self.each(samples, pixel, |_, wx, wy| {
-            for (s, (a, b)) in wx.iter().zip(wy).enumerate() {
-                weight[s % LANES] += a * b;
-            }
-        });
-        let weight: f32 = weight.iter().sum();
-        for (out, channel) in out.iter_mut().zip(channels) {
-            let plane = &values[channel * total..(channel + 1) * total];
+        let own = samples.pixel(pixel[0], pixel[1]) * samples.per_pixel;
+        for (out, channels) in out.chunks_mut(TOGETHER).zip(channels.chunks(TOGETHER)) {
             // Deviations from one value instead of the values: what is constant stays exactly so.
-            let base = plane[samples.pixel(pixel[0], pixel[1]) * samples.per_pixel];
-            let base = if base.is_finite() { base } else { 0.0 };
-            let mut sum = [0.0_f32; LANES];
+            let mut base = [0.0_f32; TOGETHER];
+            for (base, channel) in base.iter_mut().zip(channels) {
+                let v = values[channel * total + own];
+                *base = if v.is_finite() { v } else { 0.0 };
+            }
+            let mut weight = [0.0_f32; LANES];
+            let mut sum = [[0.0_f32; LANES]; TOGETHER];
             self.each(samples, pixel, |first, wx, wy| {
-                let seen = &plane[first..first + wx.len()];
-                for (s, ((a, b), v)) in wx.iter().zip(wy).zip(seen).enumerate() {
-                    sum[s % LANES] += a * b * (v - base);
+                let n = wx.len();
+                for k in (0..n).step_by(LANES) {
+                    let mut w = [0.0_f32; LANES];
+                    let end = (k + LANES).min(n);
+                    for ((w, a), b) in w.iter_mut().zip(&wx[k..end]).zip(&wy[k..end]) {
+                        *w = a * b;
+                    }
+                    if w == [0.0; LANES] {
+                        continue;
+                    }
+                    for (total, w) in weight.iter_mut().zip(&w) {
+                        *total += w;
+                    }
+                    for ((sum, base), channel) in sum.iter_mut().zip(&base).zip(channels) {
+                        let from = channel * total + first;
+                        let seen = &values[from + k..from + end];
+                        for ((sum, w), v) in sum.iter_mut().zip(&w).zip(seen) {
+                            *sum += w * (v - base);
+                        }
+                    }
                 }
             });
-            let sum: f32 = sum.iter().sum();
-            *out = if weight == 0.0 { base } else { base + sum / weight };
+            let weight: f32 = weight.iter().sum();
+            for ((out, sum), base) in out.iter_mut().zip(&sum).zip(&base) {
+                let sum: f32 = sum.iter().sum();
+                *out = if weight == 0.0 { *base } else { base + sum / weight };
+            }
         }
     }
 

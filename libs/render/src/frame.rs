@@ -304,3 +304,6 @@ fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
         .or_else(|| panic.downcast_ref::<String>().cloned())
         .unwrap_or_else(|| "an internal error without a message".to_owned())
 }
+
+#[cfg(test)]
+mod tests;

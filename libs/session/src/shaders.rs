@@ -55,10 +55,13 @@ impl Shaders {
                 return None;
             }
         };
-        // TODO-GSO
-        let _ = bytes;
-        self.reporter.error(format!("{}: compiled shaders are not supported yet", file.display()));
-        None
+        match granita_gsl::gso::read(&bytes, &file.to_string_lossy()) {
+            Ok(module) => Some(Arc::new(module)),
+            Err(error) => {
+                self.reporter.error(error.to_string());
+                None
+            }
+        }
     }
 
     fn source(&self, source: &str, file: &str, folder: Option<&Path>) -> Option<Arc<Module>> {

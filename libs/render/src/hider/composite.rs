@@ -27,7 +27,7 @@ pub(crate) struct WantedVariable {
     pub(crate) is_color: bool,
 }
 
-/// Channels of a resolved sample: red, green, blue, alpha; then depth and second depth when wanted; then the
+/// Channels of a resolved sample: red, green, blue, alpha; then depth and the middle of the first two depths when wanted; then the
 /// components of the variables.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Wanted {
@@ -79,7 +79,8 @@ pub(super) fn resolve(surfaces: &Surfaces<'_>, wanted: &Wanted) -> Vec<f32> {
         blend(surfaces, wanted, &layers, &mut sample);
         if wanted.depths {
             let [z, second] = surfaces.depths.get(s).copied().unwrap_or([f32::INFINITY; 2]);
-            (sample[4], sample[5]) = (z, second);
+            // Half way between infinity and anything is infinity: a single surface is none (reference 10.1.2).
+            (sample[4], sample[5]) = (z, (z + second) * 0.5);
         }
         for (c, value) in sample.iter().enumerate() {
             out[c * n + s] = *value;

@@ -1,0 +1,605 @@
+//! Whole frames with shaders that are Rust functions: geometry, sampling, filtering, determinism.
+
+use super::*;
+use crate::environment::Silent;
+use granita_base::{MotionTransform, Param, Params, ShapeDesc, Transform, Vec3};
+use granita_image::{CreateOptions, Format, FormatRegistry, ImageInput, ImageOutput, Limits};
+use granita_scene::{AttributeSet, Camera, Output, ShapeKey};
+
+use std::path::Path;
+
+/// A format that takes everything and keeps nothing: the tests look at the pixels before they are written.
+struct Nowhere;
+
+impl Format for Nowhere {
+    fn name(&self) -> &'static str {
+        "nowhere"
+    }
+    fn extensions(&self) -> &'static [&'static str] {
+        &[]
+    }
+    fn recognizes(&self, _: &[u8]) -> bool {
+        false
+    }
+    fn open(&self, path: &Path, _: &Limits) -> granita_image::Result<Box<dyn ImageInput>> {
+        Err(granita_image::ImageError::Unsupported { path: path.to_owned(), what: "reading".to_owned() })
+    }
+    fn supports(&self, feature: &str) -> bool {
+        matches!(feature, "write" | "float")
+    }
+    fn create(&self, path: &Path, _: &CreateOptions<'_>) -> granita_image::Result<Box<dyn ImageOutput>> {
+        Err(granita_image::ImageError::Unsupported { path: path.to_owned(), what: "writing".to_owned() })
+    }
+}
+
+/// Shades every grid by a function of the grid; what the object's attributes say stays unless it changes it.
+struct Painted<F: Fn(&mut Grid) + Sync> {
+    paint: F,
+    displace: Option<f32>,
+}
+
+impl<F: Fn(&mut Grid) + Sync> FrameShader for Painted<F> {
+    type Object = ObjectTraits;
+    type Thread<'a>
+        = ()
+    where
+        F: 'a;
+
+    fn object(&self, primitive: &Primitive) -> Arc<ObjectTraits> {
+        let attributes = &primitive.attributes;
+        Arc::new(ObjectTraits {
+            opaque: attributes.floats("opacity")[..] == [1.0; 3],
+            holdout: match attributes.int("holdout") {
+                0 => Holdout::None,
+                1 => Holdout::Matte,
+                _ => Holdout::Shaded,
+            },
+            displaces: self.displace.is_some(),
+            max_displacement_world: attributes.float("displace:maxradius"),
+        })
+    }
+    fn traits(&self, object: &ObjectTraits) -> ObjectTraits {
+        *object
+    }
+    fn thread(&self) {}
+    fn displace(&self, (): &mut (), _: &ObjectTraits, grid: &mut Grid) {
+        let by = self.displace.unwrap_or(0.0);
+        for i in 0..grid.len() {
+            grid.p.set(i, grid.p.get(i) + grid.ng.get(i).normalize_or_zero() * by);
+        }
+    }
+    fn shade(
+        &self,
+        (): &mut (),
+        _: &ObjectTraits,
+        grid: &mut Grid,
+        wanted: &[(Arc<str>, ValueType)],
+    ) -> Vec<Option<Vec<f32>>> {
+        (self.paint)(grid);
+        wanted
+            .iter()
+            .map(|(name, _)| match &**name {
+                "N" => Some(grid.n.xyz.concat()),
+                "u" => Some(grid.u.clone()),
+                _ => None,
+            })
+            .collect()
+    }
+}
+
+/// C is premultiplied by opacity, as surface shaders leave it.
+fn flat(grid: &mut Grid) {
+    for i in 0..grid.len() {
+        grid.c.set(i, grid.c.get(i) * grid.opacity.get(i));
+    }
+}
+
+fn param(declaration: &str, values: &[f32]) -> Param {
+    Param::declared(declaration, values).unwrap()
+}
+
+/// An object of these attributes, in the set "camera".
+fn attributes(list: &[(&str, &[f32])], to_world: MotionTransform) -> Arc<AttributeSet> {
+    let values = list.iter().map(|(d, v)| param(d, v)).map(|p| (p.name.clone(), p)).collect();
+    let geometry_sets: Arc<[Arc<str>]> = [Arc::from("camera")].into();
+    Arc::new(AttributeSet { values, to_world, geometry_sets, ..AttributeSet::default() })
+}
+
+fn at(x: f32, y: f32, z: f32) -> MotionTransform {
+    Transform::translate(Vec3::new(x, y, z)).into()
+}
+
+fn sphere(radius: f32) -> ShapeDesc {
+    ShapeDesc::Sphere { radius, zmin: -radius, zmax: radius, thetamax_deg: 360.0 }
+}
+
+/// A square of half side `s` in the xy plane.
+fn square(s: f32) -> (ShapeDesc, Params) {
+    use granita_base::CurveBasis::Linear;
+    let points = [-s, -s, 0.0, s, -s, 0.0, -s, s, 0.0, s, s, 0.0];
+    (ShapeDesc::Patch { u: Linear, v: Linear, nu: 2, nv: 2 }, Params(vec![param("vertex point P", &points)]))
+}
+
+#[derive(Clone, Default)]
+struct Build {
+    scene: Scene,
+    camera: Vec<(&'static str, Vec<f32>)>,
+    world_to_camera: MotionTransform,
+}
+
+impl Build {
+    fn add(&mut self, shape: ShapeDesc, params: Params, attributes: Arc<AttributeSet>) {
+        let id = u32::try_from(self.scene.primitives.len()).unwrap();
+        let keys = vec![ShapeKey { time: 0.0, params }];
+        let at = Location::default();
+        self.scene.primitives.push(Arc::new(Primitive { id, shape, keys, attributes, at }));
+    }
+
+    fn sphere(&mut self, radius: f32, list: &[(&str, &[f32])], to_world: MotionTransform) {
+        self.add(sphere(radius), Params::new(), attributes(list, to_world));
+    }
+
+    fn square(&mut self, half: f32, list: &[(&str, &[f32])], to_world: MotionTransform) {
+        let (shape, params) = square(half);
+        self.add(shape, params, attributes(list, to_world));
+    }
+
+    fn view(&self, more: &[(&'static str, Vec<f32>)]) -> CameraView {
+        let mut params = Params::new();
+        for (declaration, values) in self.camera.iter().chain(more) {
+            params.set(param(declaration, values));
+        }
+        if self.camera.iter().any(|c| c.0 == "float orthographic") {
+            params.set(Param::declared("string projection", "orthographic").unwrap());
+        }
+        let camera = Camera { name: "main".into(), world_to_camera: self.world_to_camera.clone(), params };
+        CameraView::new(&camera, &Reporter::silent())
+    }
+}
+
+/// Renders `data` of a scene; the pixels of its crop window.
+fn render_with(
+    build: &Build,
+    view: &CameraView,
+    threads: usize,
+    output: (&str, &[Param]),
+    shader: &Painted<impl Fn(&mut Grid) + Sync>,
+) -> Vec<f32> {
+    let mut registry = FormatRegistry::new(Limits::default());
+    registry.register(Arc::new(Nowhere));
+    let reporter = Reporter::silent();
+    let output = Output {
+        name: "x".into(),
+        format: "nowhere".into(),
+        data: output.0.into(),
+        camera: "main".into(),
+        params: Params(output.1.to_vec()),
+    };
+    let mut outputs = OutputSet::new(&[&output], view, &registry, &reporter).unwrap();
+    let stop = AtomicBool::new(false);
+    let options = FrameOptions {
+        camera: view,
+        dicing_camera: view,
+        threads,
+        reporter: &reporter,
+        progress: &Silent,
+        stop: &stop,
+        scene_files: &[],
+    };
+    let (_, complete) = render(&build.scene, shader, options, &mut outputs).unwrap();
+    assert!(complete);
+    outputs.images.remove(0).pixels
+}
+
+fn image(build: &Build, data: &str, params: &[Param]) -> Vec<f32> {
+    render_with(build, &build.view(&[]), 1, (data, params), &Painted { paint: flat, displace: None })
+}
+
+fn box_filter() -> Vec<Param> {
+    vec![Param::declared("string filter", "box").unwrap(), param("float[2] filterwidth", &[1.0, 1.0])]
+}
+
+/// An orthographic camera that sees -4..4 by -3..3 in 64 x 48 pixels: 8 pixels a unit.
+fn flat_camera() -> Build {
+    Build {
+        camera: vec![
+            ("float orthographic", vec![1.0]),
+            ("int[2] resolution", vec![64.0, 48.0]),
+            ("float[4] screen", vec![-4.0, 4.0, -3.0, 3.0]),
+        ],
+        ..Build::default()
+    }
+}
+
+fn pixel(image: &[f32], channels: usize, x: usize, y: usize) -> &[f32] {
+    &image[(y * 64 + x) * channels..][..channels]
+}
+
+/// Something of everything: overlap, transparency, motion, a displaced sphere.
+fn busy() -> Build {
+    let mut build = Build {
+        camera: vec![
+            ("int[2] resolution", vec![61.0, 47.0]),
+            ("float fov", vec![50.0]),
+            ("float[2] shutter", vec![0.0, 1.0]),
+            ("float fstop", vec![2.0]),
+            ("float focallength", vec![0.4]),
+            ("float focaldistance", vec![5.0]),
+        ],
+        ..Build::default()
+    };
+    let moving = MotionTransform::from_keys(vec![
+        (0.0, Transform::translate(Vec3::new(-1.0, 0.5, 4.0))),
+        (0.5, Transform::translate(Vec3::new(0.0, 0.0, 4.5))),
+        (1.0, Transform::translate(Vec3::new(0.5, 0.8, 5.0))),
+    ])
+    .unwrap();
+    build.sphere(1.0, &[("color C", &[1.0, 0.5, 0.2])], at(0.6, -0.4, 5.0));
+    build.sphere(0.7, &[("color C", &[0.1, 0.5, 0.9])], moving);
+    build.square(
+        1.5,
+        &[("color C", &[0.2, 0.9, 0.3]), ("color opacity", &[0.5, 0.3, 0.2])],
+        at(-0.7, 0.2, 4.2),
+    );
+    let tilted = Transform::rotate(1.4, Vec3::X).then(&Transform::translate(Vec3::new(0.0, -1.0, 3.0)));
+    build.square(8.0, &[("color C", &[0.6, 0.6, 0.5])], tilted.into());
+    build
+}
+
+fn wavy(grid: &mut Grid) {
+    flat(grid);
+    for i in 0..grid.len() {
+        let wave = 0.5 + 0.5 * (40.0 * grid.u[i]).sin() * (30.0 * grid.v[i]).sin();
+        grid.c.set(i, grid.c.get(i) * wave);
+    }
+}
+
+#[test]
+fn pixels_do_not_depend_on_threads_buckets_or_crops() {
+    let build = busy();
+    let shader = Painted { paint: wavy, displace: Some(0.02) };
+    let mut plain = build.clone();
+    for primitive in &mut plain.scene.primitives {
+        let mut set = (*primitive.attributes).clone();
+        set.values.insert("displace:maxradius".into(), param("float displace:maxradius", &[0.02]));
+        Arc::make_mut(primitive).attributes = Arc::new(set);
+    }
+    let view = plain.view(&[]);
+    let reference = render_with(&plain, &view, 1, ("rgba", &[]), &shader);
+    assert!(reference.iter().any(|v| *v > 0.1));
+    let sized = |x: f32, y: f32| plain.view(&[("int[2] limits:bucketsize", vec![x, y])]);
+    let ordered = |order: &str| CameraView { bucketorder: order.into(), ..plain.view(&[]) };
+    for (what, view, threads) in [
+        ("three threads", view.clone(), 3),
+        ("small buckets", sized(7.0, 5.0), 2),
+        ("one bucket", sized(500.0, 500.0), 1),
+        ("columns", sized(1.0, 100.0), 2),
+        ("vertical", ordered("vertical"), 1),
+        ("spiral", ordered("spiral"), 2),
+    ] {
+        let again = render_with(&plain, &view, threads, ("rgba", &[]), &shader);
+        assert!(reference == again, "{what}");
+    }
+    let crop = plain.view(&[("float[4] crop", vec![0.3, 0.8, 0.2, 0.7])]);
+    let part = render_with(&plain, &crop, 2, ("rgba", &[]), &shader);
+    let rect = crop.crop;
+    assert_eq!(part.len(), rect.width() * rect.height() * 4);
+    for (j, row) in part.chunks(rect.width() * 4).enumerate() {
+        let from = ((rect.y0 as usize + j) * 61 + rect.x0 as usize) * 4;
+        assert!(row == &reference[from..from + row.len()], "row {j} of the crop");
+    }
+}
+
+#[test]
+fn depths_do_not_depend_on_buckets_either() {
+    let build = busy();
+    let shader = Painted { paint: flat, displace: None };
+    for data in ["z", "avgz", "normal N"] {
+        let a = render_with(&build, &build.view(&[]), 1, (data, &[]), &shader);
+        let view = build.view(&[("int[2] limits:bucketsize", vec![9.0, 13.0])]);
+        let b = render_with(&build, &view, 2, (data, &[]), &shader);
+        assert!(a == b, "{data}");
+    }
+}
+
+#[test]
+fn a_sphere_covers_the_area_of_its_silhouette() {
+    let mut build = flat_camera();
+    build.sphere(2.0, &[], at(0.3, 0.1, 5.0));
+    let image = image(&build, "rgba", &box_filter());
+    let area: f32 = image.chunks(4).map(|p| p[3]).sum::<f32>() / 64.0;
+    let exact = std::f32::consts::PI * 4.0;
+    assert!((area / exact - 1.0).abs() < 0.005, "{area} instead of {exact}");
+    assert_eq!(pixel(&image, 4, 34, 23), [1.0; 4], "the middle is covered without holes");
+}
+
+#[test]
+fn there_are_no_holes_between_grids() {
+    // Close, so that the sphere is split into many grids of different rates.
+    let mut build = Build { camera: vec![("int[2] resolution", vec![96.0, 96.0])], ..Build::default() };
+    build.sphere(1.0, &[], at(0.0, 0.0, 1.6));
+    let image = image(&build, "rgba", &box_filter());
+    for y in 20..76 {
+        for x in 20..76 {
+            assert_eq!(image[(y * 96 + x) * 4 + 3], 1.0, "hole at {x} {y}");
+        }
+    }
+}
+
+#[test]
+fn a_square_covers_exactly_its_pixels() {
+    let mut build = flat_camera();
+    // Edges on pixel borders: 16 pixels a side, from (24, 16) to (40, 32).
+    build.square(1.0, &[("color C", &[0.25, 0.5, 1.0])], at(0.0, 0.0, 3.0));
+    let image = image(&build, "rgb", &box_filter());
+    assert_eq!(pixel(&image, 3, 32, 24), [0.25, 0.5, 1.0]);
+    assert_eq!(pixel(&image, 3, 25, 17), [0.25, 0.5, 1.0]);
+    assert_eq!(pixel(&image, 3, 22, 24), [0.0; 3]);
+    let sum: f32 = image.chunks(3).map(|p| p[2]).sum();
+    // The rim is widened by two hundredths of a pixel.
+    assert!((sum - 256.0).abs() < 3.0, "{sum}");
+}
+
+#[test]
+fn a_moving_square_leaves_a_ramp() {
+    let mut build = flat_camera();
+    build.camera.push(("float[2] shutter", vec![0.0, 1.0]));
+    build.camera.push(("int temporalquality", vec![64.0]));
+    // 16 pixels wide, moving by 16 pixels to the right: a tent from 16 to 48 over x.
+    let moving = MotionTransform::from_keys(vec![
+        (0.0, Transform::translate(Vec3::new(-1.0, 0.0, 3.0))),
+        (1.0, Transform::translate(Vec3::new(1.0, 0.0, 3.0))),
+    ])
+    .unwrap();
+    build.square(1.0, &[], moving);
+    let image = image(&build, "rgba", &box_filter());
+    for x in 0..64 {
+        let middle = x as f32 + 0.5;
+        let exact = (1.0 - (middle - 32.0).abs() / 16.0).max(0.0);
+        let mean = (20..28).map(|y| pixel(&image, 4, x, y)[3]).sum::<f32>() / 8.0;
+        assert!((mean - exact).abs() < 0.03, "{mean} instead of {exact} at {x}");
+    }
+}
+
+#[test]
+fn depths_of_a_plane() {
+    let mut build = flat_camera();
+    build.square(2.0, &[], at(0.0, 0.0, 7.25));
+    build.square(1.0, &[], at(0.0, 0.0, 3.5));
+    let z = image(&build, "z", &[]);
+    assert!((pixel(&z, 1, 32, 24)[0] - 3.5).abs() < 1e-5);
+    assert!((pixel(&z, 1, 20, 24)[0] - 7.25).abs() < 1e-5);
+    assert_eq!(pixel(&z, 1, 2, 2), [crate::film::NO_DEPTH]);
+    let average = image(&build, "avgz", &[]);
+    assert!((pixel(&average, 1, 32, 24)[0] - 5.375).abs() < 1e-5);
+    assert_eq!(pixel(&average, 1, 20, 24), [crate::film::NO_DEPTH], "a single surface is no surface");
+}
+
+#[test]
+fn perspective_depth_is_exact_on_a_tilted_plane() {
+    let mut build = Build { camera: vec![("int[2] resolution", vec![64.0, 64.0])], ..Build::default() };
+    let tilted = Transform::rotate(0.9, Vec3::X).then(&Transform::translate(Vec3::new(0.0, 0.0, 6.0)));
+    build.square(3.0, &[("float shadingquality", &[0.1])], tilted.into());
+    let average = Param::declared("string filter", "average").unwrap();
+    let z = image(&build, "z", &[average, param("float[2] filterwidth", &[1.0, 1.0])]);
+    // The plane (y, z - 6) . (-sin a, cos a) = 0 with y = z s: z = 6 / (1 - s tan a).
+    for y in [28, 32, 40] {
+        let s = 1.0 - (y as f32 + 0.5) / 32.0;
+        let exact = 6.0 / (1.0 - s * 0.9_f32.tan());
+        let got = z[y * 64 + 32];
+        assert!((got / exact - 1.0).abs() < 0.01, "{got} instead of {exact}");
+    }
+}
+
+#[test]
+fn transparent_layers_composite_front_to_back() {
+    let mut build = flat_camera();
+    let (a, b) = ([0.5, 0.25, 0.75], [0.2, 0.4, 0.6]);
+    build.square(2.0, &[("color C", &[1.0, 0.0, 0.0]), ("color opacity", &a)], at(0.0, 0.0, 3.0));
+    build.square(2.0, &[("color C", &[0.0, 1.0, 0.0]), ("color opacity", &b)], at(0.0, 0.0, 4.0));
+    build.square(2.0, &[("color C", &[0.5, 0.5, 0.5])], at(0.0, 0.0, 5.0));
+    let over = image(&build, "rgba", &[]);
+    let got = pixel(&over, 4, 32, 24);
+    let through = |c: usize| (1.0 - a[c]) * (1.0 - b[c]);
+    let expected = [a[0] + through(0) * 0.5, (1.0 - a[1]) * b[1] + through(1) * 0.5, through(2) * 0.5, 1.0];
+    for c in 0..4 {
+        assert!((got[c] - expected[c]).abs() < 1e-6, "{got:?} instead of {expected:?}");
+    }
+    // Without the wall behind them, alpha is the mean opacity.
+    build.scene.primitives.pop();
+    let alpha = pixel(&image(&build, "rgba", &[]), 4, 32, 24)[3];
+    let mean = 1.0 - (through(0) + through(1) + through(2)) / 3.0;
+    assert!((alpha - mean).abs() < 1e-6, "{alpha} instead of {mean}");
+}
+
+#[test]
+fn limits_of_transparency() {
+    let mut build = flat_camera();
+    for z in [3.0, 4.0, 5.0] {
+        build.square(2.0, &[("color opacity", &[0.5; 3])], at(0.0, 0.0, z));
+    }
+    let alpha = |build: &Build| pixel(&image(build, "rgba", &[]), 4, 32, 24)[3];
+    assert_eq!(alpha(&build), 0.875);
+    let mut few = build.clone();
+    few.scene
+        .globals
+        .insert("limits:transparentlayers".into(), param("int limits:transparentlayers", &[2.0]));
+    assert_eq!(alpha(&few), 0.75);
+    let mut enough = build.clone();
+    let threshold = param("color limits:opacitythreshold", &[0.5; 3]);
+    enough.scene.globals.insert("limits:opacitythreshold".into(), threshold);
+    assert_eq!(alpha(&enough), 0.5);
+}
+
+#[test]
+fn holdouts_block_the_view() {
+    for (mode, expected) in [(1.0, [0.0; 4]), (2.0, [0.5, 0.5, 0.5, 0.5])] {
+        let mut build = flat_camera();
+        build.square(1.0, &[("int holdout", &[mode]), ("color opacity", &[0.5; 3])], at(0.0, 0.0, 3.0));
+        build.square(2.0, &[], at(0.0, 0.0, 5.0));
+        let image = image(&build, "rgba", &[]);
+        assert_eq!(pixel(&image, 4, 32, 24), expected, "mode {mode}");
+        assert_eq!(pixel(&image, 4, 20, 24), [1.0; 4]);
+    }
+}
+
+#[test]
+fn a_filtered_constant_is_constant() {
+    let mut build = flat_camera();
+    build.square(9.0, &[("color C", &[0.3, 0.6, 0.9])], at(0.0, 0.0, 3.0));
+    for filter in granita_base::Filter::ALL {
+        let params = [
+            Param::declared("string filter", filter.word()).unwrap(),
+            param("float[2] filterwidth", &[3.0; 2]),
+        ];
+        let image = image(&build, "rgb", &params);
+        assert!(image.chunks(3).all(|p| p == [0.3, 0.6, 0.9]), "{filter:?}");
+    }
+}
+
+#[test]
+fn what_is_clipped_or_not_in_the_set_is_not_seen() {
+    let mut build = flat_camera();
+    build.camera.extend([("float near", vec![2.0]), ("float far", vec![6.0])]);
+    build.square(1.0, &[], at(0.0, 0.0, 1.0));
+    build.square(1.0, &[], at(0.0, 0.0, 7.0));
+    assert!(image(&build, "rgba", &[]).iter().all(|v| *v == 0.0));
+    build.square(1.0, &[], at(0.0, 0.0, 4.0));
+    assert_eq!(pixel(&image(&build, "rgba", &[]), 4, 32, 24), [1.0; 4]);
+    let elsewhere: Arc<[Arc<str>]> = [Arc::from("reflections")].into();
+    for primitive in &mut build.scene.primitives {
+        let set = AttributeSet { geometry_sets: elsewhere.clone(), ..(*primitive.attributes).clone() };
+        Arc::make_mut(primitive).attributes = Arc::new(set);
+    }
+    assert!(image(&build, "rgba", &[]).iter().all(|v| *v == 0.0));
+}
+
+#[test]
+fn a_floor_that_passes_under_the_camera_reaches_the_lower_edge() {
+    let mut build = Build { camera: vec![("int[2] resolution", vec![64.0, 64.0])], ..Build::default() };
+    let floor = Transform::rotate(std::f32::consts::FRAC_PI_2, Vec3::X)
+        .then(&Transform::translate(Vec3::new(0.0, -1.0, 0.0)));
+    build.square(100.0, &[], floor.into());
+    let image = image(&build, "rgba", &box_filter());
+    for y in 34..64 {
+        for x in 0..64 {
+            assert_eq!(pixel(&image, 4, x, y)[3], 1.0, "{x} {y}");
+        }
+    }
+    assert_eq!(pixel(&image, 4, 32, 30)[3], 0.0);
+}
+
+#[test]
+fn what_passes_through_the_near_plane_is_cut_there() {
+    // A wall along the axis from z = -2 to z = 6, a little to the right; the near plane is at 0.5.
+    let mut build = Build {
+        camera: vec![("int[2] resolution", vec![64.0, 64.0]), ("float near", vec![0.5])],
+        ..Build::default()
+    };
+    let wall = Transform::rotate(std::f32::consts::FRAC_PI_2, Vec3::Y)
+        .then(&Transform::translate(Vec3::new(0.2, 0.0, 2.0)));
+    build.square(4.0, &[], wall.into());
+    let image = image(&build, "rgba", &box_filter());
+    // It begins at x = 0.2 / 0.5 = 0.4 of the half width: pixel 44.8; and ends at 0.2 / 6: pixel 33.07.
+    assert_eq!(pixel(&image, 4, 40, 32)[3], 1.0);
+    assert_eq!(pixel(&image, 4, 46, 32)[3], 0.0);
+    assert_eq!(pixel(&image, 4, 31, 32)[3], 0.0);
+}
+
+#[test]
+fn depth_of_field_spares_the_focus() {
+    let mut build = Build {
+        camera: vec![
+            ("int[2] resolution", vec![64.0, 64.0]),
+            ("float fstop", vec![1.0]),
+            ("float focallength", vec![1.0]),
+            ("float focaldistance", vec![4.0]),
+            ("int dofquality", vec![64.0]),
+        ],
+        ..Build::default()
+    };
+    build.square(1.0, &[], at(0.0, 0.0, 4.0));
+    let sharp = image(&build, "rgba", &box_filter());
+    // Half side 1 at distance 4: 8 pixels each way.
+    assert_eq!(pixel(&sharp, 4, 25, 32)[3], 1.0);
+    assert_eq!(pixel(&sharp, 4, 22, 32)[3], 0.0);
+    let mut far = build.clone();
+    far.scene.primitives.clear();
+    far.square(2.0, &[], at(0.0, 0.0, 8.0));
+    let blurred = image(&far, "rgba", &box_filter());
+    // Radius of confusion: 0.5 (1 - 4/8) / 4 * 32 = 2 pixels around the same edge.
+    let edge = (0..64).map(|y| pixel(&blurred, 4, 24, y)[3]).fold(0.0, f32::max);
+    assert!(edge > 0.3 && edge < 0.9, "{edge}");
+    assert_eq!(pixel(&blurred, 4, 20, 32)[3], 0.0);
+    assert_eq!(pixel(&blurred, 4, 28, 32)[3], 1.0);
+}
+
+#[test]
+fn variables_of_the_shader_become_images() {
+    let mut build = flat_camera();
+    build.square(9.0, &[], at(0.0, 0.0, 3.0));
+    let normal = image(&build, "normal N", &[]);
+    let n = Vec3::from_slice(pixel(&normal, 3, 32, 24)).normalize();
+    assert!((n.z.abs() - 1.0).abs() < 1e-6, "{n}");
+    let u = image(&build, "float u", &[]);
+    assert!((pixel(&u, 1, 32, 24)[0] - (0.5 + 0.5 / 144.0)).abs() < 1e-3);
+    assert!(image(&build, "color absent", &[]).iter().all(|v| *v == 0.0));
+}
+
+#[test]
+fn degenerate_primitives_are_harmless() {
+    let mut build = flat_camera();
+    build.sphere(0.0, &[], at(0.0, 0.0, 3.0));
+    build.sphere(f32::NAN, &[], at(0.0, 0.0, 3.0));
+    build.sphere(1.0, &[], at(f32::INFINITY, 0.0, 3.0));
+    build.square(0.0, &[], at(0.0, 0.0, 3.0));
+    let flat = Transform::scale(Vec3::new(1.0, 0.0, 1.0)).then(&Transform::translate(Vec3::Z * 3.0));
+    build.sphere(1.0, &[], flat.into());
+    let image = image(&build, "rgba", &[]);
+    assert!(image.iter().all(|v| v.is_finite()));
+}
+
+#[test]
+fn a_panic_costs_one_bucket() {
+    let mut build = flat_camera();
+    build.square(9.0, &[], at(0.0, 0.0, 3.0));
+    let view = build.view(&[]);
+    let mut registry = FormatRegistry::new(Limits::default());
+    registry.register(Arc::new(Nowhere));
+    let (reporter, kept) = Reporter::collecting();
+    let output = Output {
+        name: "x".into(),
+        format: "nowhere".into(),
+        data: "rgba".into(),
+        camera: "main".into(),
+        params: Params::new(),
+    };
+    let mut outputs = OutputSet::new(&[&output], &view, &registry, &reporter).unwrap();
+    let paint = |grid: &mut Grid| {
+        let corner = (0..grid.len()).any(|i| grid.u[i] < 0.4 && grid.v[i] < 0.4);
+        assert!(!corner, "no such corner");
+    };
+    let stop = AtomicBool::new(false);
+    let files = ["scene.pyg".to_owned()];
+    let options = FrameOptions {
+        camera: &view,
+        dicing_camera: &view,
+        threads: 2,
+        reporter: &reporter,
+        progress: &Silent,
+        stop: &stop,
+        scene_files: &files,
+    };
+    let shader = Painted { paint, displace: None };
+    let (_, complete) = render(&build.scene, &shader, options, &mut outputs).unwrap();
+    assert!(!complete);
+    let kept = kept.lock().unwrap();
+    assert!(!kept.is_empty());
+    let text = kept[0].to_string();
+    assert!(
+        text.contains("no such corner") && text.contains("gelato -crop") && text.ends_with("scene.pyg"),
+        "{text}"
+    );
+
+    assert_eq!(pixel(&outputs.images[0].pixels, 4, 50, 8), [1.0; 4], "the others are rendered");
+}

@@ -1,0 +1,181 @@
+//! Scenes from text to files.
+
+use granita_base::{Environment, Reporter};
+use granita_image::Limits;
+use granita_session::{ExtraOutput, Outcome, Session, SessionError, SessionOptions};
+use std::path::Path;
+
+const SCENE: &str = r#"
+Output ("IMAGE", "tiff", "rgba", "main", "int[4] quantize", (0, 0, 0, 0), "float dither", 0)
+Attribute ("int[2] resolution", (32, 24))
+Camera ("main")
+World ()
+Translate (0, 0, 3)
+Shader ("surface", "constant")
+Attribute ("color C", (0.25, 0.5, 1))
+Sphere (1, -1, 1, 360)
+Render ()
+"#;
+
+fn options() -> SessionOptions {
+    SessionOptions { no_startup_files: true, ..SessionOptions::default() }
+}
+
+fn run(scene: &str, options: SessionOptions) -> (Outcome, Vec<String>) {
+    let (reporter, kept) = Reporter::collecting();
+    let mut session = Session::new(options, reporter, Default::default());
+    let result = session.read_stream("<test>", Box::new(std::io::Cursor::new(scene.to_owned().into_bytes())));
+    assert!(matches!(result, Ok(()) | Err(SessionError::Exit)), "{result:?}");
+    let outcome = session.finish();
+    let said = kept.lock().unwrap().iter().map(ToString::to_string).collect();
+    (outcome, said)
+}
+
+/// Width, height, and the channels of the middle pixel.
+fn middle(path: &Path) -> (u32, u32, Vec<f32>) {
+    let image = granita_plugin::bundled_formats(Limits::default()).open(path).unwrap();
+    let spec = image.spec(0, 0).unwrap().clone();
+    let pixels = image.read_level(0, 0).unwrap().to_floats();
+    let n = spec.nchannels();
+    let at = ((spec.height / 2) * spec.width + spec.width / 2) as usize * n;
+    (spec.width, spec.height, pixels[at..at + n].to_vec())
+}
+
+fn scene(folder: &Path) -> (String, std::path::PathBuf) {
+    let image = folder.join("image.tif");
+    (SCENE.replace("IMAGE", image.to_str().unwrap()), image)
+}
+
+#[test]
+fn a_scene_becomes_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let (text, image) = scene(folder.path());
+    let (outcome, said) = run(&text, options());
+    assert!(outcome.rendered && outcome.complete && outcome.errors == 0, "{said:?}");
+    assert_eq!(outcome.images, [image.clone()]);
+    assert_eq!(middle(&image), (32, 24, vec![0.25, 0.5, 1.0, 1.0]));
+}
+
+#[test]
+fn extra_outputs_and_crops() {
+    let folder = tempfile::tempdir().unwrap();
+    let (text, image) = scene(folder.path());
+    let extra = folder.path().join("extra.png");
+    let add = |name: &Path, data: &str| ExtraOutput {
+        name: name.to_str().unwrap().to_owned(),
+        format: None,
+        data: data.to_owned(),
+    };
+    let more = SessionOptions {
+        extra_outputs: vec![add(&extra, "rgba"), add(Path::new("x.nosuch"), "rgba")],
+        crop: Some([0.25, 0.75, 0.25, 0.75]),
+        ..options()
+    };
+    let (outcome, said) = run(&text, more);
+    assert_eq!(outcome.images, [image.clone(), extra.clone()]);
+    assert!(said.iter().any(|s| s.contains("nosuch")), "{said:?}");
+    let (w, h, rgba) = middle(&image);
+    assert_eq!((w, h, rgba[2]), (16, 12, 1.0));
+    assert_eq!(middle(&extra).0, 16);
+
+    // Without outputs of its own, the scene makes only the extra one.
+    let plain = text.lines().filter(|l| !l.starts_with("Output")).collect::<Vec<_>>().join("\n");
+    let only = SessionOptions { extra_outputs: vec![add(&extra, "first")], ..options() };
+    let (outcome, said) = run(&plain, only);
+    assert_eq!(outcome.images, [extra], "{said:?}");
+}
+
+#[test]
+fn inputs_are_found_on_the_path_in_text_and_in_programs() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("ball.pyg"), "Sphere (1, -1, 1, 360)\n").unwrap();
+    let (text, image) = scene(folder.path());
+    for input in
+        ["ball.pyg", "pyg ball.pyg", "pyg << Sphere (1, -1, 1, 360)", "pyg < echo 'Sphere (1, -1, 1, 360)'"]
+    {
+        let path = format!("Attribute (\"string path:input\", \"{}:&\")\n", folder.path().display());
+        let text = path + &text.replace("Sphere (1, -1, 1, 360)", &format!("Input (\"{input}\")"));
+        let (outcome, said) = run(&text, options());
+        assert!(outcome.complete && outcome.errors == 0, "{input}: {said:?}");
+        assert_eq!(middle(&image).2[3], 1.0, "{input}");
+    }
+    let (outcome, said) = run(&text.replace("Sphere (1, -1, 1, 360)", "Input (\"absent.pyg\")"), options());
+    assert_eq!(outcome.errors, 1);
+    assert!(said[0].contains("<test>:9") && said[0].contains("absent.pyg"), "{said:?}");
+}
+
+#[test]
+fn users_shaders_come_before_bundled_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = "surface constant () { C = color (1, 0, 0); }";
+    std::fs::write(folder.path().join("constant.gsl"), source).unwrap();
+    let (text, image) = scene(folder.path());
+    let path = format!("Attribute (\"string path:shader\", \"{}\")\n", folder.path().display());
+    let (_, said) = run(&(path.clone() + &text), options());
+    assert_eq!(middle(&image).2, [1.0, 0.0, 0.0, 1.0], "{said:?}");
+
+    let blue = "surface constant () { C = color (0, 0, 1); }";
+    let module = granita_gsl::compile(blue, "constant.gsl", &Default::default()).unwrap().module;
+    std::fs::write(folder.path().join("constant.gso"), granita_gsl::gso::write(&module, false)).unwrap();
+    let (_, said) = run(&(path + &text), options());
+    assert_eq!(middle(&image).2, [0.0, 0.0, 1.0, 1.0], "{said:?}");
+
+    let (outcome, said) = run(&text.replace("\"constant\"", "\"nosuchshader\""), options());
+    assert!(outcome.complete && said.iter().any(|s| s.contains("nosuchshader")), "{said:?}");
+}
+
+#[test]
+fn startup_files_come_first_and_missing_scenes_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join(".gelato.pyg"), "Attribute (\"int[2] resolution\", (8, 8))\n").unwrap();
+    let (text, image) = scene(folder.path());
+    let text = text.replace("Attribute (\"int[2] resolution\", (32, 24))\n", "");
+    let mut environment = Environment::empty();
+    environment.set("HOME", folder.path().to_str().unwrap());
+    let with_startup = SessionOptions { environment, ..SessionOptions::default() };
+    run(&text, with_startup);
+    assert_eq!(middle(&image).0, 8);
+
+    let mut session = Session::new(options(), Reporter::silent(), Default::default());
+    let error = session.read_file("nosuchscene.pyg").unwrap_err();
+    assert!(matches!(error, SessionError::Missing { .. }));
+    assert!(error.to_string().contains("nosuchscene.pyg"));
+    assert!(!session.finish().rendered);
+}
+
+#[test]
+fn a_scene_may_end_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let (text, image) = scene(folder.path());
+    let (outcome, _) = run(&text.replace("Render ()", "Command (\"exit\")\nRender ()"), options());
+    assert!(!outcome.rendered && !image.exists());
+}
+
+#[test]
+fn a_pass_for_shadows_writes_a_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = folder.path().join("shadow.sm");
+    let text = format!(
+        r#"
+Output ("{}", "shadow", "z", "main")
+Attribute ("int[2] resolution", (64, 64))
+Camera ("main")
+World ()
+Translate (0, 0, 3)
+Sphere (1, -1, 1, 360)
+Render ()
+"#,
+        map.display()
+    );
+    let (outcome, said) = run(&text, options());
+    assert!(outcome.complete && outcome.errors == 0, "{said:?}");
+    let (w, _, z) = middle(&map);
+    assert_eq!(w, 64);
+    assert!((z[0] - 2.0).abs() < 0.01, "{z:?}");
+    let image = granita_plugin::bundled_formats(Limits::default()).open(&map).unwrap();
+    let spec = image.spec(0, 0).unwrap();
+    assert!(spec.is_tiled());
+    let clip = granita_base::Transform::from_rows(&spec.matrix("worldtoscreen").unwrap());
+    let p = clip.point(granita_base::Vec3::new(2.0, -1.0, 2.0));
+    assert!((p.x - 1.0).abs() < 1e-5 && (p.y + 0.5).abs() < 1e-5, "{p}");
+}
