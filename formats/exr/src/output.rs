@@ -237,7 +237,7 @@ impl ImageOutput for ExrOutput {
         let count = pixels.len() / row;
         let next_y = self.tiles.as_ref().map_or(self.next_y, TileRows::next_y);
         let left = self.spec.height - next_y;
-        if pixels.len() % row != 0 || count > left as usize {
+        if !pixels.len().is_multiple_of(row) || count > left as usize {
             let n = pixels.len();
             return Err(self.misuse(format!(
                 "{n} values are no whole rows of {row}, or more than the {left} rows left"

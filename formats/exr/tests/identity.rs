@@ -1,4 +1,5 @@
 //! What is written comes back: every type, size, tile size and compression that keeps its values.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use granita_base::{Param, Params};
 use granita_exr::ExrFormat;
@@ -275,4 +276,20 @@ fn files_of_other_writers() {
 
 fn smallvec_of<T>(list: Vec<T>) -> exr::prelude::SmallVec<[T; 2]> {
     exr::prelude::SmallVec::from_vec(list)
+}
+
+#[test]
+fn the_reference_implementation_reads_ours() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.exr");
+    write(&path, &pyramid(100, 60, 4, PixelType::Half, 64), 60);
+    let Ok(run) = std::process::Command::new("exrheader").arg(&path).output() else {
+        eprintln!("exrheader is not installed: nothing compared");
+        return;
+    };
+    let text = String::from_utf8_lossy(&run.stdout);
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    for line in ["dataWindow (type box2i): (0 0) - (99 59)", "mip-map", "tile size 64 by 64 pixels"] {
+        assert!(text.contains(line), "{text}");
+    }
 }

@@ -202,7 +202,7 @@ impl Format for PlainFormat {
             format!("{} is not written", self.title)
         } else if !self.types.contains(&spec.pixel_type) {
             format!("{} does not hold {:?} values", self.title, spec.pixel_type)
-        } else if !self.channels.contains(&n) && !(self.drops_alpha && matches!(n, 2 | 4)) {
+        } else if !(self.channels.contains(&n) || self.drops_alpha && matches!(n, 2 | 4)) {
             format!("{} does not hold {n} channels", self.title)
         } else {
             return Ok(Box::new(WholeOutput::create(path, spec, self.encode)?));
@@ -333,8 +333,8 @@ fn encode_pnm(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result
 fn encode_hdr(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result<()> {
     let n = spec.nchannels();
     let floats = pixels.to_floats();
-    // Grey spreads over the three colours; RGBE holds neither negative numbers nor NaN.
-    let channel = |p: &[f32], c: usize| p[if n >= 3 { c } else { 0 }].max(0.0).min(f32::MAX);
+    // RGBE holds neither negative numbers nor NaN, and nothing from 2^127 on.
+    let channel = |p: &[f32], c: usize| if p[c] > 0.0 { p[c].min(1e38) } else { 0.0 };
     let rgb: Vec<_> =
         floats.chunks_exact(n).map(|p| image::Rgb([channel(p, 0), channel(p, 1), channel(p, 2)])).collect();
     let path = file.path().to_owned();

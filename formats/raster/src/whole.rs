@@ -196,7 +196,7 @@ impl ImageOutput for WholeOutput {
             let (got, wanted) = (pixels.pixel_type(), self.spec.pixel_type);
             return Err(self.misuse(format!("pixels of type {got:?} for a file of {wanted:?}")));
         }
-        if pixels.len() % row != 0 || pixels.len() > self.pixels.len() - self.filled {
+        if !pixels.len().is_multiple_of(row) || pixels.len() > self.pixels.len() - self.filled {
             let left = (self.pixels.len() - self.filled) / row;
             let what = format!(
                 "{} values are no whole rows of {row}, or more than the {left} rows left",

@@ -1,4 +1,5 @@
 //! What is written comes back; what is damaged is refused.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use granita_base::Param;
 use granita_image::{CreateOptions, Format, ImageError, ImageSpec, Limits, PixelType, Pixels};
@@ -92,12 +93,19 @@ fn lossy_formats_come_close() {
     }
     let path = dir.path().join("a.hdr");
     let spec = ImageSpec::new(40, 30, 3, PixelType::Float);
-    let pixels = Pixels::Float((0..3600).map(|i| 0.01 * 1.003f32.powi(i)).collect());
+    let mut pixels = Pixels::Float((0..3600).map(|i| 0.01 * 1.003f32.powi(i)).collect());
     write(&path, &*format("hdr"), &spec, &pixels, 7);
     let got = format("hdr").open(&path, &Limits::default()).unwrap().read_level(0, 0).unwrap();
     for i in 0..3600 {
         assert!((got.get(i) / pixels.get(i) - 1.0).abs() < 0.02, "{i}: {} {}", got.get(i), pixels.get(i));
     }
+    if let Pixels::Float(v) = &mut pixels {
+        v[..5].copy_from_slice(&[f32::NAN, -1.0, 0.0, f32::INFINITY, f32::MAX]);
+    }
+    write(&path, &*format("hdr"), &spec, &pixels, 30);
+    let got = format("hdr").open(&path, &Limits::default()).unwrap().read_level(0, 0).unwrap();
+    assert_eq!([got.get(0), got.get(1), got.get(2)], [0.0; 3]);
+    assert!(got.get(3) > 9e37 && got.get(3).is_finite() && got.get(4) == got.get(3));
 }
 
 #[test]

@@ -15,7 +15,7 @@
 //!
 //! **Attributes when writing** (reference 7.4.1): `compression` ("none", "lzw", "zip" or "deflate", and
 //! "packbits"; the default is "zip"), `rowsperstrip` (default 32), `planarconfig`, `ImageDescription`,
-//! `DocumentName`, `Artist`, `copyright`, `software`. No date is written: the same picture gives the
+//! `DocumentName`, `Artist`, `copyright`, `software`, and `bigtiff` (int; 1 asks for 64-bit offsets). No date is written: the same picture gives the
 //! same bytes.
 //!
 //! Invariants: one tile is read by one positioned read, from any thread, without touching the rest;
@@ -76,7 +76,10 @@ impl Format for TiffFormat {
     }
 
     fn supports(&self, feature: &str) -> bool {
-        matches!(feature, "write" | "tiles" | "levels" | "half" | "float" | "u16" | "u32" | "channels" | "alpha")
+        matches!(
+            feature,
+            "write" | "tiles" | "levels" | "half" | "float" | "u16" | "u32" | "channels" | "alpha"
+        )
     }
 
     fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {

@@ -162,7 +162,8 @@ impl TiffOutput {
             .saturating_mul((options.spec.nchannels() * options.spec.pixel_type.bytes()) as u64);
         let first = options.spec.bytes().unwrap_or(u64::MAX).max(padded);
         let all = if options.levels > 1 { first.saturating_mul(2) } else { first };
-        let big_tiff = all.saturating_add(all / 16) > u64::from(u32::MAX) - (1 << 20);
+        let forced = options.spec.attributes.int("bigtiff").unwrap_or(0) != 0;
+        let big_tiff = forced || all.saturating_add(all / 16) > u64::from(u32::MAX) - (1 << 20);
         let mut file = AtomicFile::create(path)?;
         let header: &[u8] =
             if big_tiff { b"II\x2b\0\x08\0\0\0\0\0\0\0\0\0\0\0" } else { b"II\x2a\0\0\0\0\0" };
@@ -376,7 +377,7 @@ impl ImageOutput for TiffOutput {
             Rows::Strip { next_y, .. } => *next_y,
             Rows::Tiles(rows) => rows.as_ref().map_or(0, TileRows::next_y),
         };
-        if pixels.len() % row != 0 || count > (spec.height - next_y) as usize {
+        if !pixels.len().is_multiple_of(row) || count > (spec.height - next_y) as usize {
             let what = format!(
                 "{} values are no whole rows of {row}, or more than the {} rows left",
                 pixels.len(),

@@ -1,4 +1,5 @@
 //! What is written comes back: every type, size, tile size, compression and planar configuration.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use granita_base::{Param, Params};
 use granita_image::{CreateOptions, Format, ImageSpec, Limits, PixelType, Pixels};
@@ -61,7 +62,7 @@ proptest! {
         pixel_type in prop::sample::select(&TYPES[..]),
         tile in prop::sample::select(vec![0u32, 8, 16, 48, 64]),
         compression in prop::sample::select(vec!["none", "lzw", "zip", "deflate", "packbits"]),
-        separate in any::<bool>(),
+        (separate, big) in any::<(bool, bool)>(),
         (rows_per_strip, rows_at_once) in (1i32..80, 1u32..80),
     ) {
         let dir = tempfile::tempdir().unwrap();
@@ -71,9 +72,11 @@ proptest! {
         string(&mut spec.attributes, "compression", compression);
         string(&mut spec.attributes, "planarconfig", if separate { "separate" } else { "contig" });
         spec.attributes.set(Param::declared("int rowsperstrip", rows_per_strip).unwrap());
+        spec.attributes.set(Param::declared("int bigtiff", i32::from(big)).unwrap());
         let all = write(&path, &[spec.clone()], rows_at_once);
         let input = TiffFormat.open(&path, &Limits::default()).unwrap();
         prop_assert_eq!((input.images(), input.levels(0)), (1, 1));
+        prop_assert_eq!(std::fs::read(&path).unwrap()[2], if big { 43 } else { 42 });
         let got = input.spec(0, 0).unwrap();
         prop_assert_eq!(&got.channels, &spec.channels);
         prop_assert_eq!(got.pixel_type, pixel_type);

@@ -223,14 +223,17 @@ impl FormatRegistry {
         let io = |source| ImageError::Io { path: path.to_owned(), source };
         let mut head = Vec::with_capacity(64);
         std::fs::File::open(path).map_err(io)?.take(64).read_to_end(&mut head).map_err(io)?;
+        if head.is_empty() {
+            return Err(ImageError::Unsupported {
+                path: path.to_owned(),
+                what: "the file is empty".to_owned(),
+            });
+        }
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
         let format = (self.formats.iter().find(|f| f.recognizes(&head)))
             .or_else(|| self.formats.iter().find(|f| f.extensions().contains(&extension.as_str())));
         match format {
             Some(format) => format.open(path, &self.limits),
-            None if head.is_empty() => {
-                Err(ImageError::Unsupported { path: path.to_owned(), what: "the file is empty".to_owned() })
-            }
             None => Err(ImageError::Unsupported {
                 path: path.to_owned(),
                 what: format!("not an image of a known format ({})", self.names().join(", ")),

@@ -1,0 +1,114 @@
+//! The bundled formats together: names, opening by content, what rendered outputs become.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use granita_base::{Param, Params};
+use granita_image::{
+    CreateOptions, FormatRegistry, ImageError, ImageSpec, Limits, PixelType, Placement, Quantize,
+};
+use granita_plugin::bundled_formats;
+
+fn registry() -> FormatRegistry {
+    bundled_formats(Limits::default())
+}
+
+#[test]
+fn names_of_the_reference_and_extensions_find_formats() {
+    let all = registry();
+    for (name, format) in [
+        ("tiff", "tiff"),
+        ("tif", "tiff"),
+        ("shadow", "shadow"),
+        ("OpenEXR", "exr"),
+        ("exr", "exr"),
+        ("jpg", "jpeg"),
+        ("png", "png"),
+        ("bmp", "bmp"),
+        ("tga", "tga"),
+        ("TIFF", "tiff"),
+    ] {
+        assert_eq!(all.by_name(name).map(|f| f.name()), Some(format), "{name}");
+    }
+    assert!(all.by_name("xyz").is_none());
+    let mut names = all.names();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), all.formats().len());
+}
+
+#[test]
+fn rendered_pixels_go_through_every_format_and_are_opened_by_content() {
+    let dir = tempfile::tempdir().unwrap();
+    let all = registry();
+    let values: Vec<f32> = (0..20 * 10 * 3).map(|i| (i % 60) as f32 / 60.0).collect();
+    let mut params = Params::new();
+    params.set(Param::declared("float dither", 0.0).unwrap());
+    for format in all.formats().iter().filter(|f| f.supports("write")) {
+        let (quantize, pixel_type) = Quantize::for_output(&**format, &params);
+        let expected = match format.name() {
+            "shadow" | "hdr" | "pfm" => PixelType::Float,
+            "exr" => PixelType::Half,
+            _ => PixelType::U8,
+        };
+        assert_eq!(pixel_type, expected, "{}", format.name());
+        let spec = ImageSpec::new(20, 10, 3, pixel_type);
+        // Targa has no mark to be known by; the others are found under a wrong name.
+        let name = if format.name() == "tga" { "a.tga" } else { "picture.dat" };
+        let path = dir.path().join(name);
+        let mut out = all.create(&path, format.name(), &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+        let place = Placement { x: 0, y: 0, width: 20, nchannels: 3, alpha: None };
+        out.write_rows(&quantize.apply(&values, &place, pixel_type)).unwrap();
+        out.close().unwrap();
+        let input = all.open(&path).unwrap();
+        let read_by = if format.name() == "shadow" { "tiff" } else { format.name() };
+        assert_eq!(input.format_name(), read_by);
+        let got = input.read_level(0, 0).unwrap();
+        for (i, v) in values.iter().enumerate() {
+            let d = (got.get(i) - v).abs();
+            assert!(d < 0.1, "{}: value {i} is off by {d}", format.name());
+        }
+    }
+}
+
+#[test]
+fn types_that_a_format_lacks_are_replaced() {
+    let all = registry();
+    let stored = |format: &str, levels: [i32; 4]| {
+        let mut params = Params::new();
+        params.set(Param::declared("int[4] quantize", &levels[..]).unwrap());
+        let (quantize, pixel_type) = Quantize::for_output(&**all.by_name(format).unwrap(), &params);
+        assert!(quantize.pixel_type() == pixel_type || pixel_type == PixelType::Half);
+        pixel_type
+    };
+    assert_eq!(stored("tiff", [0, 65535, 0, 65535]), PixelType::U16);
+    assert_eq!(stored("tiff", [0; 4]), PixelType::Float);
+    assert_eq!(stored("png", [0; 4]), PixelType::U16);
+    assert_eq!(stored("tga", [0, 65535, 0, 65535]), PixelType::U8);
+    assert_eq!(stored("shadow", [0, 255, 0, 255]), PixelType::Float);
+    assert_eq!(stored("OpenEXR", [0, 255, 0, 255]), PixelType::Half);
+}
+
+#[test]
+fn errors_help() {
+    let dir = tempfile::tempdir().unwrap();
+    let all = registry();
+    let open = |name: &str, bytes: &[u8]| {
+        let path = dir.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        match all.open(&path) {
+            Ok(_) => panic!("{name}"),
+            Err(error) => error.to_string(),
+        }
+    };
+    assert!(open("empty.tif", b"").ends_with("empty.tif: the file is empty"));
+    let error = open("scene.pyg", b"Parameter (\"x\")");
+    assert!(error.contains("not an image of a known format (tiff, shadow, exr"), "{error}");
+    let error = open("text.tif", b"not an image at all");
+    assert!(error.contains("text.tif: malformed TIFF"), "{error}");
+    let error = all.open(&dir.path().join("none.tif")).err().unwrap();
+    assert!(matches!(error, ImageError::Io { .. }) && error.to_string().contains("none.tif"));
+    assert!(all.open(dir.path()).is_err());
+    let spec = ImageSpec::new(1, 1, 1, PixelType::U8);
+    let options = CreateOptions { spec: &spec, levels: 1 };
+    let error = all.create(&dir.path().join("a"), "xyz", &options).err().unwrap().to_string();
+    assert!(error.contains("unknown image format \"xyz\" (known: tiff"), "{error}");
+}
