@@ -198,11 +198,12 @@ impl Format for PlainFormat {
     fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
         let spec = options.spec;
         let n = spec.nchannels();
+        let drops_alpha = self.drops_alpha && matches!(n, 2 | 4) && self.channels.contains(&(n - 1));
         let fault = if self.types.is_empty() {
             format!("{} is not written", self.title)
         } else if !self.types.contains(&spec.pixel_type) {
             format!("{} does not hold {:?} values", self.title, spec.pixel_type)
-        } else if !(self.channels.contains(&n) || self.drops_alpha && matches!(n, 2 | 4)) {
+        } else if !(self.channels.contains(&n) || drops_alpha) {
             format!("{} does not hold {n} channels", self.title)
         } else {
             return Ok(Box::new(WholeOutput::create(path, spec, self.encode)?));

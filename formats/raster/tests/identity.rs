@@ -120,6 +120,8 @@ fn what_a_format_cannot_hold_is_refused_by_name() {
         ("hdr", 3, PixelType::U8, "U8"),
         ("gif", 3, PixelType::U8, "not written"),
         ("pfm", 4, PixelType::Float, "4"),
+        ("hdr", 2, PixelType::Float, "2"),
+        ("qoi", 2, PixelType::U8, "2"),
     ] {
         let spec = ImageSpec::new(4, 4, n, pixel_type);
         let result = format(name).create(&path, &CreateOptions { spec: &spec, levels: 1 });
