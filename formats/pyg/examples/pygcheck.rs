@@ -1,4 +1,5 @@
 //! Reads Pyg files into the state machine and tells what came of it, and how fast.
+#![allow(clippy::print_stdout, reason = "telling is what it is for")]
 
 use granita_base::{Location, Param, Params, Reporter};
 use granita_pyg::{PygOptions, PygSource, read};

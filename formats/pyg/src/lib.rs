@@ -1,13 +1,39 @@
 //! Pyg scene files (reference chapter 3): the reader and the writer.
+//!
+//! Pyg is Python with a function for every call of the scene interface. Nearly all of it in practice is
+//! *flat*: calls with constant arguments, one behind the other, perhaps with binary arrays. [`read`] takes
+//! flat statements by itself, as fast as the numbers can be read and without holding more than one statement
+//! in memory. Anything else (`def`, `for`, a variable ...) is cut out statement by statement and executed by
+//! a child `python3`, which sends its calls back; flat statements between them still need no Python. A
+//! scene without such statements needs none at all.
+//!
+//! Beyond the flat subset of the reference, arithmetic between constants (`1.0/48`, `[0]*3`), nested
+//! sequences, numbers side by side where a sequence belongs, and indented statements are read.
+//!
+//! [`Writer`] is the way back: a [`granita_scene::SceneSink`] that writes every call as flat, ASCII Pyg whose
+//! numbers read back to the same bits.
+//!
+//! ```
+//! use granita_base::Reporter;
+//! use granita_pyg::{PygOptions, PygSource, Writer, read};
+//! let mut writer = Writer::new(Vec::new());
+//! let text = b"Translate ([0, 1.0/4, 2]) # up\nSphere(1,-1,1,360)".to_vec();
+//! let source = PygSource::Bytes { name: "<example>".into(), bytes: text };
+//! read(source, &mut writer, &PygOptions::default(), &Reporter::silent())?;
+//! assert_eq!(writer.into_inner()?, b"Translate (0, 0.25, 2)\nSphere (1, -1, 1, 360)\n");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod bytes;
 mod calls;
 mod flat;
 mod input;
 mod names;
+mod number;
 mod python;
 mod read;
 mod script;
+mod text;
 mod value;
 mod write;
 

@@ -27,7 +27,7 @@ pub(crate) enum Event {
     /// The piece ended with an exception.
     Error { line: u32, kind: String, text: String, name: String },
     /// The script left by `sys.exit`.
-    Exit { code: i32, text: String },
+    Exit { line: u32, code: i32, text: String },
 }
 
 /// A running interpreter.
@@ -205,8 +205,9 @@ impl Frame<'_> {
                 name: self.text()?,
             },
             b'Q' => Event::Exit {
+                line: self.word()?,
                 code: self.array().map(i32::from_le_bytes)?,
-                text: if self.0.is_empty() { String::new() } else { self.text()? },
+                text: self.text()?,
             },
             _ => return None,
         })

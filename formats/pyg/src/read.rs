@@ -347,7 +347,7 @@ impl Reader<'_> {
                     let what = format!("{kind}: {text}{hint}");
                     return Err(PygError::Malformed { what, at: Location::line(&self.file, line) });
                 }
-                Event::Exit { code, text } => {
+                Event::Exit { line, code, text } => {
                     self.say_rest(printed);
                     if code == 0 {
                         return Ok(Next::End);

@@ -2,7 +2,7 @@
 #
 # Frames on both pipes: one byte kind, four bytes length, payload; numbers are little endian.
 # In:  I file name | X line, source | G value (answer to A)
-# Out: C line, name, arguments | A declaration | P text | D rebound | E line, kind, text, name | Q code, text
+# Out: C line, name, arguments | A declaration | P text | D rebound | E line, kind, text, name | Q line, code, text
 
 
 def _granita_main():
@@ -193,12 +193,16 @@ def _granita_main():
     sys.argv = [file]
     sys.path[0:1] = [os.path.dirname(os.path.abspath(file)) if os.path.exists(file) else ""]
 
-    def report(error):
+    def place(error):
         line, where = 0, error.__traceback__
         while where is not None:
             if where.tb_frame.f_code.co_filename == file:
                 line = where.tb_lineno
             where = where.tb_next
+        return line
+
+    def report(error):
+        line = place(error)
         what = str(error)
         if isinstance(error, SyntaxError) and error.filename == file:
             line, what = error.lineno or 0, error.msg
@@ -226,10 +230,9 @@ def _granita_main():
             send(b"D", b"\1" if rebound else b"\0")
         except SystemExit as leave:
             code = leave.code
-            if code is None or isinstance(code, int):
-                send(b"Q", struct.pack("<i", code or 0))
-            else:
-                send(b"Q", struct.pack("<i", 1) + text(str(code)))
+            number = code or 0 if code is None or isinstance(code, int) else 1
+            words = "" if code is None or isinstance(code, int) else str(code)
+            send(b"Q", struct.pack("<Ii", place(leave), max(min(number, 255), -255)) + text(words))
         except BaseException as error:
             report(error)
         sink.flush()

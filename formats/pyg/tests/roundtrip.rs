@@ -1,4 +1,5 @@
 //! Calls -> text -> the same calls; and the reader against everything that is no scene.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
 use granita_base::shape::KnotSpan;
 use granita_base::{

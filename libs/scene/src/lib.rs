@@ -1,4 +1,51 @@
-//! The API calls as data, the attribute state, the finished scene.
+//! The scene interface: its calls as data, the attribute state, the finished scene.
+//!
+//! Readers, generators and bindings produce [`Call`]s; whatever takes them is a [`SceneSink`]: the live
+//! [`State`], the Pyg writer, a recorder. [`State`] is the graphics state machine of reference chapter 2. At
+//! `Render` it freezes everything into an immutable [`Scene`] and hands it to a [`FrameRenderer`].
+//!
+//! Invariants of a [`Scene`]: all transformations lead to world space; there is at least one camera and one
+//! output; every [`LightId`] is an index into its lights; positions are finite; parameters have the data
+//! that their types declare (how many items a primitive needs is checked by `geom`). Attribute names and
+//! types are those of the table in [`attribute`], the only place where a default stands.
+//!
+//! Mistakes of a scene are told once per cause, with file, line and object name, and the call is ignored or
+//! taken as far as it makes sense; no sequence of calls panics. Deliberately absent: file formats, shaders
+//! and their parameters, pictures. Not here yet: inputs with a bound are read at once, not when needed.
+//!
+//! ```
+//! use granita_base::{Location, Param, Params, Reporter, ShapeDesc};
+//! use granita_scene::{Call, FrameRenderer, InputReader, Scene, SceneSink, State, Stop};
+//! use std::sync::Arc;
+//!
+//! struct Count;
+//! impl FrameRenderer for Count {
+//!     fn render(&mut self, scene: Arc<Scene>, _: Option<&str>) -> Result<(), Stop> {
+//!         assert_eq!(scene.primitives.len(), 1);
+//!         assert_eq!(scene.primitives[0].attributes.float("shadingquality"), 0.5);
+//!         Ok(())
+//!     }
+//!     fn command(&mut self, _: &str, _: &Params, _: &Location) -> Result<bool, Stop> {
+//!         Ok(false)
+//!     }
+//!     fn input(&mut self, _: &str, _: &str, _: &Location) -> Result<Option<InputReader>, Stop> {
+//!         Ok(None)
+//!     }
+//! }
+//!
+//! let mut state = State::new(Box::new(Count), Reporter::silent());
+//! let at = Location::default();
+//! let sphere = ShapeDesc::Sphere { radius: 1.0, zmin: -1.0, zmax: 1.0, thetamax_deg: 360.0 };
+//! for call in [
+//!     Call::World,
+//!     Call::Attribute(Param::declared("float shadingquality", 0.5)?),
+//!     Call::Shape { shape: Box::new(sphere), params: Params::new() },
+//!     Call::Render { camera: None },
+//! ] {
+//!     state.call(call, &at)?;
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod attribute;
 mod call;

@@ -1,4 +1,5 @@
 //! The state machine from outside: calls in, scene and messages out.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
 use granita_base::{
     BaseType, Location, Param, ParamData, Params, Reporter, ShapeDesc, Transform, TrimDesc, Vec3,
@@ -10,7 +11,10 @@ use std::sync::{Arc, Mutex};
 
 /// Keeps the scenes that it is given.
 #[derive(Clone, Default)]
-struct Keeper(Arc<Mutex<Vec<(Arc<Scene>, Option<String>)>>>);
+struct Keeper(Arc<Mutex<Vec<Rendered>>>);
+
+/// A scene and the camera asked for.
+type Rendered = (Arc<Scene>, Option<String>);
 
 impl FrameRenderer for Keeper {
     fn render(&mut self, scene: Arc<Scene>, camera: Option<&str>) -> Result<(), Stop> {

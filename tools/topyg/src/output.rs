@@ -32,7 +32,7 @@ impl Output {
             Self::Standard(out) => out.flush(),
             Self::File { file, beside, path, finished } => {
                 file.sync_all()?;
-                std::fs::rename(&beside, &path)?;
+                std::fs::rename(&*beside, &*path)?;
                 *finished = true;
                 Ok(())
             }

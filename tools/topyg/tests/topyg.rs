@@ -1,4 +1,5 @@
 //! The tool from outside.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};

@@ -1,0 +1,403 @@
+//! The reader: spellings, places of mistakes, scripts.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
+
+use granita_base::{Location, Param, ParamData, Params, Reporter, ShapeDesc};
+use granita_pyg::{Chunking, PygError, PygOptions, PygSource, read};
+use granita_scene::{Call, SceneSink, Stop};
+use std::path::PathBuf;
+
+#[derive(Default)]
+struct Recorder {
+    calls: Vec<(u32, Call)>,
+    stop_at: Option<usize>,
+}
+
+impl SceneSink for Recorder {
+    fn call(&mut self, call: Call, at: &Location) -> Result<(), Stop> {
+        self.calls.push((at.line, call));
+        if self.stop_at == Some(self.calls.len()) { Err(Stop::Exit) } else { Ok(()) }
+    }
+
+    fn attribute(&self, declaration: &str) -> Option<Param> {
+        match declaration {
+            "int[2] resolution" => Some(Param::declared(declaration, &[640, 480][..]).unwrap()),
+            "float fov" => Some(Param::declared(declaration, 45.5).unwrap()),
+            "string name" => Some(Param::declared(declaration, "b\u{e9}ta").unwrap()),
+            _ => None,
+        }
+    }
+}
+
+struct Outcome {
+    calls: Vec<(u32, Call)>,
+    told: Vec<String>,
+    error: Option<PygError>,
+}
+
+impl Outcome {
+    fn lines(&self) -> Vec<(u32, &'static str)> {
+        self.calls.iter().map(|(line, call)| (*line, call.name())).collect()
+    }
+
+    fn error(&self) -> String {
+        self.error.as_ref().unwrap().to_string()
+    }
+}
+
+fn read_with(text: &[u8], options: &PygOptions) -> Outcome {
+    let (reporter, messages) = Reporter::collecting();
+    let mut recorder = Recorder::default();
+    let source = PygSource::Bytes { name: "t.pyg".into(), bytes: text.to_vec() };
+    let error = read(source, &mut recorder, options, &reporter).err();
+    let told = messages.lock().unwrap().iter().map(ToString::to_string).collect();
+    Outcome { calls: recorder.calls, told, error }
+}
+
+/// Flat text, without messages.
+fn flat(text: &str) -> Vec<Call> {
+    let got = read_with(text.as_bytes(), &PygOptions { always_pyglet: true, ..PygOptions::default() });
+    assert!(got.error.is_none() && got.told.is_empty(), "{:?} {:?}", got.told, got.error);
+    got.calls.into_iter().map(|(_, c)| c).collect()
+}
+
+/// Whether scripts can be tested here at all.
+fn has_python() -> bool {
+    std::process::Command::new("python3").arg("--version").output().is_ok_and(|o| o.status.success())
+}
+
+fn script(text: &str) -> Option<Outcome> {
+    has_python().then(|| read_with(text.as_bytes(), &PygOptions::default()))
+}
+
+#[test]
+fn spellings_of_one_thing() {
+    let want = flat("Translate (1, 2, 3)");
+    for text in [
+        "Translate(1,2,3)",
+        "Translate ((1, 2, 3))",
+        "Translate ([1.0, 2.0, 3e0])",
+        "Translate (1,\n  2, # two\n  3,\n)",
+        "Translate \\\n  (1, 2, 3);",
+        "GelatoRenderer.Translate (1, 2, 3)",
+        "gelato . Translate (+1, 4/2, 1.5*2)",
+        "  Translate ((0.5 + 0.5), 3 - 1, -(-3))",
+        "\u{feff}Translate (1, 2, 3)",
+        "from gelato import *\nimport gelato\nTranslate (1, 2, 3)\r\n",
+        "\"\"\"A scene.\n\"\"\"\n\npass\nTranslate ([1], (2, [3]))",
+        "\t# c\n\n;Translate (0x1, 2, 3)",
+    ] {
+        assert_eq!(flat(text), want, "{text:?}");
+    }
+    let want = flat("Attribute ('float[4] x', (0, 0, 1.5, 1.5))");
+    assert_eq!(flat("Attribute ('float[4] x', [0]*2 + 2*[1.5])"), want);
+    let want = flat("Attribute (\"string name\", 'it\\'s\\ta \\\\')");
+    for text in [
+        "Attribute ('string name', \"it's\ta \\\\\")",
+        "Attribute (\"string name\", r\"it's\" '\\x09' \"a \\134\")",
+        "Attribute ('''string \\\nname''', \"\"\"it's\ta \\u005c\"\"\")",
+    ] {
+        assert_eq!(flat(text), want, "{text:?}");
+    }
+}
+
+#[test]
+fn matrices_as_exporters_write_them() {
+    let numbers = "1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, -6, 4.6, 1.0";
+    let want = flat(&format!("SetTransform (({numbers}))"));
+    assert_eq!(flat(&format!("SetTransform ({numbers})")), want);
+    assert_eq!(flat("SetTransform ([[1,0,0,0],[0,1,0,0],[0,0,1,0],[5,-6,4.6,1]])"), want);
+}
+
+#[test]
+fn layers_and_parameters() {
+    let shader = |text: &str| match &flat(text)[0] {
+        Call::Shader { name, layer, params, .. } | Call::Light { shader: name, layer, params, .. } => {
+            (name.as_deref().map(str::to_owned), layer.as_deref().map(str::to_owned), params.0.len())
+        }
+        other => panic!("{other:?}"),
+    };
+    let some = |s: &str| Some(s.to_owned());
+    assert_eq!(shader("Shader ('surface')"), (None, None, 0));
+    assert_eq!(shader("Shader ('surface', 'plastic')"), (some("plastic"), None, 0));
+    assert_eq!(shader("Shader ('surface', 'plastic', 'l1')"), (some("plastic"), some("l1"), 0));
+    assert_eq!(shader("Shader ('surface', 'plastic', 'float Kd', 1)"), (some("plastic"), None, 1));
+    assert_eq!(shader("Shader ('surface', 'p', 'l1', 'float Kd', 1, 'Ks', 2)"), (some("p"), some("l1"), 2));
+    assert_eq!(shader("Light ('key', 'spot', 'l1', 'float i', 1)"), (some("spot"), some("l1"), 1));
+    assert_eq!(shader("Light ('key', 'null')"), (None, None, 0));
+    assert_eq!(shader("Light ('key', None)"), (None, None, 0));
+}
+
+#[test]
+fn types_of_values() {
+    let data = |text: &str| match &flat(text)[0] {
+        Call::Attribute(p) => p.data.clone(),
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(data("Attribute ('float a', 1)"), ParamData::from(1.0));
+    assert_eq!(data("Attribute ('a', 1)"), ParamData::from(1));
+    assert_eq!(data("Attribute ('a', 1.0)"), ParamData::from(1.0));
+    assert_eq!(data("Attribute ('a', (1, 2.5))"), ParamData::from(&[1.0, 2.5][..]));
+    assert_eq!(data("Attribute ('a', True)"), ParamData::from(1));
+    assert_eq!(data("Attribute ('a', 4294967296)"), ParamData::from(4_294_967_296.0_f32));
+    assert_eq!(data("Attribute ('string[1] a', ('x',))"), ParamData::from("x"));
+    // What a later point in the file says about integers does not change earlier ones.
+    assert_eq!(data("Attribute ('a', (16777217, 1))"), ParamData::from(&[16_777_217, 1][..]));
+    assert_eq!(data("Attribute ('float a', 1e999)"), ParamData::from(f32::INFINITY));
+}
+
+#[test]
+fn binary_arrays() {
+    let mut text = b"Attribute (\"float[2] a\", ".to_vec();
+    text.extend([0x82, 2, 0, 0, 0]);
+    text.extend(1.5f32.to_le_bytes());
+    // A line end and a bracket inside of the data.
+    text.extend([0x0a, 0x29, 0x0a, 0x41]);
+    text.extend(b")\nAttribute ('int[1] b', [");
+    text.extend([0x81, 0, 0, 0, 1, 0xff, 0xff, 0xff, 0xfe]);
+    text.extend(b"])\nWrold ()");
+    let got = read_with(&text, &PygOptions { always_pyglet: true, ..PygOptions::default() });
+    let data: Vec<_> = got.calls.iter().map(|(_, c)| c.clone()).collect();
+    let second = f32::from_le_bytes([0x0a, 0x29, 0x0a, 0x41]);
+    assert_eq!(data[0], Call::Attribute(Param::declared("float[2] a", &[1.5, second][..]).unwrap()));
+    assert_eq!(data[1], Call::Attribute(Param::declared("int[1] b", -2).unwrap()));
+    assert_eq!(got.told, ["t.pyg:3: error: unknown call \"Wrold\"; did you mean \"World\"?"]);
+    for cut in [5, 27, 30, 34] {
+        let got = read_with(&text[..cut], &PygOptions { always_pyglet: true, ..PygOptions::default() });
+        assert!(got.error.is_some(), "{cut}");
+    }
+}
+
+#[test]
+fn mistakes_of_single_calls() {
+    let table = [
+        ("Sphere (1, -1, 1)", "Sphere is called without thetamax"),
+        ("Sphere (1, -1, 1, 'a')", "Sphere wants a number for thetamax"),
+        ("Sphere (1, -1, 1, 360, 'float a')", "parameter \"float a\" has no value"),
+        ("Sphere (1, -1, 1, 360, 5, 6)", "wants the name of a parameter where a value stands"),
+        ("World (1)", "World has 1 arguments too many"),
+        ("Points (-1)", "wants a count for the number of points, not -1"),
+        ("Points (1.5)", "wants an integer"),
+        ("Mesh ('linear', (3,), (0, 1))", "Mesh has 2 vertex indices where its faces have 3"),
+        ("Mesh ('catmul-clark', (3,), (0, 1, 2))", "did you mean \"catmull-clark\"?"),
+        ("Patch ('bezeir', 4, 4)", "did you mean \"bezier\"?"),
+        ("Patch (4, 3, (0, 1), 0, 1, 2, 2, (0, 0, 1, 1), 0, 1)", "has 2 knots where 4 + 3 are needed"),
+        ("Attribute ('flaot x', 1)", "unknown type"),
+        ("Attribute ('x', None)", "has no value"),
+        ("SetTransform (1, 2)", "wants 16 numbers for the matrix, not 2"),
+        ("Input ('a', (1, 2))", "wants 6 numbers for the bound, not 2"),
+        ("TrimCurve ((1,))", "TrimCurve is called without n"),
+    ];
+    for (text, expected) in table {
+        let got = read_with(format!("\n{text}\nWorld ()").as_bytes(), &PygOptions::default());
+        assert_eq!(got.told.len(), 1, "{text}: {:?}", got.told);
+        assert!(
+            got.told[0].starts_with("t.pyg:2: error: ") && got.told[0].contains(expected),
+            "{:?}",
+            got.told
+        );
+        assert_eq!(got.lines(), [(3, "World")]);
+    }
+}
+
+#[test]
+fn lines_are_counted() {
+    let text =
+        "World ()\n\nMotion (0,\n 1)\n\"\"\"\n\n\"\"\"\n# c\nScale (1, 1, 1); Scale \\\n(1, 1, 1)\nRender ()";
+    let got = read_with(text.as_bytes(), &PygOptions::default());
+    assert_eq!(got.lines(), [(1, "World"), (3, "Motion"), (9, "Scale"), (9, "Scale"), (11, "Render")]);
+}
+
+#[test]
+fn scripts_need_permission_and_an_interpreter() {
+    let text = b"World ()\nx = 3\n";
+    let flat_only = PygOptions { always_pyglet: true, ..PygOptions::default() };
+    let got = read_with(text, &flat_only);
+    assert_eq!(
+        got.error(),
+        "t.pyg:2: \"x\" without arguments is not part of a flat scene, and only flat scenes are to be read"
+    );
+    assert_eq!(got.lines(), [(1, "World")]);
+    let safe = PygOptions { safe: true, ..PygOptions::default() };
+    assert!(read_with(text, &safe).error().contains("scripts are not to be run"));
+    let none = PygOptions { python: Some(PathBuf::from("/nonexistent/python3")), ..PygOptions::default() };
+    let told = read_with(text, &none).error();
+    assert!(told.starts_with("t.pyg:2: \"x\" without arguments makes this a Python script, but /nonexistent/python3 cannot be started"), "{told}");
+    // An interpreter that is none.
+    let wrong = PygOptions { python: Some(PathBuf::from("/bin/false")), ..PygOptions::default() };
+    assert!(read_with(text, &wrong).error.is_some());
+    assert!(matches!(
+        read(
+            PygSource::Path("/nonexistent.pyg".into()),
+            &mut Recorder::default(),
+            &safe,
+            &Reporter::silent()
+        ),
+        Err(PygError::Io { .. })
+    ));
+}
+
+#[test]
+fn statements_have_a_limit() {
+    let options = PygOptions { statement_limit: 1 << 20, always_pyglet: true, ..PygOptions::default() };
+    let long = format!("Attribute ('float[9] x', ({}))", "1, ".repeat(1_000_000));
+    assert!(matches!(read_with(long.as_bytes(), &options).error, Some(PygError::Io { .. })));
+    // Many short ones have none.
+    let many = "Sphere (1, -1, 1, 360)\n".repeat(100_000);
+    assert_eq!(read_with(many.as_bytes(), &options).calls.len(), 100_000);
+    // Nesting has one, too.
+    let deep = format!("Attribute ('x', {})", "(".repeat(100_000));
+    assert!(read_with(deep.as_bytes(), &options).error.is_some());
+    let minus = format!("Attribute ('x', {}1)", "-".repeat(100_000));
+    assert!(read_with(minus.as_bytes(), &options).error.is_some());
+}
+
+#[test]
+fn the_sink_can_stop() {
+    let mut recorder = Recorder { stop_at: Some(2), ..Recorder::default() };
+    let source = PygSource::Bytes { name: "t".into(), bytes: b"World ()\nWorld ()\nWorld ()".to_vec() };
+    let result = read(source, &mut recorder, &PygOptions::default(), &Reporter::silent());
+    assert!(matches!(result, Err(PygError::Stopped(Stop::Exit))));
+    assert_eq!(recorder.calls.len(), 2);
+}
+
+#[test]
+fn scripts_and_flat_statements_keep_their_order() {
+    let text = "Scale (1, 1, 1)\nfor i in range(3):\n    Translate (i, 0, 0)\n\n    # c\nScale (2, 2, 2)\ndef twice(n):\n    for _ in (1, 2):\n        Rotate(n, (0, 0, 1))\ntwice (10)\nScale (3, 3, 3)\n";
+    let Some(got) = script(text) else { return };
+    assert!(got.error.is_none(), "{:?}", got.error);
+    let want = [
+        (1, "Scale"),
+        (3, "Translate"),
+        (3, "Translate"),
+        (3, "Translate"),
+        (6, "Scale"),
+        (9, "Rotate"),
+        (9, "Rotate"),
+        (11, "Scale"),
+    ];
+    assert_eq!(got.lines(), want);
+    // All at once gives the same.
+    for options in [
+        PygOptions { chunking: Chunking::Never, ..PygOptions::default() },
+        PygOptions { never_pyglet: true, ..PygOptions::default() },
+    ] {
+        let again = read_with(text.as_bytes(), &options);
+        assert_eq!(again.calls, got.calls);
+    }
+}
+
+#[test]
+fn flat_and_python_pass_the_same_values() {
+    if !has_python() {
+        return;
+    }
+    let text = include_bytes!("values.pyg");
+    let flat = read_with(text, &PygOptions { always_pyglet: true, ..PygOptions::default() });
+    let python = read_with(text, &PygOptions { never_pyglet: true, ..PygOptions::default() });
+    assert!(flat.error.is_none() && python.error.is_none(), "{:?} {:?}", flat.error, python.error);
+    assert_eq!((flat.told.len(), python.told.len()), (0, 0), "{:?} {:?}", flat.told, python.told);
+    assert!(!flat.calls.is_empty());
+    for (a, b) in flat.calls.iter().zip(&python.calls) {
+        assert_eq!(a, b);
+    }
+    assert_eq!(flat.calls.len(), python.calls.len());
+}
+
+#[test]
+fn scripts_ask_and_print() {
+    let text = r#"
+import math
+x, y = GetAttribute ("int[2] resolution")
+assert (x, y) == (640, 480)
+assert GetAttribute ("float fov") == 45.5 and GetAttribute ("string name") == "b\u00e9ta"
+assert GelatoRenderer.GetAttribute ("float nothing") is None
+print ("first", x)
+print ("no end", end="")
+Sphere (math.sqrt (4), -1, 1, 360, "vertex color c", ((i, i, i) for i in xrange (2)))
+"#;
+    let Some(got) = script(text) else { return };
+    assert!(got.error.is_none(), "{:?}", got.error);
+    assert_eq!(got.told, ["first 640\n", "no end\n"]);
+    let Call::Shape { shape, params } = &got.calls[0].1 else { panic!() };
+    assert_eq!(**shape, ShapeDesc::Sphere { radius: 2.0, zmin: -1.0, zmax: 1.0, thetamax_deg: 360.0 });
+    let want: Params = [Param::declared("vertex color c", &[0.0, 0.0, 0.0, 1.0, 1.0, 1.0][..]).unwrap()]
+        .into_iter()
+        .collect();
+    assert_eq!(*params, want);
+}
+
+#[test]
+fn mistakes_of_scripts_have_their_line() {
+    let table = [
+        ("import math\nWorld ()\nmath.sqrt (-1)\nWorld ()", "t.pyg:3: ValueError: math domain error"),
+        ("def f():\n    return 1 / 0\n\nf ()", "t.pyg:2: ZeroDivisionError: division by zero"),
+        ("x = 1\n\n\nif x\n  pass", "t.pyg:4: SyntaxError"),
+        (
+            "x = 1\nSphre (1, -1, 1, 360)",
+            "t.pyg:2: NameError: name 'Sphre' is not defined; did you mean \"Sphere\"?",
+        ),
+        ("import sys\nsys.exit ('enough')", "t.pyg:2: enough"),
+        ("import sys\nsys.exit (3)", "t.pyg:2: the script ended with 3"),
+        ("x = {}\nTranslate (x['a'], 0, 0)", "t.pyg:2: KeyError: 'a'"),
+        ("x = object ()\nTranslate (x, 0, 0)", "t.pyg:2: TypeError: cannot pass a value of type object"),
+        ("import os\nos._exit (7)", "t.pyg:1: the interpreter ended early"),
+    ];
+    for (text, expected) in table {
+        let Some(got) = script(text) else { return };
+        assert!(got.error().starts_with(expected), "{text}: {}", got.error());
+    }
+    // Leaving without a complaint is the end of the file.
+    let Some(got) = script("import sys\nWorld ()\nsys.exit ()\nWorld ()") else { return };
+    assert!(got.error.is_none());
+    assert_eq!(got.lines(), [(2, "World")]);
+    // Mistakes of single calls do not stop a script.
+    let Some(got) = script("for i in range (2):\n  Sphere (i)\nWorld ()") else { return };
+    assert_eq!(got.told.len(), 2);
+    assert_eq!(got.lines(), [(3, "World")]);
+}
+
+#[test]
+fn scripts_may_rename_calls() {
+    let text = "x = 2\nOld = Sphere\ndef Sphere(r):\n    Old (r, -r, r, 360)\nSphere (1)\nSphere (x)\n";
+    let Some(got) = script(text) else { return };
+    assert!(got.error.is_none(), "{:?}", got.error);
+    assert_eq!(got.lines(), [(4, "Sphere"), (4, "Sphere")]);
+}
+
+#[test]
+fn programs_that_scripts_run_do_not_disturb() {
+    let text =
+        "import os, sys\nos.system ('cat; echo loud 1>&2')\nassert sys.stdin.read () == ''\nWorld ()\n";
+    let Some(got) = script(text) else { return };
+    assert!(got.error.is_none(), "{:?}", got.error);
+    assert_eq!(got.lines(), [(4, "World")]);
+}
+
+#[test]
+fn scripts_import_what_lies_beside_them() {
+    if !has_python() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(
+        dir.path().join("balls.py"),
+        "import gelato\ndef ball(r):\n    gelato.Sphere (r, -r, r, 360)\n",
+    )
+    .unwrap();
+    let main = dir.path().join("main.pyg");
+    std::fs::write(&main, "import balls\nballs.ball (3)\n").unwrap();
+    let mut recorder = Recorder::default();
+    read(PygSource::Path(main), &mut recorder, &PygOptions::default(), &Reporter::silent()).unwrap();
+    assert_eq!(recorder.calls[0].0, 2);
+}
+
+#[test]
+fn the_reference_s_cylinder() {
+    let Some(got) = script(include_str!("cyl.pyg")) else { return };
+    assert!(got.error.is_none() && got.told.is_empty());
+    let names: Vec<_> = got.calls.iter().map(|(_, c)| c.name()).collect();
+    assert_eq!((names.len(), names[17]), (19, "Patch"));
+    let Call::Shape { shape, params } = &got.calls[17].1 else { panic!("{names:?}") };
+    assert!(matches!(**shape, ShapeDesc::Nurbs { .. }));
+    assert_eq!(params.get("Pw").unwrap().data.len(), 18 * 4);
+}
