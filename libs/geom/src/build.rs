@@ -1,6 +1,7 @@
 //! From descriptions to pieces.
 
 use crate::spline::Spline;
+use crate::vars::vertex_count;
 use crate::{GeomError, Piece, curves, mesh, patch, points, sphere, subdiv};
 use granita_base::{Params, Severity, ShapeDesc, TrimDesc};
 
@@ -37,6 +38,7 @@ pub fn build(
     }
     match shape {
         ShapeDesc::Patch { u, v, nu, nv } => {
+            check_counts(call, keys, [*nu, *nv])?;
             let splines =
                 [Spline::uniform(call, "along u", *u, *nu)?, Spline::uniform(call, "along v", *v, *nv)?];
             patch::build(keys, splines, [*nu, *nv], trim, report)
@@ -51,7 +53,9 @@ pub fn build(
             sphere::build(keys, [*radius, *zmin, *zmax, *thetamax_deg], report)
         }
         ShapeDesc::Points { n } => points::build(keys, *n, report),
+        ShapeDesc::Curves { ncurves: 0, .. } | ShapeDesc::NurbsCurves { ncurves: 0, .. } => Ok(Vec::new()),
         ShapeDesc::Curves { basis, ncurves, nverts } => {
+            check_counts(call, keys, [*ncurves, *nverts])?;
             let spline = Spline::uniform(call, "along each curve", *basis, *nverts)?;
             curves::build(keys, spline, *ncurves, *nverts, report)
         }
@@ -60,4 +64,16 @@ pub fn build(
             curves::build(keys, spline, *ncurves, span.n, report)
         }
     }
+}
+
+/// Whether there are as many control vertices as two counts multiply to; checked before anything of their size is
+/// made.
+fn check_counts(call: &'static str, keys: &[ShapeKey<'_>], [a, b]: [usize; 2]) -> Result<(), GeomError> {
+    // What else is wrong with the vertices is said later.
+    let have = vertex_count(call, keys, &mut |_, _| {})?;
+    if a.max(1).checked_mul(b.max(1)).is_none_or(|n| n > have) {
+        let what = format!("{have} control vertices instead of {a} x {b}");
+        return Err(GeomError::Malformed { call, what });
+    }
+    Ok(())
 }

@@ -42,7 +42,7 @@ struct CurvePiece {
     bounds: Vec<Bound>,
 }
 
-/// Builds `ncurves` curves of `nverts` control vertices each.
+/// Builds `ncurves` (at least one) curves of `nverts` control vertices each.
 pub(crate) fn build(
     keys: &[ShapeKey<'_>],
     spline: Spline,
@@ -53,9 +53,6 @@ pub(crate) fn build(
     let fail = |what: String| GeomError::Malformed { call: CALL, what };
     let n =
         ncurves.checked_mul(nverts).ok_or_else(|| fail(format!("{ncurves} x {nverts} control vertices")))?;
-    if ncurves == 0 {
-        return Ok(Vec::new());
-    }
     vertex_count(CALL, keys, report)?;
     let ends = ncurves.saturating_mul(2);
     let counts = Counts { vertex: Some(n), linear: Some(ends), perpiece: Some(ncurves) };

@@ -170,24 +170,22 @@ fn any_patch() -> impl Strategy<Value = (ShapeDesc, Vec<f32>)> {
     })
 }
 
-/// Splits at random and compares with the whole.
-fn check_split(piece: &Piece, cuts: &[bool]) {
-    let (n, whole) = (9, piece.dice(17, 17));
-    let mut list: Vec<(usize, usize, usize, Piece)> = Vec::new();
-    for (k, half) in piece.split(SplitDirection::U).into_iter().enumerate() {
-        let direction = if cuts[k % cuts.len()] { SplitDirection::U } else { SplitDirection::V };
-        let _ = direction;
-        list.push((k, 0, n, half));
-    }
-    assert_eq!(list.len(), 2);
-    for (k, _, n, half) in &list {
-        let dice = half.dice(*n, 17);
-        check_bounds(half, &dice);
-        for j in 0..17 {
-            for i in 0..*n {
-                let (a, b) = (dice.p[0][j * n + i], whole.p[0][j * 17 + k * 8 + i]);
-                assert_eq!(a.to_array().map(f32::to_bits), b.to_array().map(f32::to_bits));
-                assert_eq!(dice.u[j * n + i], whole.u[j * 17 + k * 8 + i]);
+/// The halves of a piece have the points of the whole, to the bit, and their own bounds.
+fn check_split(piece: &Piece) {
+    let n = 17;
+    let whole = piece.dice(n, n);
+    for direction in [SplitDirection::U, SplitDirection::V] {
+        let halves = piece.split(direction);
+        assert_eq!(halves.len(), 2);
+        for (k, half) in halves.iter().enumerate() {
+            let (nu, nv) = if direction == SplitDirection::U { (9, n) } else { (n, 9) };
+            let part = half.dice(nu, nv);
+            check_bounds(half, &part);
+            for at in 0..nu * nv {
+                let (i, j) = (at % nu + k * (n - nu), at / nu + k * (n - nv));
+                let same = j * n + i;
+                assert_eq!(bits(&part.p[0][at..=at]), bits(&whole.p[0][same..=same]));
+                assert_eq!((part.u[at], part.v[at]), (whole.u[same], whole.v[same]));
             }
         }
     }
@@ -197,11 +195,11 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
 
     #[test]
-    fn patches_split_bound_and_join((shape, values) in any_patch(), cuts in prop::collection::vec(any::<bool>(), 4)) {
+    fn patches_split_bound_and_join((shape, values) in any_patch()) {
         let pieces = diceable(build(&shape, &params(&[("vertex point P", &values)])));
         for piece in pieces.iter().take(4) {
             check_bounds(piece, &piece.dice(8, 8));
-            check_split(piece, &cuts);
+            check_split(piece);
         }
         for n in [2, 5, 8] {
             let (pairs, agree) = shared_borders(&pieces, n);
@@ -213,11 +211,11 @@ proptest! {
     fn sphere_parts_agree(u in 0_usize..4, v in 0_usize..4, zmin in -2.0_f32..0.0, theta in 1.0_f32..360.0) {
         let shape = ShapeDesc::Sphere { radius: 2.0, zmin, zmax: 2.0, thetamax_deg: theta };
         let mut piece = build(&shape, &params(&[])).remove(0);
-        check_split(&piece, &[true]);
+        check_split(&piece);
         for _ in 0..u { piece = piece.split(SplitDirection::U).pop().unwrap(); }
         for _ in 0..v { piece = piece.split(SplitDirection::V).remove(0); }
         check_bounds(&piece, &piece.dice(9, 9));
-        check_split(&piece, &[true]);
+        check_split(&piece);
     }
 }
 
@@ -435,4 +433,34 @@ fn holes_are_not_drawn() {
     let mut faces: Vec<u32> = pieces.iter().map(|p| p.dice(2, 2).face).collect();
     faces.sort_unstable();
     assert_eq!(faces, [0, 2, 3, 5]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn star_shaped_polygons_are_covered(radii in prop::collection::vec(0.2_f32..3.0, 3..24), tilt in -1.0_f32..1.0) {
+        let n = radii.len();
+        let p: Vec<f32> = radii.iter().enumerate().flat_map(|(i, r)| {
+            let t = i as f32 / n as f32 * std::f32::consts::TAU;
+            [r * t.cos(), r * t.sin(), tilt * r * t.cos()]
+        }).collect();
+        let verts: Vec<i32> = (0..n as i32).collect();
+        let shape = ShapeDesc::Mesh { subdivide: false, nverts: [n as i32].into(), verts: verts.into() };
+        let (mut area, mut whole) = (0.0, 0.0);
+        for piece in diceable(build(&shape, &params(&[("P", &p)]))) {
+            let dice = piece.dice(2, 2);
+            let d = |i: usize, j: usize| dice.p[0][j] - dice.p[0][i];
+            for part in [d(0, 1).cross(d(0, 3)).z, d(0, 3).cross(d(0, 2)).z] {
+                prop_assert!(part > -1e-4);
+                area += 0.5 * part;
+            }
+            check_split(&piece);
+        }
+        for i in 0..n {
+            let (a, b) = (i * 3, (i + 1) % n * 3);
+            whole += 0.5 * (p[a] * p[b + 1] - p[a + 1] * p[b]);
+        }
+        prop_assert!((area - whole).abs() < 1e-3 * whole.abs(), "{} {}", area, whole);
+    }
 }
