@@ -51,7 +51,8 @@ pub(crate) struct Parsed<'v> {
 }
 
 /// Options of reference 5.8.10 and 5.8.11 that have no place in a query; a renderer that has them will.
-const SILENT: [&str; 6] = ["adaptive", "maxerror", "maxpixeldist", "falloff", "falloffmode", "filemode"];
+const SILENT: [&str; 7] =
+    ["adaptive", "maxerror", "maxpixeldist", "falloff", "falloffmode", "filename", "filemode"];
 
 /// Sorts names and values. Strings, as file names, are those of the first active lane.
 pub(crate) fn options<'v>(parts: &Parts<'v>, pairs: &[(SymbolId, SymbolId)]) -> Parsed<'v> {

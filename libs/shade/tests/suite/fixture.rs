@@ -1,0 +1,241 @@
+//! A renderer for tests: spaces, units, lights and textures with known answers.
+
+use granita_base::{Param, ParamData, ParamType, Params, Severity, Transform, Vec3};
+use granita_gsl::ir::{Module, ValueType};
+use granita_gsl::{CompileOptions, compile};
+use granita_shade::*;
+use std::sync::Arc;
+
+/// Services with known answers.
+#[derive(Default)]
+pub struct Double {
+    pub said: Vec<(Severity, String)>,
+    pub files: Vec<(String, String)>,
+    pub lights: Vec<(Group, LightInfo)>,
+    pub executor: Executor,
+    /// The grid that is being shaded, for lights.
+    pub grid: Option<Grid>,
+    pub shadow_queries: Vec<(Vec3, bool, Option<f32>)>,
+    pub asked: usize,
+}
+
+impl Double {
+    pub fn with_lights(sources: &[&str]) -> Self {
+        let mut double = Self::default();
+        for source in sources {
+            let group = link(&[(source, Params::new())], &[]);
+            let info = LightInfo {
+                ambient: !group.has_emit(),
+                category: group.param_string("__category").unwrap_or_default(),
+            };
+            double.lights.push((group, info));
+        }
+        double
+    }
+
+    pub fn errors(&self) -> Vec<&str> {
+        self.said.iter().filter(|(s, _)| *s >= Severity::Warning).map(|(_, t)| t.as_str()).collect()
+    }
+
+    pub fn printed(&self) -> Vec<&str> {
+        self.said.iter().filter(|(s, _)| *s == Severity::Message).map(|(_, t)| t.as_str()).collect()
+    }
+}
+
+impl Services for Double {
+    fn to_common(&mut self, space: &str, layer: usize) -> Option<Transform> {
+        Some(match space {
+            // Every layer's own: moved along x by its number plus ten.
+            "shader" => Transform::translate(Vec3::X * (10.0 + layer as f32)),
+            "double" => Transform::scale(Vec3::splat(2.0)),
+            "turned" => Transform::rotate(std::f32::consts::FRAC_PI_2, Vec3::Z),
+            "flat" => Transform::scale(Vec3::new(1.0, 1.0, 0.0)),
+            "stretched" => Transform::scale(Vec3::new(1.0, 4.0, 2.0)),
+            _ => return None,
+        })
+    }
+
+    fn unit_scale(&mut self, from: &str, to: &str) -> Option<f32> {
+        // One common unit is half a centimetre.
+        let mm = |unit: &str| {
+            Some(match unit {
+                "mm" => 1.0,
+                "cm" => 10.0,
+                "m" => 1000.0,
+                "common" => 5.0,
+                _ => return None,
+            })
+        };
+        Some(mm(from)? / mm(to)?)
+    }
+
+    fn texture(&mut self, q: &TextureQuery<'_>, out: &mut LookupResult) {
+        self.asked += 1;
+        out.value.resize(q.channels, Vec::new());
+        for (c, channel) in out.value.iter_mut().enumerate() {
+            channel.resize(q.batch.lanes, f32::NAN);
+            for &i in q.batch.active {
+                let i = i as usize;
+                channel[i] = match q.name {
+                    "st" => [q.s.get(i), q.t.get(i), c as f32][c],
+                    "d" => [q.dsdx.get(i), q.dtdy.get(i), q.dtdx.get(i)][c],
+                    "blur" => q.options.sblur.map_or(-1.0, |b| b.get(i)),
+                    "wrap" => f32::from(q.options.swrap == Some("black") && q.options.twrap.is_some()),
+                    _ => q.options.fill.map_or(0.0, |f| f.get(i)),
+                };
+            }
+        }
+        out.alpha.clear();
+        out.alpha.resize(q.batch.lanes, 0.75);
+    }
+
+    fn environment(&mut self, q: &EnvironmentQuery<'_>, out: &mut LookupResult) {
+        out.value = (0..q.channels)
+            .map(|c| (0..q.batch.lanes).map(|i| q.r.get(i)[c] + q.p.get(i)[c] * 100.0).collect())
+            .collect();
+        out.alpha = vec![0.5; q.batch.lanes];
+        if q.name == "set" {
+            out.hitdist = vec![3.0; q.batch.lanes];
+            out.p_hit = Lanes3::splat(Vec3::X, q.batch.lanes);
+        }
+    }
+
+    fn shadow(&mut self, q: &ShadowQuery<'_>, out: &mut Lanes3) {
+        let i = q.batch.active[0] as usize;
+        self.shadow_queries.push((q.to_light.get(i), q.light_infinite, q.options.angle.map(|a| a.get(i))));
+        for &i in q.batch.active {
+            out.set(i as usize, Vec3::splat(0.25));
+        }
+    }
+
+    fn light_count(&mut self) -> usize {
+        self.lights.len()
+    }
+
+    fn light_info(&mut self, index: usize) -> LightInfo {
+        self.lights[index].1.clone()
+    }
+
+    fn illuminate(&mut self, index: usize, query: &IlluminateQuery<'_>) -> Arc<LightResult> {
+        let grid = self.grid.clone().expect("a grid for lights");
+        let mut executor = std::mem::take(&mut self.executor);
+        let lights = std::mem::take(&mut self.lights);
+        let result = executor.run_light(&lights[index].0, &grid, query, self);
+        self.lights = lights;
+        self.executor = executor;
+        Arc::new(result)
+    }
+
+    fn trace(&mut self, q: &TraceQuery<'_>, out: &mut TraceResult) {
+        let n = q.batch.lanes;
+        out.hit = vec![q.sample % 2 == 0; n];
+        out.hitdist = vec![q.sample as f32 + 1.0; n];
+        out.l = Lanes3::splat(Vec3::Z, n);
+        out.ps = Lanes3::splat(Vec3::ZERO, n);
+        out.cl = Lanes3::splat(Vec3::new(1.0, 0.5, 0.25), n);
+        out.ol = Lanes3::splat(Vec3::ONE, n);
+        out.p = Lanes3::splat(Vec3::Y, n);
+    }
+
+    fn attribute(&mut self, name: &str) -> Option<Param> {
+        let param = |ty: &str, data: ParamData| Param::declared(ty, data).ok();
+        match name {
+            "limits:eye" => param("int x", 7.into()),
+            "user:name" => param("string x", "fred".into()),
+            "user:tint" => param("color x", ParamData::from(&[1.0, 2.0, 3.0][..])),
+            _ => None,
+        }
+    }
+
+    fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {
+        (texture == "wood.tx" && name == "resolution").then(|| {
+            Param::declared("float[2] x", ParamData::from(&[640.0, 480.0][..])).expect("a declaration")
+        })
+    }
+
+    fn append(&mut self, file: &str, text: &str) {
+        self.files.push((file.to_owned(), text.to_owned()));
+    }
+
+    fn say(&mut self, severity: Severity, text: &str) {
+        self.said.push((severity, text.to_owned()));
+    }
+}
+
+/// Compiles; a mistake fails the test with its messages.
+pub fn module(source: &str) -> Arc<Module> {
+    match compile(source, "test.gsl", &CompileOptions::default()) {
+        Ok(compiled) => Arc::new(compiled.module),
+        Err(list) => panic!("{source}\n{list:#?}"),
+    }
+}
+
+/// Links layers named "a", "b" ... with connections "a.out -> b.in".
+pub fn link(layers: &[(&str, Params)], connections: &[[&str; 4]]) -> Group {
+    let (group, said) = link_saying(layers, connections);
+    assert_eq!(said, Vec::<String>::new());
+    group
+}
+
+/// As [`link`], with what was reported.
+pub fn link_saying(layers: &[(&str, Params)], connections: &[[&str; 4]]) -> (Group, Vec<String>) {
+    const NAMES: [&str; 4] = ["a", "b", "c", "d"];
+    let sources: Vec<LayerSource<'_>> = layers
+        .iter()
+        .zip(NAMES)
+        .map(|((source, params), name)| LayerSource { module: module(source), params, name: Some(name) })
+        .collect();
+    let connections: Vec<ConnectionSource<'_>> = connections
+        .iter()
+        .map(|c| ConnectionSource { source_layer: c[0], source: c[1], target_layer: c[2], target: c[3] })
+        .collect();
+    let mut said = Vec::new();
+    let group = Group::link(&sources, &connections, &mut |_, text| said.push(text)).expect("a group");
+    (group, said)
+}
+
+/// A unit square in z = 0 that faces the viewer at z = -infinity, normals along -z.
+pub fn square(nu: usize, nv: usize) -> Grid {
+    let mut grid = Grid::new(Topology::Rect { nu, nv });
+    for j in 0..nv {
+        for i in 0..nu {
+            let k = j * nu + i;
+            let (u, v) = (i as f32 / (nu.max(2) - 1) as f32, j as f32 / (nv.max(2) - 1) as f32);
+            grid.u[k] = u;
+            grid.v[k] = v;
+            grid.p.set(k, Vec3::new(u, v, 0.0));
+        }
+    }
+    let n = nu * nv;
+    grid.n = Lanes3::splat(-Vec3::Z, n);
+    grid.ng = Lanes3::splat(-Vec3::Z, n);
+    grid.i = Lanes3::splat(Vec3::Z, n);
+    grid.dpdu = Lanes3::splat(Vec3::X, n);
+    grid.dpdv = Lanes3::splat(Vec3::Y, n);
+    grid.flip_normals = true;
+    grid
+}
+
+/// Runs a group and takes one output, component after component.
+pub fn output(group: &Group, grid: &mut Grid, services: &mut Double, name: &str, ty: ValueType) -> Vec<f32> {
+    services.grid = Some(grid.clone());
+    let mut results = Executor::new().run(group, grid, services, &[(name, ty)]);
+    results.pop().flatten().unwrap_or_else(|| panic!("no output {name}"))
+}
+
+/// Runs a body `r = ...;` over a 3 x 2 square and takes `output float r`.
+pub fn floats(body: &str) -> Vec<f32> {
+    floats_with(body, &mut Double::default())
+}
+
+/// As [`floats`], with services.
+pub fn floats_with(body: &str, services: &mut Double) -> Vec<f32> {
+    let source = format!("surface t (output float r = -1) {{ {body} }}");
+    let group = link(&[(&source, Params::new())], &[]);
+    output(&group, &mut square(3, 2), services, "r", ValueType::Float)
+}
+
+/// A float value for a parameter.
+pub fn param(name: &str, value: f32) -> Param {
+    Param { name: name.into(), ty: ParamType::of(granita_base::BaseType::Float), data: value.into() }
+}

@@ -1,0 +1,245 @@
+//! Where parameters get their values, and how layers connect (reference 2.6, 5.3.2).
+
+use crate::fixture::*;
+use granita_base::{BaseType, Param, ParamData, ParamType, Params, Vec3};
+use granita_gsl::ir::{Global, ShaderKind, ValueType};
+use granita_shade::{Executor, Group, LayerSource, Primvar, PrimvarData, ShadeError};
+
+fn params(list: &[(&str, ParamData)]) -> Params {
+    list.iter().map(|(d, data)| Param::declared(d, data.clone()).expect("a declaration")).collect()
+}
+
+fn floats_of(list: &[f32]) -> ParamData {
+    ParamData::from(list)
+}
+
+fn run1(group: &Group, name: &str, ty: ValueType) -> Vec<f32> {
+    let all = output(group, &mut square(2, 2), &mut Double::default(), name, ty);
+    (0..ty.components()).map(|c| all[c * 4]).collect()
+}
+
+#[test]
+fn defaults_see_globals_and_earlier_parameters() {
+    let group = link(
+        &[(
+            "surface t (float a = 3, float b = a / 4, float s = u, output float r = b + s + N[2]) { }",
+            Params::new(),
+        )],
+        &[],
+    );
+    let r = output(&group, &mut square(3, 1), &mut Double::default(), "r", ValueType::Float);
+    assert_eq!(r, [-0.25, 0.25, 0.75]);
+}
+
+#[test]
+fn instance_values_convert_and_spatial_ones_leave_shader_space() {
+    let source = "surface t (float f = 0, color c = 0, point p = 0, vector v = 0, string s = \"\", \
+                  float list[] = {1, 2}, matrix m = 1, output point r = 0) \
+                  { r = p + v + f + c + arraylength (list) * 1000 + list[2] + m[3][0] * 100; if (s != \"x\") r = 0; }";
+    let given = params(&[
+        ("int f", 3.into()),
+        ("float c", floats_of(&[5.0])),
+        ("p", floats_of(&[1.0, 2.0, 3.0])),
+        ("vector v", floats_of(&[0.5, 0.5, 0.5])),
+        ("string s", "x".into()),
+        ("float[3] list", floats_of(&[1.0, 2.0, 7.0])),
+        (
+            "matrix m",
+            floats_of(&[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]),
+        ),
+    ]);
+    let group = link(&[(source, given)], &[]);
+    // The point moved by 10, the vector did not; the matrix too ends in common space.
+    assert_eq!(run1(&group, "r", ValueType::Point), [4026.5, 4017.5, 4018.5]);
+}
+
+#[test]
+fn what_does_not_fit_is_reported_and_the_default_holds() {
+    let source =
+        "surface t (float f = 7, color c = 1, string s = \"d\", output float r = 0) { r = f + c[2]; }";
+    let given = params(&[
+        ("float[2] f", floats_of(&[1.0, 2.0])),
+        ("string c", "red".into()),
+        ("nothing", floats_of(&[1.0])),
+        ("float s", floats_of(&[1.0])),
+    ]);
+    let (group, said) = link_saying(&[(source, given)], &[]);
+    assert_eq!(run1(&group, "r", ValueType::Float), [8.0]);
+    assert_eq!(
+        said,
+        [
+            "shader \"t\" has no parameter \"nothing\"",
+            "shader \"t\": parameter \"f\" is a float, not float[2] with 2 values",
+            "shader \"t\": parameter \"c\" is a color, not string with 1 values",
+            "shader \"t\": parameter \"s\" is a string, not float with 1 values",
+        ]
+    );
+}
+
+#[test]
+fn primitive_variables_come_first() {
+    let source = "surface t (color Cs = 0, float f = 0, string tex = \"\", output color r = 0) \
+                  { r = Cs + f; if (tex == \"a.tx\") r += 100; }";
+    let group = link(
+        &[(source, params(&[("color Cs", floats_of(&[9.0, 9.0, 9.0])), ("float f", floats_of(&[1.0]))]))],
+        &[],
+    );
+    let mut grid = square(2, 1);
+    let primvar = |name: &str, ty, data| Primvar { name: name.into(), ty: ParamType::of(ty), data };
+    grid.primvars = vec![
+        primvar(
+            "Cs",
+            BaseType::Color,
+            PrimvarData::Floats { values: vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0], varying: true },
+        ),
+        // Another type: does not count.
+        primvar("f", BaseType::Color, PrimvarData::Floats { values: vec![50.0; 3], varying: false }),
+        primvar("tex", BaseType::String, PrimvarData::Strings(vec!["a.tx".into()])),
+    ];
+    let r = output(&group, &mut grid, &mut Double::default(), "r", ValueType::Color);
+    assert_eq!(r, [102.0, 103.0, 104.0, 105.0, 106.0, 107.0]);
+}
+
+const GIVER: &str = "surface g (output float f = 2, output color c = 0, output float list[3] = {1, 2, 3}, \
+                     output string s = \"yes\") { c = color (u, 5, 6); C = 0.5; }";
+
+#[test]
+fn connections_of_every_shape() {
+    let taker = |decl: &str, body: &str| format!("surface t ({decl}, output float r = -1) {{ r = {body}; }}");
+    for (decl, body, from, to, expected) in [
+        ("float x = 0", "x", "f", "x", 2.0),
+        ("color x = 0", "x[0] + x[2]", "f", "x", 4.0),
+        ("float x = 0", "x", "c", "x", 0.0),
+        ("vector x = 0", "x[1] + x[2]", "c", "x", 11.0),
+        ("float x = 0", "x", "c[1]", "x", 5.0),
+        ("color x = 1", "x[0] + 10 * x[1] + x[2]", "f", "x[1]", 22.0),
+        ("color x = 1", "x[0] + 10 * x[1] + x[2]", "c[2]", "x[1]", 62.0),
+        ("float x[3] = {0, 0, 0}", "x[0] + x[1] + x[2]", "list", "x", 6.0),
+        ("float x[] = {0}", "x[2] + 10 * arraylength (x)", "list", "x", 33.0),
+        ("float x[] = {7}", "x[0] + 10 * x[4] + 100 * arraylength (x)", "list[1]", "x[4]", 527.0),
+        ("float x = 0", "x", "list[2]", "x", 3.0),
+        ("color x[2] = {0, 0}", "x[1][0] + x[1][2] + x[0][0]", "f", "x[1]", 4.0),
+        ("color x[2] = {0, 0}", "x[1][0] + x[1][2] + x[0][0]", "f", "x[1][2]", 2.0),
+        ("string x = \"no\"", "x == \"yes\"", "s", "x", 1.0),
+        ("color x = 0", "x[0]", "C", "x", 0.5),
+        ("float unused = 0", "C[0] + C[1] + u * 0", "c[1]", "C[0]", 5.5),
+    ] {
+        let source = taker(decl, body);
+        let group = link(&[(GIVER, Params::new()), (&source, Params::new())], &[["a", from, "b", to]]);
+        assert_eq!(run1(&group, "r", ValueType::Float), [expected], "{from} -> {to}: {decl}");
+    }
+}
+
+#[test]
+fn connected_globals_are_those_of_the_source_layer() {
+    let middle = "surface m () { C = 9; }";
+    let taker = "surface t (color x = 0, output float r = -1) { r = x[0] + 100 * C[0]; }";
+    let layers = [(GIVER, Params::new()), (middle, Params::new()), (taker, Params::new())];
+    let group = link(&layers, &[["a", "C", "c", "x"]]);
+    assert_eq!(run1(&group, "r", ValueType::Float), [900.5]);
+}
+
+#[test]
+fn connections_that_cannot_be_made() {
+    let taker =
+        "surface t (float x = 4, string s = \"\", float list[2] = {0, 0}, output float r = -1) { r = x; }";
+    for (connection, why) in [
+        (["a", "nothing", "b", "x"], "shader \"g\" has no parameter \"nothing\""),
+        (["z", "f", "b", "x"], "there is no layer \"z\""),
+        (["b", "r", "a", "f"], "the source must be an earlier layer"),
+        (["a", "s", "b", "x"], "a string does not connect to a float"),
+        (["a", "list", "b", "list"], "the array lengths differ"),
+        (["a", "list", "b", "x"], "the array lengths differ"),
+        (["a", "list[3]", "b", "x"], "\"list[3]\" is outside of the array's 3 elements"),
+        (["a", "c[3]", "b", "x"], "\"c[3]\" is outside of the three components"),
+        (["a", "f[0]", "b", "x"], "\"f[0]\" has an index, but is no array and no triple"),
+        (["a", "c[x]", "b", "x"], "cannot read the index in \"c[x]\""),
+    ] {
+        let (group, said) = link_saying(&[(GIVER, Params::new()), (taker, Params::new())], &[connection]);
+        assert!(said.len() == 1 && said[0].ends_with(why), "{connection:?}: {said:?}");
+        assert_eq!(run1(&group, "r", ValueType::Float), [4.0]);
+    }
+}
+
+#[test]
+fn layers_share_globals_and_run_even_if_nothing_hangs_on_them() {
+    let layers = [
+        ("surface a () { C = 0.25; opacity = 0.5; exit (); C = 7; }", Params::new()),
+        ("surface b () { C *= 2; }", Params::new()),
+    ];
+    let group = link(&layers, &[]);
+    let mut grid = square(2, 2);
+    Executor::new().run(&group, &mut grid, &mut Double::default(), &[]);
+    assert_eq!((grid.c.get(3), grid.opacity.get(0)), (Vec3::splat(0.5), Vec3::splat(0.5)));
+    assert!(group.sets_opacity() && group.writes(Global::C) && !group.writes(Global::P));
+}
+
+#[test]
+fn wanted_results() {
+    let layers = [
+        ("surface a (output float f = 1, float g = 5) { C = P[0] * 0; }", Params::new()),
+        (
+            "surface b (output float f = 2, output color k = 3, output normal N2 = 0) { N2 = N * 2; N = N2; }",
+            Params::new(),
+        ),
+    ];
+    let group = link(&layers, &[]);
+    assert_eq!(group.output_names().iter().map(|n| &**n).collect::<Vec<_>>(), ["f", "k", "N2"]);
+    let wanted = [
+        ("f", ValueType::Float),
+        ("k", ValueType::Float),
+        ("g", ValueType::Float),
+        ("N", ValueType::Normal),
+        ("u", ValueType::Float),
+        ("none", ValueType::Color),
+    ];
+    let results = Executor::new().run(&group, &mut square(2, 1), &mut Double::default(), &wanted);
+    assert_eq!(results[0], Some(vec![2.0, 2.0]));
+    assert_eq!((&results[1], &results[2], &results[5]), (&None, &None, &None));
+    assert_eq!(results[3], Some(vec![0.0, 0.0, 0.0, 0.0, -2.0, -2.0]));
+    assert_eq!(results[4], Some(vec![0.0, 1.0]));
+}
+
+#[test]
+fn generic_shaders_keep_the_rules_of_their_usage() {
+    for (body, allowed) in [
+        ("C = 1;", [true, false, true, false]),
+        ("P += N;", [false, true, false, false]),
+        ("N = -N;", [true, true, false, false]),
+        ("displace (1);", [false, true, false, false]),
+        ("C = diffuse (N);", [true, false, true, false]),
+        ("float x = u;", [true, true, true, true]),
+    ] {
+        let kinds = [ShaderKind::Surface, ShaderKind::Displacement, ShaderKind::Volume, ShaderKind::Light];
+        for (kind, ok) in kinds.into_iter().zip(allowed) {
+            let mut group = link(&[(&format!("shader t () {{ {body} }}"), Params::new())], &[]);
+            assert_eq!(group.attach(kind).is_ok(), ok, "{body} as {kind:?}");
+        }
+    }
+    let mut group = link(&[("surface t () { C = 1; }", Params::new())], &[]);
+    let error = group.attach(ShaderKind::Volume).expect_err("another type");
+    assert_eq!(error.to_string(), "a surface shader cannot be used as volume");
+}
+
+#[test]
+fn groups_that_cannot_be() {
+    assert!(matches!(Group::link(&[], &[], &mut |_, _| ()), Err(ShadeError::Misuse { .. })));
+    let none = Params::new();
+    let layer = |source| LayerSource { module: module(source), params: &none, name: None };
+    let mixed = [layer("surface a () { }"), layer("light b () { }")];
+    assert!(matches!(Group::link(&mixed, &[], &mut |_, _| ()), Err(ShadeError::Misuse { .. })));
+    let mut damaged = (*module("surface a () { C = u; }")).clone();
+    damaged.symbols.truncate(1);
+    let source = LayerSource { module: damaged.into(), params: &none, name: None };
+    assert!(matches!(Group::link(&[source], &[], &mut |_, _| ()), Err(ShadeError::Malformed { .. })));
+}
+
+#[test]
+fn strings_that_can_be_told() {
+    let source = "light l (string __category = \"key,soft\", string map = \"\", string x = concat (\"a\", \"b\")) { emit () { } }";
+    let group = link(&[(source, params(&[("string map", "m.sm".into())]))], &[]);
+    let told = |name: &str| group.param_string(name).map(|s| s.to_string());
+    assert_eq!(told("__category").as_deref(), Some("key,soft"));
+    assert_eq!(told("map").as_deref(), Some("m.sm"));
+    assert_eq!((told("x"), told("nothing")), (None, None));
+}

@@ -1,0 +1,11 @@
+//! Compiled shaders through the executor, against closed forms and against each other.
+
+mod control;
+mod derivatives;
+mod equivalence;
+mod fixture;
+mod functions;
+mod layers;
+mod lights;
+mod lookups;
+mod messages;
