@@ -74,7 +74,7 @@ fn line_difference(v: &[f32], start: usize, stride: usize, count: usize, out: &m
                 out[at(i)] = 0.5 * (v[at(i + 1)] - v[at(i - 1)]);
             }
             let last = count - 1;
-            out[at(last)] = -forward(v[at(last)], v[at(last - 1)], v[at(last - 2)]);
+            out[at(last)] = backward(v[at(last)], v[at(last - 1)], v[at(last - 2)]);
         }
     }
 }
@@ -83,6 +83,11 @@ fn line_difference(v: &[f32], start: usize, stride: usize, count: usize, out: &m
 fn forward(a: f32, b: f32, c: f32) -> f32 {
     // Written by differences: constants give exactly 0.
     2.0 * (b - a) - 0.5 * (c - a)
+}
+
+/// The same at the other end: not `-forward`, whose zero would be negative.
+fn backward(a: f32, b: f32, c: f32) -> f32 {
+    2.0 * (a - b) - 0.5 * (a - c)
 }
 
 /// One row or column, with points missing.
@@ -99,7 +104,7 @@ fn partial_difference(v: &[f32], on: &[bool], start: usize, stride: usize, count
             (true, true) => 0.5 * (value(k + 1) - value(k - 1)),
             (false, true) if known(k + 2) => forward(value(k), value(k + 1), value(k + 2)),
             (false, true) => value(k + 1) - value(k),
-            (true, false) if known(k - 2) => -forward(value(k), value(k - 1), value(k - 2)),
+            (true, false) if known(k - 2) => backward(value(k), value(k - 1), value(k - 2)),
             (true, false) => value(k) - value(k - 1),
             (false, false) => 0.0,
         };

@@ -16,7 +16,7 @@ fn on(grid: &mut Grid, body: &str) -> Vec<f32> {
 fn linear_functions_have_the_same_difference_everywhere() {
     let d = on(&mut square(5, 3), "r = deltau (u) + 10 * deltav (v) + 100 * deltav (u) + 1000 * deltau (7);");
     assert!(d.iter().all(|x| (x - 5.25).abs() < 1e-5), "{d:?}");
-    let d = on(&mut square(5, 3), "r = length (deltau (P)) + length (deltav (color (u, v, 0)));");
+    let d = on(&mut square(5, 3), "r = length (deltau (P)) + length ((vector) deltav (color (u, v, 0)));");
     assert!(d.iter().all(|x| (x - 0.75).abs() < 1e-5), "{d:?}");
 }
 

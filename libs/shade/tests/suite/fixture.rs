@@ -8,19 +8,19 @@ use std::sync::Arc;
 
 /// Services with known answers.
 #[derive(Default)]
-pub struct Double {
-    pub said: Vec<(Severity, String)>,
-    pub files: Vec<(String, String)>,
-    pub lights: Vec<(Group, LightInfo)>,
-    pub executor: Executor,
+pub(crate) struct Double {
+    pub(crate) said: Vec<(Severity, String)>,
+    pub(crate) files: Vec<(String, String)>,
+    pub(crate) lights: Vec<(Group, LightInfo)>,
+    pub(crate) executor: Executor,
     /// The grid that is being shaded, for lights.
-    pub grid: Option<Grid>,
-    pub shadow_queries: Vec<(Vec3, bool, Option<f32>)>,
-    pub asked: usize,
+    pub(crate) grid: Option<Grid>,
+    pub(crate) shadow_queries: Vec<(Vec3, bool, Option<f32>)>,
+    pub(crate) asked: usize,
 }
 
 impl Double {
-    pub fn with_lights(sources: &[&str]) -> Self {
+    pub(crate) fn with_lights(sources: &[&str]) -> Self {
         let mut double = Self::default();
         for source in sources {
             let group = link(&[(source, Params::new())], &[]);
@@ -33,11 +33,11 @@ impl Double {
         double
     }
 
-    pub fn errors(&self) -> Vec<&str> {
+    pub(crate) fn errors(&self) -> Vec<&str> {
         self.said.iter().filter(|(s, _)| *s >= Severity::Warning).map(|(_, t)| t.as_str()).collect()
     }
 
-    pub fn printed(&self) -> Vec<&str> {
+    pub(crate) fn printed(&self) -> Vec<&str> {
         self.said.iter().filter(|(s, _)| *s == Severity::Message).map(|(_, t)| t.as_str()).collect()
     }
 }
@@ -163,7 +163,7 @@ impl Services for Double {
 }
 
 /// Compiles; a mistake fails the test with its messages.
-pub fn module(source: &str) -> Arc<Module> {
+pub(crate) fn module(source: &str) -> Arc<Module> {
     match compile(source, "test.gsl", &CompileOptions::default()) {
         Ok(compiled) => Arc::new(compiled.module),
         Err(list) => panic!("{source}\n{list:#?}"),
@@ -171,14 +171,14 @@ pub fn module(source: &str) -> Arc<Module> {
 }
 
 /// Links layers named "a", "b" ... with connections "a.out -> b.in".
-pub fn link(layers: &[(&str, Params)], connections: &[[&str; 4]]) -> Group {
+pub(crate) fn link(layers: &[(&str, Params)], connections: &[[&str; 4]]) -> Group {
     let (group, said) = link_saying(layers, connections);
     assert_eq!(said, Vec::<String>::new());
     group
 }
 
 /// As [`link`], with what was reported.
-pub fn link_saying(layers: &[(&str, Params)], connections: &[[&str; 4]]) -> (Group, Vec<String>) {
+pub(crate) fn link_saying(layers: &[(&str, Params)], connections: &[[&str; 4]]) -> (Group, Vec<String>) {
     const NAMES: [&str; 4] = ["a", "b", "c", "d"];
     let sources: Vec<LayerSource<'_>> = layers
         .iter()
@@ -195,7 +195,7 @@ pub fn link_saying(layers: &[(&str, Params)], connections: &[[&str; 4]]) -> (Gro
 }
 
 /// A unit square in z = 0 that faces the viewer at z = -infinity, normals along -z.
-pub fn square(nu: usize, nv: usize) -> Grid {
+pub(crate) fn square(nu: usize, nv: usize) -> Grid {
     let mut grid = Grid::new(Topology::Rect { nu, nv });
     for j in 0..nv {
         for i in 0..nu {
@@ -217,25 +217,31 @@ pub fn square(nu: usize, nv: usize) -> Grid {
 }
 
 /// Runs a group and takes one output, component after component.
-pub fn output(group: &Group, grid: &mut Grid, services: &mut Double, name: &str, ty: ValueType) -> Vec<f32> {
+pub(crate) fn output(
+    group: &Group,
+    grid: &mut Grid,
+    services: &mut Double,
+    name: &str,
+    ty: ValueType,
+) -> Vec<f32> {
     services.grid = Some(grid.clone());
     let mut results = Executor::new().run(group, grid, services, &[(name, ty)]);
     results.pop().flatten().unwrap_or_else(|| panic!("no output {name}"))
 }
 
 /// Runs a body `r = ...;` over a 3 x 2 square and takes `output float r`.
-pub fn floats(body: &str) -> Vec<f32> {
+pub(crate) fn floats(body: &str) -> Vec<f32> {
     floats_with(body, &mut Double::default())
 }
 
 /// As [`floats`], with services.
-pub fn floats_with(body: &str, services: &mut Double) -> Vec<f32> {
+pub(crate) fn floats_with(body: &str, services: &mut Double) -> Vec<f32> {
     let source = format!("surface t (output float r = -1) {{ {body} }}");
     let group = link(&[(&source, Params::new())], &[]);
     output(&group, &mut square(3, 2), services, "r", ValueType::Float)
 }
 
 /// A float value for a parameter.
-pub fn param(name: &str, value: f32) -> Param {
+pub(crate) fn param(name: &str, value: f32) -> Param {
     Param { name: name.into(), ty: ParamType::of(granita_base::BaseType::Float), data: value.into() }
 }

@@ -35,7 +35,7 @@ fn defaults_see_globals_and_earlier_parameters() {
 fn instance_values_convert_and_spatial_ones_leave_shader_space() {
     let source = "surface t (float f = 0, color c = 0, point p = 0, vector v = 0, string s = \"\", \
                   float list[] = {1, 2}, matrix m = 1, output point r = 0) \
-                  { r = p + v + f + c + arraylength (list) * 1000 + list[2] + m[3][0] * 100; if (s != \"x\") r = 0; }";
+                  { r = p + v + f + (point) c + arraylength (list) * 1000 + list[2] + m[3][0] * 100; if (s != \"x\") r = 0; }";
     let given = params(&[
         ("int f", 3.into()),
         ("float c", floats_of(&[5.0])),
