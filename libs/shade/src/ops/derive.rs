@@ -33,7 +33,7 @@ pub(crate) fn difference(m: &Machine<'_>, x: Lane<'_>, direction: Direction, out
             let from = if direction == Direction::U { n } else { 2 * n };
             for i in 0..n {
                 let known = m.mask.on[i] && m.mask.on[from + i];
-                let d = if known { v[from + i] - v[i] } else { 0.0 };
+                let d = if known { minus(v[from + i], v[i]) } else { 0.0 };
                 out[i] = d;
                 out[n + i] = d;
                 out[2 * n + i] = d;
@@ -64,14 +64,14 @@ fn line_difference(v: &[f32], start: usize, stride: usize, count: usize, out: &m
         0 => {}
         1 => out[at(0)] = 0.0,
         2 => {
-            let d = v[at(1)] - v[at(0)];
+            let d = minus(v[at(1)], v[at(0)]);
             out[at(0)] = d;
             out[at(1)] = d;
         }
         _ => {
             out[at(0)] = forward(v[at(0)], v[at(1)], v[at(2)]);
             for i in 1..count - 1 {
-                out[at(i)] = 0.5 * (v[at(i + 1)] - v[at(i - 1)]);
+                out[at(i)] = 0.5 * minus(v[at(i + 1)], v[at(i - 1)]);
             }
             let last = count - 1;
             out[at(last)] = backward(v[at(last)], v[at(last - 1)], v[at(last - 2)]);
@@ -79,15 +79,22 @@ fn line_difference(v: &[f32], start: usize, stride: usize, count: usize, out: &m
     }
 }
 
+/// `a - b`, but 0 for what is the same to the bit: an infinity does not change along the grid, and a
+/// uniform value is the same value in every lane.
+#[inline]
+fn minus(a: f32, b: f32) -> f32 {
+    if a.to_bits() == b.to_bits() { 0.0 } else { a - b }
+}
+
 /// Slope at `a` of the parabola through three equidistant values.
 fn forward(a: f32, b: f32, c: f32) -> f32 {
     // Written by differences: constants give exactly 0.
-    2.0 * (b - a) - 0.5 * (c - a)
+    2.0 * minus(b, a) - 0.5 * minus(c, a)
 }
 
 /// The same at the other end: not `-forward`, whose zero would be negative.
 fn backward(a: f32, b: f32, c: f32) -> f32 {
-    2.0 * (a - b) - 0.5 * (a - c)
+    2.0 * minus(a, b) - 0.5 * minus(a, c)
 }
 
 /// One row or column, with points missing.
@@ -101,11 +108,11 @@ fn partial_difference(v: &[f32], on: &[bool], start: usize, stride: usize, count
         let k = i as isize;
         let value = |j: isize| v[at(j as usize)];
         out[at(i)] = match (known(k - 1), known(k + 1)) {
-            (true, true) => 0.5 * (value(k + 1) - value(k - 1)),
+            (true, true) => 0.5 * minus(value(k + 1), value(k - 1)),
             (false, true) if known(k + 2) => forward(value(k), value(k + 1), value(k + 2)),
-            (false, true) => value(k + 1) - value(k),
+            (false, true) => minus(value(k + 1), value(k)),
             (true, false) if known(k - 2) => backward(value(k), value(k - 1), value(k - 2)),
-            (true, false) => value(k) - value(k - 1),
+            (true, false) => minus(value(k), value(k - 1)),
             (false, false) => 0.0,
         };
     }
@@ -129,9 +136,9 @@ fn true_difference(m: &Machine<'_>, x: Lane<'_>, direction: Direction, out: &mut
                 Direction::V => (j, nv, nu),
             };
             out[here] = if k + 1 < count && on(here + stride) {
-                v[here + stride] - v[here]
+                minus(v[here + stride], v[here])
             } else if k > 0 && on(here - stride) {
-                v[here] - v[here - stride]
+                minus(v[here], v[here - stride])
             } else {
                 0.0
             };

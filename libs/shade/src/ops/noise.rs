@@ -59,7 +59,7 @@ fn gradient<const D: usize>(h: u32, d: [f32; D]) -> f32 {
         // Middles of the edges of a cube, or of a hypercube.
         _ => {
             let sign = |bit: u32| if h >> bit & 1 == 0 { 1.0 } else { -1.0 };
-            let skip = ((h >> 16) * D as u32 >> 16) as usize;
+            let skip = (((h >> 16) * D as u32) >> 16) as usize;
             let mut sum = 0.0;
             for (k, x) in d.into_iter().enumerate() {
                 if k != skip {

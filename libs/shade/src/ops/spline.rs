@@ -77,8 +77,7 @@ impl Basis {
         if segments == 0 {
             return 0.0;
         }
-        // max and min turn NaN into 0.
-        let s = x.max(0.0).min(1.0) * segments as f32;
+        let s = if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) } * segments as f32;
         let segment = (s as usize).min(segments - 1);
         self.in_segment(segment, s - segment as f32, y)
     }

@@ -128,7 +128,7 @@ impl Services for Double {
 
     fn trace(&mut self, q: &TraceQuery<'_>, out: &mut TraceResult) {
         let n = q.batch.lanes;
-        out.hit = vec![q.sample % 2 == 0; n];
+        out.hit = vec![q.sample.is_multiple_of(2); n];
         out.hitdist = vec![q.sample as f32 + 1.0; n];
         out.l = Lanes3::splat(Vec3::Z, n);
         out.ps = Lanes3::splat(Vec3::ZERO, n);
