@@ -106,7 +106,9 @@ impl SessionRenderer {
 }
 
 impl FrameRenderer for SessionRenderer {
-    fn render(&mut self, scene: Arc<Scene>, camera: Option<&str>) -> Result<(), Stop> {
+    /// Renders the images of all cameras: naming one in `Render` does not leave out the others (reference 2.3), and
+    /// exporters rely on that for their shadow passes.
+    fn render(&mut self, scene: Arc<Scene>, _camera: Option<&str>) -> Result<(), Stop> {
         for attribute in ["error:filename", "debug:filesread"] {
             if !scene.string(attribute).is_empty() {
                 let cause = format!("unsupported {attribute}");
@@ -118,7 +120,7 @@ impl FrameRenderer for SessionRenderer {
         let scene = outputs::amended(&scene, &self.options, &self.registry, &self.reporter);
         let renderer = Renderer::new(self.environment(&scene));
         self.success = false;
-        match renderer.render(&scene, camera) {
+        match renderer.render(&scene, None) {
             Ok(report) => {
                 self.success = report.complete;
                 let mut images = self.finished.0.images.lock().unwrap_or_else(PoisonError::into_inner);
