@@ -19,7 +19,7 @@ pub(crate) struct Input {
 }
 
 /// Attributes that describe how the input is stored, not what it shows.
-const STORAGE: [&str; 9] = [
+const STORAGE: [&str; 8] = [
     "compression",
     "planarconfig",
     "rowsperstrip",
@@ -28,7 +28,6 @@ const STORAGE: [&str; 9] = [
     "envmap",
     "orientation",
     "software",
-    "fovcot",
 ];
 
 impl Input {
