@@ -30,8 +30,11 @@ fn lookups(c: &mut Criterion) {
             make(std::slice::from_ref(&picture), &folder.path().join(name), &options, &formats, &|_, _| ())
                 .unwrap();
         }
-        let path =
-            SearchPath::parse(&folder.path().to_string_lossy(), &SearchPath::default(), &Environment::empty());
+        let path = SearchPath::parse(
+            &folder.path().to_string_lossy(),
+            &SearchPath::default(),
+            &Environment::empty(),
+        );
         let cache = TextureCache::new(
             formats.clone(),
             path,

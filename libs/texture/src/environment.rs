@@ -14,7 +14,7 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 /// Widest cone that is filtered, in radians.
 const WIDEST: f32 = PI;
 
-/// Most texels of one row that a probe near a pole reads.
+/// Most texels of one row that a probe near a pole averages.
 const MAX_ROW: u32 = 32;
 
 /// A unit direction in the frame of a latitude-longitude map: x to its centre, y to the right of it, z
@@ -109,43 +109,53 @@ fn latlong_probe(sampler: &mut Sampler<'_>, d: Vec3, width: f32, exact: f32) -> 
 }
 
 /// Round probe into one level; `span` is the part of a row that it covers. Towards the poles that becomes
-/// more and more texels: the probe is the mean of several points along the row.
+/// more and more texels: rows are averaged over it, up to [`MAX_ROW`] texels. Above the middle of the first
+/// row (below that of the last) the value goes over into one value at the pole itself.
 fn latlong_level(sampler: &mut Sampler<'_>, level: usize, s: f32, t: f32, span: f32) -> [f32; 4] {
-    let columns = sampler.level(level).width as f32;
-    // One point covers one texel by itself.
-    let reach = ((span * columns).powi(2) - 1.0).max(0.0).sqrt();
-    let count = (reach.ceil() as u32).clamp(1, MAX_ROW);
-    let mut mean = Mean::default();
-    for i in 0..count {
-        let offset = ((2 * i + 1) as f32 / count as f32 - 1.0) * 0.5 * reach / columns;
-        mean.add(latlong_point(sampler, level, s + offset, t), 1.0);
-    }
-    mean.value()
-}
-
-/// Bilinear value of one level. Above the middle of the first row (below that of the last) it goes over
-/// into one value at the pole itself.
-fn latlong_point(sampler: &mut Sampler<'_>, level: usize, s: f32, t: f32) -> [f32; 4] {
     let (width, height) = (sampler.level(level).width, sampler.level(level).height);
+    // One texel is covered by interpolation itself.
+    let reach = ((span * width as f32).powi(2) - 1.0).max(0.0).sqrt().min(MAX_ROW as f32);
     let (y, fy) = cell(t.clamp(0.0, 1.0), height);
-    let in_row = |sampler: &mut Sampler<'_>, y: u32| {
-        let (x, fx) = cell(s - s.floor(), width);
-        let column = |x: i32| x.rem_euclid(width as i32) as u32;
-        let left = sampler.texel(level, column(x), y);
-        mix(left, sampler.texel(level, column(x + 1), y), fx)
-    };
     let last = height as i32 - 1;
     if y < 0 {
         // From the pole (fy = 0.5) to the middle of the first row (fy = 1).
-        let row = in_row(sampler, 0);
-        mix(pole(sampler, level, 0), row, (2.0 * fy - 1.0).clamp(0.0, 1.0))
+        let value = row(sampler, level, 0, s, reach);
+        mix(pole(sampler, level, 0), value, (2.0 * fy - 1.0).clamp(0.0, 1.0))
     } else if y >= last {
-        let row = in_row(sampler, last as u32);
-        mix(row, pole(sampler, level, last as u32), (2.0 * fy).clamp(0.0, 1.0))
+        let value = row(sampler, level, last as u32, s, reach);
+        mix(value, pole(sampler, level, last as u32), (2.0 * fy).clamp(0.0, 1.0))
     } else {
-        let upper = in_row(sampler, y as u32);
-        mix(upper, in_row(sampler, y as u32 + 1), fy)
+        let upper = row(sampler, level, y as u32, s, reach);
+        mix(upper, row(sampler, level, y as u32 + 1, s, reach), fy)
     }
+}
+
+/// Mean of the linearly interpolated texels of a row, over `reach` texels around `s`. It is integrated
+/// exactly: a sum over points would jump with their number.
+fn row(sampler: &mut Sampler<'_>, level: usize, y: u32, s: f32, reach: f32) -> [f32; 4] {
+    let width = sampler.level(level).width;
+    let column = |x: i32| x.rem_euclid(width as i32) as u32;
+    let (x, fx) = cell(s - s.floor(), width);
+    if reach < 0.01 {
+        let left = sampler.texel(level, column(x), y);
+        return mix(left, sampler.texel(level, column(x + 1), y), fx);
+    }
+    // The integral of the tent of height 1 around 0, from far left to v.
+    let tent = |v: f32| match v.clamp(-1.0, 1.0) {
+        v if v < 0.0 => 0.5 * (v + 1.0) * (v + 1.0),
+        v => 1.0 - 0.5 * (1.0 - v) * (1.0 - v),
+    };
+    let half = 0.5 * reach;
+    let (first, end) = ((fx - half - 1.0).ceil() as i32, (fx + half + 1.0).floor() as i32);
+    let mut mean = Mean::default();
+    for i in first..=end {
+        let offset = i as f32 - fx;
+        let weight = tent(offset + half) - tent(offset - half);
+        if weight > 0.0 {
+            mean.add(sampler.texel(level, column(x + i), y), weight);
+        }
+    }
+    mean.value()
 }
 
 /// The value at a pole: the mean of the row next to it.
