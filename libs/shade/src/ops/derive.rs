@@ -197,17 +197,20 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
             super::widen(m, dst, &mut out, 1);
             m.commit(dst, out);
         }
-        Func::SampleArea => compute_as(m, dst, varying, 1, |m, out, work| {
+        Func::SampleArea => {
+            let mut tangents = [m.out(varying, 3), m.out(varying, 3)];
             let view = m.view(x);
-            let mut tangents = [[(); 3]; 2].map(|t| t.map(|()| vec![0.0; out.width]));
-            for (t, direction) in tangents.iter_mut().zip([Direction::U, Direction::V]) {
-                for (c, t) in t.iter_mut().enumerate() {
-                    true_difference(m, view.lane(c), direction, t);
+            for (out, direction) in tangents.iter_mut().zip([Direction::U, Direction::V]) {
+                for c in 0..3 {
+                    true_difference(m, view.lane(c), direction, out.part(c));
                 }
             }
-            let at = |k: usize, i: usize| Vec3::new(tangents[k][0][i], tangents[k][1][i], tangents[k][2][i]);
-            work.each(|i| out.set(0, i, at(0, i).cross(at(1, i)).length()));
-        }),
+            compute_as(m, dst, varying, 1, |_, out, work| {
+                let (du, dv) = (tangents[0].triple(), tangents[1].triple());
+                work.each(|i| out.set(0, i, du.get(i).cross(dv.get(i)).length()));
+            });
+            tangents.into_iter().for_each(|out| m.discard(out));
+        }
         _ => {
             let out = surface_normal(m, x);
             m.commit(dst, out);

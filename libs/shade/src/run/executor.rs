@@ -8,8 +8,8 @@ use granita_base::{Param, ParamData, ParamType};
 use granita_gsl::ir::{Global, ValueType};
 use std::sync::Arc;
 
-/// Runs shaders and keeps its memory from run to run, so that nothing is allocated once the first grids
-/// have been shaded (results that are handed out excepted). One per thread; a light asked for from inside
+/// Runs shaders and keeps the memory of registers and masks from run to run: once the first grids have been
+/// shaded only what is handed out (results, light samples) and short operand lists are allocated. One per thread; a light asked for from inside
 /// a run needs another one.
 ///
 /// Results depend on the arguments only, to the bit: not on what an executor ran before.

@@ -47,6 +47,7 @@ impl Services for Double {
         Some(match space {
             // Every layer's own: moved along x by its number plus ten.
             "shader" => Transform::translate(Vec3::X * (10.0 + layer as f32)),
+            "world" | "object" | "camera" | "screen" | "raster" | "NDC" => Transform::IDENTITY,
             "double" => Transform::scale(Vec3::splat(2.0)),
             "turned" => Transform::rotate(std::f32::consts::FRAC_PI_2, Vec3::Z),
             "flat" => Transform::scale(Vec3::new(1.0, 1.0, 0.0)),

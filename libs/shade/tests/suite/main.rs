@@ -1,5 +1,6 @@
 //! Compiled shaders through the executor, against closed forms and against each other.
 
+mod bundled;
 mod control;
 mod derivatives;
 mod equivalence;
