@@ -145,8 +145,10 @@ impl<'a> Machine<'a> {
     }
 
     /// Stores a result into a symbol, in active lanes.
-    pub(crate) fn commit(&mut self, dst: SymbolId, out: Out) {
+    pub(crate) fn commit(&mut self, dst: SymbolId, mut out: Out) {
         let place = self.place(dst);
+        // A damaged module may store a value of another size: registers keep theirs.
+        out.data.resize(place.value.components() * place.elements as usize * out.width, 0.0);
         match place.at {
             At::Slot(slot) => self.commit_slot(slot as usize, out, place.scratch),
             // Nothing writes constants; linking has checked it.
