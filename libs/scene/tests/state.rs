@@ -792,6 +792,65 @@ fn undeclared_parameters_of_primitives() {
 }
 
 #[test]
+fn faces_with_attributes_of_their_own() {
+    let save = |name: &str, items: Option<&str>| Call::SaveAttributes {
+        name: name.into(),
+        attributes: items.map(Into::into),
+    };
+    let mesh = |names: Vec<Param>| {
+        let mut params: Params = names.into_iter().collect();
+        params.set(Param::declared("vertex point P", &[0.0; 12][..]).unwrap());
+        params.set(Param::declared("int[1] holes", 3).unwrap());
+        let nverts: Arc<[i32]> = [3, 3, 3, 3].into();
+        let verts: Arc<[i32]> = [0, 1, 2, 1, 2, 3, 2, 3, 0, 3, 0, 1].into();
+        Call::Shape { shape: Box::new(ShapeDesc::Mesh { subdivide: true, nverts, verts }), params }
+    };
+    let strings = |d: &str, v: &[&str]| {
+        let data = ParamData::String(v.iter().map(|s| Arc::from(*s)).collect());
+        Param::declared(d, data).unwrap()
+    };
+    let index = Param::declared("perpiece int __attributesindex", &[1, 0, 1, 0][..]).unwrap();
+    for names in [
+        vec![strings("perpiece string __attributes", &["b", "a", "b", "a"])],
+        vec![strings("string[2] __attributes", &["a", "b"]), index],
+    ] {
+        let mut run = Run::new();
+        run.calls([
+            Call::World,
+            Call::PushAttributes,
+            Call::Translate([9.0, 0.0, 0.0]),
+            shader("surface", "one", None),
+            save("a", None),
+            shader("surface", "two", None),
+            save("b", Some("shaders")),
+            Call::PopAttributes,
+            mesh(names),
+        ]);
+        let scene = run.scene();
+        assert_eq!(scene.primitives.len(), 2);
+        let part = |i: usize| {
+            let p = &scene.primitives[i];
+            let holes = p.keys[0].params.get("holes").unwrap().data.to_ints().unwrap().to_vec();
+            assert!(p.keys[0].params.get("__attributes").is_none());
+            (p.attributes.surface.as_ref().unwrap().layers[0].shader.to_string(), holes)
+        };
+        assert_eq!(part(0), ("two".into(), vec![1, 3]));
+        assert_eq!(part(1), ("one".into(), vec![0, 2, 3]));
+        assert_eq!([0, 1].map(|i| origin(&scene, i).x), [0.0; 2]);
+        assert!(run.messages().is_empty());
+    }
+    for (names, expected) in [
+        (strings("perpiece string __attributes", &["x", "x", "x", "x"]), "no attributes were saved as \"x\""),
+        (strings("perpiece string __attributes", &["x"]), "1 values of \"__attributes\" for 4 faces"),
+    ] {
+        let mut run = Run::new();
+        run.calls([Call::World, mesh(vec![names])]);
+        assert_eq!(run.scene().primitives.len(), 1);
+        assert!(run.message().contains(expected), "{}", run.message());
+    }
+}
+
+#[test]
 fn a_singular_camera_is_told() {
     let mut run = Run::new();
     run.calls([Call::Scale([1.0, 1.0, 0.0]), Call::World, sphere()]);

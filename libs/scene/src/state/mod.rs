@@ -6,6 +6,7 @@
 
 mod attributes;
 mod current;
+mod faces;
 mod frame;
 mod modify;
 mod motion;

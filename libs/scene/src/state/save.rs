@@ -21,6 +21,14 @@ impl Saved {
         self.holds("transform").then_some(&self.set.to_world)
     }
 
+    /// Puts everything that was saved into `target`.
+    pub(super) fn apply(&self, target: &mut AttributeSet) {
+        match &self.items {
+            None => *target = self.set.clone(),
+            Some(items) => items.iter().for_each(|item| copy_item(target, self, item)),
+        }
+    }
+
     fn holds(&self, item: &str) -> bool {
         let usage = matches!(item, "surface" | "displacement" | "volume");
         self.items.as_ref().is_none_or(|items| {

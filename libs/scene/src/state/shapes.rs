@@ -2,7 +2,7 @@
 
 use super::attributes::typed;
 use super::{Phase, State};
-use crate::{Primitive, ShapeKey};
+use crate::{AttributeSet, Primitive, ShapeKey};
 use granita_base::{
     BaseType, Interp, Location, Param, ParamData, ParamType, Params, Severity, ShapeDesc, TrimDesc,
 };
@@ -67,8 +67,24 @@ impl State {
                 }
             }
         }
+        if let Some(parts) = self.face_parts(&shape, &keys, at) {
+            for part in parts {
+                self.push_primitive(shape.clone(), part.keys, part.attributes, at);
+            }
+            return;
+        }
         let camera = self.shading_camera();
         let attributes = self.current.freeze(camera.as_ref());
+        self.push_primitive(shape, keys, attributes, at);
+    }
+
+    fn push_primitive(
+        &mut self,
+        shape: ShapeDesc,
+        keys: Vec<ShapeKey>,
+        attributes: Arc<AttributeSet>,
+        at: &Location,
+    ) {
         let id = self.next_primitive;
         self.next_primitive = self.next_primitive.wrapping_add(1);
         self.primitives.push(Arc::new(Primitive { id, shape, keys, attributes, at: at.clone() }));
