@@ -334,20 +334,24 @@ impl Parser {
                 return Ok(Value::Seq(seq));
             }
             // Plain numbers are nearly everything there is: straight into the sequence.
-            let fast = self.plain_number()?;
-            let pushed = match fast {
-                Some(Number::Int(i)) => seq.push_int(i),
-                Some(Number::Float(f)) => seq.push_float(f),
-                None => {
-                    let value = self.expression(depth + 1)?;
-                    self.blanks(true)?;
-                    if !list && !comma && seq.len() == 0 && self.bytes.peek()? == Some(b')') {
-                        self.bytes.advance();
-                        return Ok(value);
-                    }
-                    seq.push(value)
+            if let Some(number) = self.plain_number()? {
+                let pushed = match number {
+                    Number::Int(i) => seq.push_int(i),
+                    Number::Float(f) => seq.push_float(f),
+                };
+                if let Err(why) = pushed {
+                    return self.fail(why.into());
                 }
-            };
+                comma = true;
+                continue;
+            }
+            let value = self.expression(depth + 1)?;
+            self.blanks(true)?;
+            if !list && !comma && seq.len() == 0 && self.bytes.peek()? == Some(b')') {
+                self.bytes.advance();
+                return Ok(value);
+            }
+            let pushed = seq.push(value);
             if let Err(why) = pushed {
                 return self.fail(why.into());
             }
@@ -364,8 +368,7 @@ impl Parser {
         }
     }
 
-    /// A number that is followed by a comma, blank or closing bracket: no arithmetic follows. Takes it and
-    /// what separates it, or nothing at all.
+    /// A number with a comma right behind it, so that no arithmetic can follow. Takes both, or nothing.
     fn plain_number(&mut self) -> Flat<Option<Number>> {
         let ahead = self.bytes.ahead(64)?;
         let Some((number, len)) = scan_number(ahead) else { return Ok(None) };
@@ -373,7 +376,9 @@ impl Parser {
         if ahead.get(len) != Some(&b',') {
             return Ok(None);
         }
-        self.bytes.skip(len);
+        // The comma, and the blank that usually follows it.
+        let blank = ahead.get(len + 1) == Some(&b' ');
+        self.bytes.skip(len + 1 + usize::from(blank));
         Ok(Some(number))
     }
 

@@ -7,7 +7,7 @@ use granita_base::{
     TrimDesc,
 };
 use granita_pyg::{PygOptions, PygSource, Writer, WriterOptions, read};
-use granita_scene::{Call, SceneSink, Stop, TransformTarget};
+use granita_scene::{Call, FrameRenderer, InputReader, Scene, SceneSink, State, Stop, TransformTarget};
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -219,6 +219,29 @@ fn call() -> impl Strategy<Value = Call> {
     prop_oneof![1 => simple, 2 => named, 2 => transforms, 4 => with_params]
 }
 
+/// Renders nothing; inputs contain a sphere.
+struct Blank;
+
+impl FrameRenderer for Blank {
+    fn render(&mut self, scene: Arc<Scene>, camera: Option<&str>) -> Result<(), Stop> {
+        assert!(!scene.cameras.is_empty() && !scene.outputs.is_empty());
+        assert!(camera.is_none_or(|c| scene.cameras.iter().any(|known| &*known.name == c)));
+        for primitive in &scene.primitives {
+            assert!(primitive.attributes.lights.iter().all(|l| (l.0 as usize) < scene.lights.len()));
+            assert!(primitive.keys.windows(2).all(|k| k[0].time < k[1].time) && !primitive.keys.is_empty());
+        }
+        Ok(())
+    }
+    fn command(&mut self, _: &str, _: &Params, _: &Location) -> Result<bool, Stop> {
+        Ok(false)
+    }
+    fn input(&mut self, _: &str, _: &str, _: &Location) -> Result<Option<InputReader>, Stop> {
+        let shape = ShapeDesc::Sphere { radius: 1.0, zmin: -1.0, zmax: 1.0, thetamax_deg: 360.0 };
+        let call = Call::Shape { shape: Box::new(shape), params: Params::new() };
+        Ok(Some(Box::new(move |sink| sink.call(call, &Location::default()))))
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
 
@@ -237,6 +260,19 @@ proptest! {
         let (back, told) = read_back(text);
         prop_assert!(told.is_empty(), "{told:?}");
         prop_assert_eq!(&back, &calls);
+    }
+
+    #[test]
+    fn no_calls_upset_the_state_machine(before in prop::collection::vec(call(), 0..12), after in prop::collection::vec(call(), 0..24), again: bool) {
+        let mut state = State::new(Box::new(Blank), Reporter::silent());
+        let rerender = Call::Attribute(Param::declared("int rerender", i32::from(again)).unwrap());
+        let calls = std::iter::once(rerender).chain(before).chain([Call::World]).chain(after);
+        for call in calls.chain([Call::Render { camera: None }, Call::World, Call::Render { camera: None }]) {
+            // Only `Command ("exit")` stops, and nothing here says it.
+            state.call(call, &Location::default()).unwrap();
+        }
+        state.end();
+        prop_assert!(state.has_rendered());
     }
 
     #[test]
