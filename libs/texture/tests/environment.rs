@@ -317,3 +317,31 @@ fn inputs_that_do_not_fit_are_refused() {
     fails(&["ny.tif"], Mode::LightProbe, "square");
     fails(&["none.tif"], Mode::EnvLatLong, "none.tif");
 }
+
+/// OpenEXR stores cubes as columns, right handed; the same direction gives the same colour.
+#[test]
+fn openexr_maps_follow_their_own_conventions() {
+    let folder = Folder::new();
+    let exr = |mode| MakeOptions { format: "OpenEXR".to_owned(), ..options(mode) };
+    cube_of(&folder, 32, &exr(Mode::EnvCube), sky);
+    let file = folder.registry.open(&folder.path("cube.env")).unwrap();
+    let s = file.spec(0, 0).unwrap();
+    assert_eq!((s.width, s.height, s.string("textureformat")), (32, 192, Some("CubeFace Environment")));
+    let (cache, id) = folder.open("cube.env");
+    for i in 0..1000 {
+        let d = any_direction(i);
+        let v = look(&cache, id, &toward(d));
+        for (c, v) in v.iter().enumerate() {
+            assert!((v - sky(d, c)).abs() < 0.02, "{d} {c}: {v} {}", sky(d, c));
+        }
+    }
+    // A latitude-longitude map keeps its picture, in which up is now +y.
+    latlong_of(&folder, (64, 32), sky);
+    folder.make(&["ll.tif"], "ll.exr", &exr(Mode::EnvLatLong)).unwrap();
+    let (cache, id) = folder.open("ll.exr");
+    for i in 0..200 {
+        let d = any_direction(i);
+        let v = look(&cache, id, &toward(Vec3::new(-d.y, d.z, d.x)));
+        assert!((v[2] - sky(d, 2)).abs() < 0.02, "{d}: {v:?}");
+    }
+}
