@@ -37,15 +37,15 @@
 //! file.close()?;
 //! let options = MakeOptions { swrap: Wrap::Periodic, twrap: Wrap::Periodic, ..MakeOptions::default() };
 //! make(&[picture], &texture, &options, &formats, &|_, _| ())?;
-//! // ... looked up at the centre of its second texel, sharp and then blurred over everything.
+//! // ... looked up at the centre of its second texel, and of the first one's next copy.
 //! let path = SearchPath::parse(&folder.path().to_string_lossy(), &SearchPath::default(), &Environment::empty());
 //! let cache = TextureCache::new(formats, path, CacheOptions::default(), Reporter::silent());
 //! let id = cache.find("a.tx").ok_or("no such texture")?;
 //! let mut value = [0.0];
 //! cache.texture(id, &Lookup { s: 0.75, t: 0.5, ..Lookup::default() }, &mut value);
 //! assert_eq!(value, [3.0]);
-//! cache.texture(id, &Lookup { s: 0.75, t: 0.5, sblur: 1.0, tblur: 1.0, ..Lookup::default() }, &mut value);
-//! assert_eq!(value, [2.0]);
+//! cache.texture(id, &Lookup { s: 1.25, t: 0.5, ..Lookup::default() }, &mut value);
+//! assert_eq!(value, [1.0]);
 //! # Ok(())
 //! # }
 //! ```
