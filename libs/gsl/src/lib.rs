@@ -31,6 +31,7 @@ mod func;
 pub mod gso;
 mod hir;
 pub mod ir;
+mod listing;
 mod lower;
 mod parse;
 mod preprocess;
@@ -92,6 +93,9 @@ pub struct Compiled {
 pub fn compile(source: &str, file: &str, options: &CompileOptions<'_>) -> Result<Compiled, Vec<Diagnostic>> {
     let mut diags = diagnostic::Diagnostics::default();
     let tokens = preprocess::preprocess(source, file, options, &mut diags);
+    if diags.has_errors() {
+        return Err(diags.finish());
+    }
     let Some(shader) = parse::parse(&tokens, &mut diags) else { return Err(diags.finish()) };
     if diags.has_errors() {
         // What was passed over would be missed everywhere; the messages would only mislead.

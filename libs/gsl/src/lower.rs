@@ -568,13 +568,9 @@ impl<'a> Lowerer<'a> {
 
     fn write_access(&mut self, place: &hir::Place) {
         let Some(symbol) = self.bound[place.var.0] else { return };
-        match self.symbols[symbol.0 as usize].kind {
-            SymbolKind::Global(g) => self.write_global(g, place.pos),
-            SymbolKind::Param(i) if !self.shader.params[i as usize].output => {
-                let what = format!("parameter `{}` is read-only", self.symbols[symbol.0 as usize].name);
-                self.diags.error(place.pos, what);
-            }
-            _ => {}
+        // Read-only parameters are the checker's; it knows all places that write them.
+        if let SymbolKind::Global(g) = self.symbols[symbol.0 as usize].kind {
+            self.write_global(g, place.pos);
         }
     }
 

@@ -817,7 +817,11 @@ impl Parser<'_> {
                 if let Some(ty) = type_named(&word) {
                     self.next();
                     if ty == ValueType::Void || ty == ValueType::String || !self.is("(") {
-                        self.diags.error(pos, format!("expected an expression, found the type `{word}`"));
+                        let cast =
+                            (!matches!(self.peek(), TokenKind::Mark(_) | TokenKind::End)).then_some(());
+                        let help = cast.map(|()| format!("to cast, write `({word})`"));
+                        let what = format!("expected an expression, found the type `{word}`");
+                        self.diags.error_help(pos, what, help);
                         return Err(Failed);
                     }
                     let arguments = self.arguments()?;

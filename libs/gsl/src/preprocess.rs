@@ -17,7 +17,7 @@ const MAX_INCLUDES: usize = 64;
 /// Macro calls within arguments of macro calls.
 const MAX_CALLS: usize = 100;
 /// Tokens handled in all; stops macros that grow without bound.
-const MAX_TOKENS: usize = 4_000_000;
+const MAX_TOKENS: usize = 1_000_000;
 
 #[derive(Clone, Debug)]
 struct Macro {
@@ -54,7 +54,7 @@ struct Preprocessor<'a> {
 /// One open `#if`.
 struct Condition {
     pos: Pos,
-    /// This branch is compiled.
+    /// This branch is compiled, and so is all around it.
     active: bool,
     /// A branch was compiled, or the whole stands in skipped text.
     done: bool,
@@ -90,7 +90,7 @@ impl Preprocessor<'_> {
         let mut conditions: Vec<Condition> = Vec::new();
         let mut at = 0;
         while at < tokens.len() && self.budget > 0 {
-            let active = conditions.iter().all(|c| c.active);
+            let active = conditions.last().is_none_or(|c| c.active);
             if tokens[at].first && tokens[at].is("#") {
                 let stop = line_end(&tokens, at + 1);
                 self.directive(&tokens[at], &tokens[at + 1..stop], &mut conditions, depth);
@@ -113,7 +113,7 @@ impl Preprocessor<'_> {
     }
 
     fn directive(&mut self, hash: &Raw, line: &[Raw], conditions: &mut Vec<Condition>, depth: usize) {
-        let active = conditions.iter().all(|c| c.active);
+        let active = conditions.last().is_none_or(|c| c.active);
         let Some((name, rest)) = line.split_first() else { return };
         let pos = name.pos;
         if name.kind == RawKind::Number {
@@ -129,8 +129,7 @@ impl Preprocessor<'_> {
                 conditions.push(Condition { pos, active: value, done: value || !active, seen_else: false });
             }
             "elif" | "else" => {
-                let outer = conditions.len().checked_sub(1).map(|n| conditions[..n].iter().all(|c| c.active));
-                let Some((last, outer)) = conditions.last_mut().zip(outer) else {
+                let Some(last) = conditions.last_mut() else {
                     self.diags.error(pos, format!("`#{}` without `#if`", name.text));
                     return;
                 };
@@ -138,7 +137,7 @@ impl Preprocessor<'_> {
                     self.diags.error(pos, format!("`#{}` after `#else`", name.text));
                     return;
                 }
-                let taken = last.done || !outer;
+                let taken = last.done;
                 last.seen_else = &*name.text == "else";
                 last.active = false;
                 if !taken {
@@ -399,6 +398,8 @@ impl Preprocessor<'_> {
                 },
             };
             hide.push(token.text.clone());
+            // Long sets of hidden names cost time as well.
+            self.budget = self.budget.saturating_sub(hide.len()).max(1);
             let body = self.substitute(&found, &arguments, &token, &Arc::new(hide), depth);
             stack.extend(body.into_iter().rev());
         }
@@ -508,6 +509,8 @@ impl Preprocessor<'_> {
                     if depth >= MAX_CALLS {
                         self.diags
                             .error(call.pos, format!("macro calls are nested more than {MAX_CALLS} deep"));
+                        // Nothing sensible can follow.
+                        self.budget = 0;
                         return out;
                     }
                     out.extend(self.expand(tokens.clone(), depth + 1));

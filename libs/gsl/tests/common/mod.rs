@@ -1,0 +1,45 @@
+//! Shared by the tests of the compiler.
+
+use granita_base::Severity;
+use granita_gsl::{CompileOptions, Module, compile, gso};
+
+/// Compiles a shader that must be without mistakes and warnings.
+#[allow(dead_code, reason = "not every test file uses it")]
+pub(crate) fn module(source: &str) -> Module {
+    let compiled = compile(source, "t.gsl", &CompileOptions::default()).unwrap_or_else(|list| {
+        panic!("{source}\n{}", list.iter().map(|d| d.to_string() + "\n").collect::<String>())
+    });
+    let warnings: Vec<String> = compiled.warnings.iter().map(ToString::to_string).collect();
+    assert!(warnings.is_empty(), "{source}\n{}", warnings.join("\n"));
+    let bytes = gso::write(&compiled.module, false);
+    assert_eq!(gso::read(&bytes, "t.gso").as_ref(), Ok(&compiled.module), "{source}");
+    compiled.module
+}
+
+/// `line:column: severity: message` of everything that is said about a source, one a line.
+#[allow(dead_code, reason = "not every test file uses it")]
+pub(crate) fn said(source: &str) -> String {
+    said_with(source, &CompileOptions::default())
+}
+
+/// As [`said`], with options.
+pub(crate) fn said_with(source: &str, options: &CompileOptions<'_>) -> String {
+    let list = match compile(source, "t.gsl", options) {
+        Ok(compiled) => {
+            assert!(compiled.warnings.iter().all(|d| d.severity == Severity::Warning));
+            compiled.warnings
+        }
+        Err(list) => {
+            assert!(list.iter().any(|d| d.severity == Severity::Error));
+            list
+        }
+    };
+    let lines: Vec<String> = list
+        .iter()
+        .map(|d| {
+            let help = d.help.as_ref().map_or(String::new(), |h| format!(" [{h}]"));
+            format!("{}:{}: {}: {}{help}", d.at.line, d.at.column, d.severity, d.message)
+        })
+        .collect();
+    lines.join("\n")
+}

@@ -1,0 +1,267 @@
+//! Whatever comes in, an answer comes out: no panic, no hang, no overflow of the stack.
+
+mod common;
+use common::said;
+use granita_gsl::{CompileOptions, GsoArgs, compile, gso};
+use proptest::prelude::*;
+
+/// Says `expected` about a source that is nested deeply.
+fn refused(source: &str, expected: &str) {
+    let found = said(source);
+    assert!(found.contains(expected), "{}", found.chars().take(300).collect::<String>());
+}
+
+#[test]
+fn deep_nesting_is_an_error() {
+    let n = 100_000;
+    let deep = "is nested more than";
+    refused(&format!("surface t () {{ C = {}1{}; }}", "(".repeat(n), ")".repeat(n)), deep);
+    refused(&format!("surface t () {{ C = {}1; }}", "-".repeat(n)), deep);
+    refused(&format!("surface t () {{ C = {}1; }}", "! ".repeat(n)), deep);
+    refused(&format!("surface t () {{ C = {}1; }}", "(color) ".repeat(n)), deep);
+    refused(&format!("surface t () {{ C = 1{}; }}", " + 1".repeat(n)), deep);
+    refused(&format!("surface t () {{ C = u{}; }}", " = u".repeat(n)), deep);
+    refused(&format!("surface t () {{ C = u{}; }}", " ? u : u".repeat(n)), deep);
+    refused(&format!("surface t () {{ C = {}1{}; }}", "sin (".repeat(n), ")".repeat(n)), deep);
+    refused(&format!("surface t () {{ C = {}1{}; }}", "C[".repeat(n), "]".repeat(n)), deep);
+    refused(&format!("surface t () {{ C = u{}; }}", "++".repeat(n)), "needs a variable");
+    refused(&format!("surface t () {{ {}{} }}", "{".repeat(n), "}".repeat(n)), deep);
+    refused(&format!("surface t () {{ {} C = 1; }}", "if (u) ".repeat(n)), deep);
+    refused(&format!("surface t () {{ {} C = 1; }}", "if (u) ; else ".repeat(n)), deep);
+    refused(&format!("surface t () {{ {} C = 1; }}", "while (u) ".repeat(n)), deep);
+    refused(&format!("surface t () {{ {} }}", "float f () {".repeat(n)), deep);
+    refused(&format!("surface t {}", "[[ float a = 1 ]]".repeat(n)), "expected");
+    refused(&format!("#if {}\n#endif\n", "(".repeat(n)), deep);
+    refused(&format!("{}\n", "#if 1\n".repeat(n)), "has no `#endif`");
+    refused(
+        &format!("#define f(x) x\nsurface t () {{ C = {}1{}; }}", "f(".repeat(n), ")".repeat(n)),
+        "nested more than",
+    );
+}
+
+#[test]
+fn as_deep_as_may_be() {
+    // All that the parser lets through must pass through the later stages as well.
+    let ok = |source: &str| {
+        let compiled = compile(source, "t.gsl", &CompileOptions::default());
+        let module = compiled.unwrap_or_else(|l| panic!("{}", l[0])).module;
+        assert_eq!(gso::read(&gso::write(&module, true), "t").unwrap(), module);
+    };
+    ok(&format!("surface t () {{ C = {}u{}; }}", "(".repeat(80), ")".repeat(80)));
+    ok(&format!("surface t () {{ C = u{}; }}", " + u".repeat(190)));
+    ok(&format!("surface t () {{ C = {}u{}; }}", "sin (".repeat(90), ")".repeat(90)));
+    ok(&format!("surface t () {{ {} C = 1; }}", "if (u) ".repeat(190)));
+    ok(&format!("surface t () {{ {} C = 1; }}", "if (u) ; else ".repeat(190)));
+    ok(&format!("surface t () {{ C = u{}; }}", " ? u : v".repeat(90)));
+    ok(&format!("surface t () {{ C = {}noise (P){}; }}", "noise (".repeat(60), ")".repeat(60)));
+}
+
+#[test]
+fn growth_is_bounded() {
+    // Each function calls the one before twice.
+    let mut source = String::from("float f0 (float x) { return x + 1; }\n");
+    for i in 1..60 {
+        source += &format!("float f{i} (float x) {{ return f{0} (x) + f{0} (x); }}\n", i - 1);
+    }
+    refused(
+        &format!("{source}surface t () {{ C = f59 (u); }}"),
+        "operations when functions are put in place",
+    );
+    // Blocks within blocks by way of functions.
+    let mut source = String::from("void f0 () { C = 1; }\n");
+    for i in 1..300 {
+        source += &format!("void f{i} () {{ if (u) f{} (); }}\n", i - 1);
+    }
+    refused(&format!("{source}surface t () {{ f299 (); }}"), "when functions are put in place");
+    let mut source = String::from("float f0 (float x) { return x; }\n");
+    for i in 1..2000 {
+        source += &format!("float f{i} (float x) {{ return f{} (x); }}\n", i - 1);
+    }
+    refused(&format!("{source}surface t () {{ C = f1999 (u); }}"), "nested more than");
+    // Macros that double.
+    let mut source = String::from("#define m0 1 +\n");
+    for i in 1..60 {
+        source += &format!("#define m{i} m{0} m{0}\n", i - 1);
+    }
+    refused(&format!("{source}surface t () {{ C = m59 1; }}"), "grows too large");
+    let mut source = String::from("#define m0(x) x x\n");
+    for i in 1..60 {
+        source += &format!("#define m{i}(x) m{0} (x) m{0} (x)\n", i - 1);
+    }
+    refused(&format!("{source}surface t () {{ C = m59 (1); }}"), "grows too large");
+}
+
+#[test]
+fn cut_and_altered_files_are_refused() {
+    let source = granita_bundled::shader("spotlight").unwrap();
+    let module = compile(source, "spotlight.gsl", &CompileOptions::default()).unwrap().module;
+    for encrypt in [false, true] {
+        let bytes = gso::write(&module, encrypt);
+        for n in 0..bytes.len() {
+            let error = gso::read(&bytes[..n], "s.gso").unwrap_err().to_string();
+            let expected =
+                if n < 8 { "s.gso: it is no compiled shader" } else { "s.gso: the file ends too early" };
+            assert!(error.starts_with(expected), "{n}: {error}");
+            assert!(GsoArgs::from_bytes(&bytes[..n], "s.gso").is_err());
+        }
+        for i in 0..bytes.len() {
+            let mut altered = bytes.clone();
+            altered[i] ^= 0x10;
+            assert!(gso::read(&altered, "s.gso").is_err(), "byte {i}");
+            assert!(GsoArgs::from_bytes(&altered, "s.gso").is_err(), "byte {i}");
+        }
+        let mut longer = bytes.clone();
+        longer.push(0);
+        assert!(gso::read(&longer, "s.gso").unwrap_err().to_string().contains("too long"));
+        let mut newer = bytes.clone();
+        newer[8] = 2;
+        let error = gso::read(&newer, "s.gso").unwrap_err().to_string();
+        assert_eq!(error, "s.gso: version 2 of compiled shaders is not supported, only 1; compile it again");
+    }
+    assert_eq!(
+        gso::read(source.as_bytes(), "s.gsl").unwrap_err().to_string(),
+        "s.gsl: it is no compiled shader; is it source text?"
+    );
+    assert!(gso::read(&[], "s").is_err());
+}
+
+#[test]
+fn encrypted_files_hide_names_of_variables_and_show_parameters() {
+    let source = "surface t (float visible = 1) { float hidden = u * visible; C = hidden; }";
+    let module = compile(source, "t.gsl", &CompileOptions::default()).unwrap().module;
+    let has = |bytes: &[u8], word: &str| bytes.windows(word.len()).any(|w| w == word.as_bytes());
+    let (plain, mixed) = (gso::write(&module, false), gso::write(&module, true));
+    assert!(has(&plain, "hidden") && has(&plain, "visible"));
+    assert!(!has(&mixed, "hidden") && has(&mixed, "visible"));
+}
+
+/// Pieces that sources are made of.
+const PIECES: &[&str] = &[
+    "surface",
+    "t",
+    "(",
+    ")",
+    "{",
+    "}",
+    "[",
+    "]",
+    "[[",
+    "]]",
+    ";",
+    ",",
+    "=",
+    "+",
+    "-",
+    "*",
+    "/",
+    "==",
+    "&&",
+    "||",
+    "!",
+    "?",
+    ":",
+    "++",
+    "--",
+    "+=",
+    "float",
+    "color",
+    "point",
+    "matrix",
+    "string",
+    "void",
+    "output",
+    "if",
+    "else",
+    "while",
+    "do",
+    "for",
+    "break",
+    "continue",
+    "return",
+    "lights",
+    "emit",
+    "trace",
+    "C",
+    "P",
+    "N",
+    "u",
+    "x",
+    "y",
+    "noise",
+    "texture",
+    "mix",
+    "spline",
+    "transform",
+    "getmessage",
+    "printf",
+    "exit",
+    "\"a\"",
+    "1",
+    "0.5",
+    "\n",
+    "#",
+    "#define",
+    "#if",
+    "#endif",
+    "#else",
+    "defined",
+    "##",
+    "\"%f\"",
+    "PI",
+    "arraylength",
+    "fresnel",
+    "<",
+    ">",
+];
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn random_text(text in ".{0,200}") {
+        let _ = compile(&text, "t.gsl", &CompileOptions::default());
+        let _ = compile(&format!("surface t () {{ {text} }}"), "t.gsl", &CompileOptions::default());
+    }
+
+    #[test]
+    fn random_bytes(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+        let _ = compile(&String::from_utf8_lossy(&bytes), "t.gsl", &CompileOptions::default());
+        prop_assert!(gso::read(&bytes, "t").is_err());
+        prop_assert!(GsoArgs::from_bytes(&bytes, "t").is_err());
+    }
+
+    #[test]
+    fn random_tokens(pieces in prop::collection::vec(prop::sample::select(PIECES), 0..60)) {
+        let text = pieces.join(" ");
+        for source in [
+            text.clone(),
+            format!("surface t (float x = 1, output color y = 0) {{ {text} }}"),
+            format!("float x ({text}) {{ }} surface t () {{ }}"),
+            format!("surface t (float x = {text}) {{ }}"),
+            format!("surface t () {{ C = {text}; }}"),
+        ] {
+            if let Ok(compiled) = compile(&source, "t.gsl", &CompileOptions::default()) {
+                let bytes = gso::write(&compiled.module, false);
+                prop_assert_eq!(gso::read(&bytes, "t").unwrap(), compiled.module);
+            }
+        }
+    }
+
+    #[test]
+    fn bundled_shaders_with_a_piece_changed(
+        which in any::<prop::sample::Index>(),
+        at in any::<prop::sample::Index>(),
+        cut in 0usize..30,
+        piece in prop::sample::select(PIECES),
+    ) {
+        let names: Vec<_> = granita_bundled::shader_names().collect();
+        let text: Vec<char> = granita_bundled::shader(names[which.index(names.len())]).unwrap().chars().collect();
+        let at = at.index(text.len());
+        let end = (at + cut).min(text.len());
+        let source: String = text[..at].iter().chain(&piece.chars().collect::<Vec<_>>()).chain(&text[end..]).collect();
+        if let Ok(compiled) = compile(&source, "t.gsl", &CompileOptions::default()) {
+            let bytes = gso::write(&compiled.module, true);
+            prop_assert_eq!(gso::read(&bytes, "t").unwrap(), compiled.module);
+        }
+    }
+}
