@@ -438,6 +438,8 @@ impl Preprocessor<'_> {
             if let Some(last) = arguments.last_mut() {
                 last.push(token);
             }
+            // Arguments within arguments are gone through once for each call around them.
+            self.budget = self.budget.saturating_sub(1).max(1);
         };
         if params.is_empty() && arguments.len() == 1 && arguments[0].is_empty() {
             arguments.clear();
