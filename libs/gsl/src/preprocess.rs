@@ -478,13 +478,11 @@ impl Preprocessor<'_> {
         while i < body.len() {
             let token = &body[i];
             let here = |t: &Raw| Raw { pos: call.pos, ..t.clone() };
-            if token.is("#") && found.params.is_some() {
-                if let Some(argument) = body.get(i + 1).and_then(argument) {
-                    let text = stringify(argument);
-                    out.push(Raw { kind: RawKind::Text, text: text.into(), ..here(token) });
-                    i += 2;
-                    continue;
-                }
+            let text = body.get(i + 1).filter(|_| token.is("#") && found.params.is_some()).and_then(argument);
+            if let Some(text) = text {
+                out.push(Raw { kind: RawKind::Text, text: stringify(text).into(), ..here(token) });
+                i += 2;
+                continue;
             }
             if token.is("##") && i > 0 {
                 let right = &body[i + 1];

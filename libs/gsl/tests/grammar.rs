@@ -240,17 +240,10 @@ fn overloads_take_what_fits_best() {
         let symbol = |id: granita_gsl::ir::SymbolId| m.symbol(id).ty.value.word();
         let mut out = Vec::new();
         for s in &m.body {
-            if let granita_gsl::ir::Stmt::Op(op) = s {
-                if let granita_gsl::ir::OpCode::Call(func) = op.code {
-                    let args: Vec<_> = op.args.iter().map(|a| symbol(*a)).collect();
-                    out.push(format!(
-                        "{} {} ({})",
-                        op.dst.map_or("void", symbol),
-                        func.word(),
-                        args.join(" ")
-                    ));
-                }
-            }
+            let granita_gsl::ir::Stmt::Op(op) = s else { continue };
+            let granita_gsl::ir::OpCode::Call(func) = op.code else { continue };
+            let args: Vec<_> = op.args.iter().map(|a| symbol(*a)).collect();
+            out.push(format!("{} {} ({})", op.dst.map_or("void", symbol), func.word(), args.join(" ")));
         }
         out.join("; ")
     };

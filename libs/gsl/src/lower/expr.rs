@@ -1,0 +1,428 @@
+//! Lowering of expressions, places and calls.
+
+use super::{Lowerer, MAX_DEPTH, Part, Return, Spot};
+use crate::access;
+use crate::builtins::Signature;
+use crate::check::zero;
+use crate::hir::{self, Component, ExprKind, FuncId, StmtKind, VarKind};
+use crate::ir::*;
+use crate::source::Pos;
+
+impl<'a> Lowerer<'a> {
+    // Expressions.
+
+    /// An expression for what it does.
+    pub(super) fn effect(&mut self, expr: &'a hir::Expr) {
+        match &expr.kind {
+            ExprKind::Step { place, up, .. } => {
+                let spot = self.spot(place);
+                self.step(spot, place, *up, expr.pos);
+            }
+            ExprKind::Exit => self.emit(Stmt::Exit, expr.pos),
+            ExprKind::Const(_) | ExprKind::Bad => {}
+            _ => {
+                self.value(expr, None);
+            }
+        }
+    }
+
+    pub(super) fn expr(&mut self, expr: &'a hir::Expr) -> SymbolId {
+        self.value(expr, None)
+    }
+
+    /// Puts the value into `dst`.
+    pub(super) fn expr_to(&mut self, expr: &'a hir::Expr, dst: SymbolId, pos: Pos) {
+        let found = self.value(expr, Some(dst));
+        if found != dst {
+            self.op(OpCode::Assign, Some(dst), vec![found], pos);
+        }
+    }
+
+    /// Computes an expression; into `hint`, when that can be done without harm.
+    fn value(&mut self, expr: &'a hir::Expr, hint: Option<SymbolId>) -> SymbolId {
+        self.depth += 1;
+        if self.depth > MAX_DEPTH {
+            self.stop(expr.pos, format!("expressions are nested more than {MAX_DEPTH} deep"));
+        }
+        let out = if self.stopped { self.float(0.0) } else { self.value_kind(expr, hint) };
+        self.depth -= 1;
+        out
+    }
+
+    /// `hint` if it has just this type and `args` do not name it; else a temporary.
+    fn target(&mut self, hint: Option<SymbolId>, ty: ValueType, args: &[SymbolId]) -> SymbolId {
+        match hint {
+            Some(id) if self.ty(id) == SymbolType::of(ty) && !args.contains(&id) => id,
+            _ => self.temp(ty),
+        }
+    }
+
+    fn value_kind(&mut self, expr: &'a hir::Expr, hint: Option<SymbolId>) -> SymbolId {
+        let pos = expr.pos;
+        let ty = expr.ty.value;
+        match &expr.kind {
+            ExprKind::Const(value) => self.constant(expr.ty, value),
+            ExprKind::Bad | ExprKind::Exit => self.constant(SymbolType::of(ty), &zero(ty)),
+            ExprKind::Read(place) => {
+                let spot = self.spot(place);
+                self.read_access(place);
+                self.load(spot, ty, pos)
+            }
+            ExprKind::Unary(code, a) => {
+                let a = self.expr(a);
+                let dst = self.target(hint, ty, &[]);
+                self.op(*code, Some(dst), vec![a], pos);
+                dst
+            }
+            ExprKind::Binary(code, a, b) => {
+                let args = vec![self.expr(a), self.expr(b)];
+                // Component by component it does not matter whether an operand is the result.
+                let apart: &[SymbolId] = if ty == ValueType::Matrix { &args } else { &[] };
+                let apart = apart.to_vec();
+                let dst = self.target(hint, ty, &apart);
+                self.op(*code, Some(dst), args, pos);
+                dst
+            }
+            ExprKind::And(a, b) => {
+                let a = self.expr(a);
+                let cond = self.temp(ty);
+                self.op(OpCode::Truth, Some(cond), vec![a], pos);
+                let result = self.local(ty);
+                self.op(OpCode::Assign, Some(result), vec![cond], pos);
+                self.second(cond, b, result, pos);
+                result
+            }
+            ExprKind::Or(a, b) => {
+                let a = self.expr(a);
+                let cond = self.temp(ty);
+                self.op(OpCode::Not, Some(cond), vec![a], pos);
+                let result = self.local(ty);
+                self.op(OpCode::Not, Some(result), vec![cond], pos);
+                self.second(cond, b, result, pos);
+                result
+            }
+            ExprKind::Ternary(condition, a, b) => {
+                let cond = self.expr(condition);
+                let result = self.local(ty);
+                let then = self.inner(pos, |s| s.branch(a, result, pos));
+                let otherwise = self.inner(pos, |s| s.branch(b, result, pos));
+                self.emit(Stmt::If { cond, then, otherwise }, pos);
+                result
+            }
+            ExprKind::Convert(a) => {
+                let a = self.expr(a);
+                let dst = self.target(hint, ty, &[]);
+                self.op(OpCode::Assign, Some(dst), vec![a], pos);
+                dst
+            }
+            ExprKind::Construct { space, parts } => {
+                let mut args: Vec<SymbolId> = space.iter().map(|s| self.expr(s)).collect();
+                args.extend(parts.iter().map(|p| self.expr(p)).collect::<Vec<_>>());
+                let dst = self.target(hint, ty, &args);
+                self.op(OpCode::Construct, Some(dst), args, pos);
+                dst
+            }
+            ExprKind::Builtin { signature, args, outputs } => {
+                self.builtin(signature, args, outputs, expr, hint)
+            }
+            ExprKind::Call { func, args } => self.call(*func, args, pos),
+            ExprKind::Assign { place, op, value } => self.assign(place, *op, value, expr, pos),
+            ExprKind::Step { place, up, postfix } => {
+                let spot = self.spot(place);
+                if !*postfix {
+                    return self.step(spot, place, *up, pos);
+                }
+                let before = self.load(spot, ty, pos);
+                let copy = self.temp(ty);
+                self.op(OpCode::Assign, Some(copy), vec![before], pos);
+                self.step(spot, place, *up, pos);
+                copy
+            }
+        }
+    }
+
+    /// The second operand of `&&` or `||`, where `cond` holds.
+    fn second(&mut self, cond: SymbolId, b: &'a hir::Expr, result: SymbolId, pos: Pos) {
+        let then = self.inner(pos, |s| {
+            let mark = s.live.len();
+            let b = s.expr(b);
+            s.op(OpCode::Truth, Some(result), vec![b], pos);
+            s.release(mark);
+        });
+        self.emit(Stmt::If { cond, then, otherwise: Vec::new() }, pos);
+    }
+
+    fn branch(&mut self, expr: &'a hir::Expr, result: SymbolId, pos: Pos) {
+        let mark = self.live.len();
+        self.expr_to(expr, result, pos);
+        self.release(mark);
+    }
+
+    // Places.
+
+    fn read_access(&mut self, place: &hir::Place) {
+        if let Some(SymbolKind::Global(g)) =
+            self.bound[place.var.0].map(|s| self.symbols[s.0 as usize].kind.clone())
+        {
+            self.read_global(g, place.pos);
+        }
+    }
+
+    fn read_global(&mut self, g: Global, pos: Pos) {
+        self.reads.insert(g);
+        if let Some(what) = access::read(self.shader.kind, g, self.in_lights > 0) {
+            self.diags.error(pos, what);
+        }
+    }
+
+    fn write_access(&mut self, place: &hir::Place) {
+        let Some(symbol) = self.bound[place.var.0] else { return };
+        // Read-only parameters are the checker's; it knows all places that write them.
+        if let SymbolKind::Global(g) = self.symbols[symbol.0 as usize].kind {
+            self.write_global(g, place.pos);
+        }
+    }
+
+    fn write_global(&mut self, g: Global, pos: Pos) {
+        self.writes.insert(g);
+        if let Some(what) = access::write(self.shader.kind, g) {
+            self.diags.error(pos, what);
+        }
+    }
+
+    fn spot(&mut self, place: &'a hir::Place) -> Spot {
+        let symbol = self.variable(place.var);
+        let element = place.element.as_ref().map(|e| self.expr(e));
+        let part = match &place.component {
+            Component::All => Part::All,
+            Component::One(i) => Part::One(self.expr(i)),
+            Component::Cell(row, column) => {
+                let row = self.expr(row);
+                Part::Cell(row, self.expr(column))
+            }
+        };
+        Spot { symbol, element, part }
+    }
+
+    /// The element (or the whole) that a spot is part of.
+    fn load_element(&mut self, spot: Spot, keep: bool, pos: Pos) -> SymbolId {
+        let Some(index) = spot.element else { return spot.symbol };
+        let ty = self.ty(spot.symbol).value;
+        let dst = if keep { self.local(ty) } else { self.temp(ty) };
+        self.op(OpCode::Index, Some(dst), vec![spot.symbol, index], pos);
+        dst
+    }
+
+    fn load(&mut self, spot: Spot, ty: ValueType, pos: Pos) -> SymbolId {
+        let from = self.load_element(spot, false, pos);
+        let (code, args) = match spot.part {
+            Part::All => return from,
+            Part::One(i) => (OpCode::Component, vec![from, i]),
+            Part::Cell(row, column) => (OpCode::MatrixComponent, vec![from, row, column]),
+        };
+        let dst = self.temp(ty);
+        self.op(code, Some(dst), args, pos);
+        dst
+    }
+
+    fn store(&mut self, spot: Spot, value: SymbolId, pos: Pos) {
+        if let Part::All = spot.part {
+            match spot.element {
+                None if value == spot.symbol => {}
+                None => self.op(OpCode::Assign, Some(spot.symbol), vec![value], pos),
+                Some(i) => self.op(OpCode::IndexSet, Some(spot.symbol), vec![i, value], pos),
+            }
+            return;
+        }
+        let whole = self.load_element(spot, true, pos);
+        match spot.part {
+            Part::All => {}
+            Part::One(i) => self.op(OpCode::ComponentSet, Some(whole), vec![i, value], pos),
+            Part::Cell(r, c) => self.op(OpCode::MatrixComponentSet, Some(whole), vec![r, c, value], pos),
+        }
+        if let Some(i) = spot.element {
+            self.op(OpCode::IndexSet, Some(spot.symbol), vec![i, whole], pos);
+        }
+    }
+
+    /// Adds or subtracts 1; gives the new value.
+    fn step(&mut self, spot: Spot, place: &hir::Place, up: bool, pos: Pos) -> SymbolId {
+        self.read_access(place);
+        self.write_access(place);
+        let one = self.float(1.0);
+        let code = if up { OpCode::Add } else { OpCode::Sub };
+        let old = self.load(spot, ValueType::Float, pos);
+        if spot.element.is_none() && matches!(spot.part, Part::All) {
+            self.op(code, Some(spot.symbol), vec![old, one], pos);
+            return spot.symbol;
+        }
+        let new = self.temp(ValueType::Float);
+        self.op(code, Some(new), vec![old, one], pos);
+        self.store(spot, new, pos);
+        new
+    }
+
+    fn assign(
+        &mut self,
+        place: &'a hir::Place,
+        op: Option<OpCode>,
+        value: &'a hir::Expr,
+        expr: &hir::Expr,
+        pos: Pos,
+    ) -> SymbolId {
+        let ty = expr.ty.value;
+        let spot = self.spot(place);
+        self.write_access(place);
+        let Some(op) = op else {
+            if place.is_whole() {
+                self.expr_to(value, spot.symbol, pos);
+                return spot.symbol;
+            }
+            let value = self.expr(value);
+            self.store(spot, value, pos);
+            return value;
+        };
+        self.read_access(place);
+        let value = self.expr(value);
+        let old = self.load(spot, ty, pos);
+        if place.is_whole() && ty != ValueType::Matrix {
+            self.op(op, Some(spot.symbol), vec![old, value], pos);
+            return spot.symbol;
+        }
+        let new = self.temp(ty);
+        self.op(op, Some(new), vec![old, value], pos);
+        self.store(spot, new, pos);
+        new
+    }
+
+    // Calls.
+
+    /// A variable for an argument that is written; the spot, if the value must be stored back.
+    fn output(&mut self, expr: &'a hir::Expr) -> (SymbolId, Option<Spot>) {
+        let ExprKind::Read(place) = &expr.kind else { return (self.expr(expr), None) };
+        let spot = self.spot(place);
+        self.write_access(place);
+        if place.is_whole() {
+            return (spot.symbol, None);
+        }
+        // Copied in and out: the function may leave it as it is.
+        let value = self.load(spot, expr.ty.value, expr.pos);
+        let copy = self.local(expr.ty.value);
+        self.op(OpCode::Assign, Some(copy), vec![value], expr.pos);
+        (copy, Some(spot))
+    }
+
+    fn builtin(
+        &mut self,
+        signature: &'static Signature,
+        args: &'a [hir::Expr],
+        outputs: &[bool],
+        expr: &hir::Expr,
+        hint: Option<SymbolId>,
+    ) -> SymbolId {
+        let (ty, pos) = (expr.ty.value, expr.pos);
+        if signature.func == crate::Func::ArrayLength {
+            let array = self.expr(&args[0]);
+            let found = self.ty(array);
+            if !found.open {
+                return self.float(found.elements() as f32);
+            }
+            let dst = self.target(hint, ty, &[]);
+            self.op(OpCode::Call(signature.func), Some(dst), vec![array], pos);
+            return dst;
+        }
+        self.derivatives |= signature.derivatives;
+        for g in signature.reads {
+            self.read_global(*g, pos);
+        }
+        for g in signature.writes {
+            self.write_global(*g, pos);
+        }
+        if signature.runs_lights {
+            self.lighting(access::gather(self.shader.kind, signature.func.word()), pos);
+        }
+        let mut symbols = Vec::with_capacity(args.len());
+        let mut back = Vec::new();
+        for (arg, output) in args.iter().zip(outputs) {
+            if *output {
+                let (symbol, spot) = self.output(arg);
+                back.extend(spot.map(|s| (s, symbol)));
+                symbols.push(symbol);
+            } else {
+                symbols.push(self.expr(arg));
+            }
+        }
+        let dst = if ty == ValueType::Void { None } else { Some(self.target(hint, ty, &symbols)) };
+        self.op(OpCode::Call(signature.func), dst, symbols, pos);
+        for (spot, symbol) in back {
+            self.store(spot, symbol, pos);
+        }
+        dst.unwrap_or_else(|| self.float(0.0))
+    }
+
+    fn call(&mut self, id: FuncId, args: &'a [hir::Expr], pos: Pos) -> SymbolId {
+        let shader = self.shader;
+        let func = &shader.funcs[id.0];
+        // All arguments first: one of them may call the same function.
+        let mut symbols = Vec::with_capacity(args.len());
+        let mut back = Vec::new();
+        for (arg, formal) in args.iter().zip(&func.formals) {
+            let formal = &shader.vars[formal.0];
+            let written = formal.written || formal.kind == (VarKind::Formal { output: true });
+            let variable = matches!(arg.kind, ExprKind::Read(_));
+            let symbol = if written && variable {
+                let (symbol, spot) = self.output(arg);
+                back.extend(spot.map(|s| (s, symbol)));
+                symbol
+            } else {
+                let value = self.expr(arg);
+                if written {
+                    let copy = self.local(arg.ty.value);
+                    self.op(OpCode::Assign, Some(copy), vec![value], arg.pos);
+                    copy
+                } else {
+                    value
+                }
+            };
+            symbols.push(symbol);
+        }
+        for (symbol, formal) in symbols.into_iter().zip(&func.formals) {
+            self.bound[formal.0] = Some(symbol);
+        }
+        let result = (func.ret != ValueType::Void).then(|| self.local(func.ret));
+        let early = returns_early(&func.body, true);
+        let scope = early.then(|| {
+            self.next_scope += 1;
+            ScopeId(self.next_scope - 1)
+        });
+        self.returns.push(Return { scope, result });
+        if let (false, Some(result)) = (func.returns, result) {
+            let value = self.constant(SymbolType::of(func.ret), &zero(func.ret));
+            self.op(OpCode::Assign, Some(result), vec![value], pos);
+        }
+        let body = self.inner(pos, |s| s.statements(&func.body));
+        self.returns.pop();
+        match scope {
+            Some(id) => self.emit(Stmt::Scope { id, body }, pos),
+            None => self.out.extend(body),
+        }
+        for (spot, symbol) in back {
+            self.store(spot, symbol, pos);
+        }
+        result.unwrap_or_else(|| self.float(0.0))
+    }
+}
+
+/// Whether some `return` is not the last statement of the function.
+fn returns_early(body: &[hir::Stmt], outermost: bool) -> bool {
+    body.iter().enumerate().any(|(i, s)| match &s.kind {
+        StmtKind::Return(_) => !(outermost && i + 1 == body.len()),
+        StmtKind::Block(list) => returns_early(list, false),
+        StmtKind::If(_, a, b) => returns_early(a, false) || returns_early(b, false),
+        StmtKind::Loop { body, .. }
+        | StmtKind::Emit(_, body)
+        | StmtKind::Lights { body, .. }
+        | StmtKind::Trace { body, .. } => returns_early(body, false),
+        _ => false,
+    })
+}
