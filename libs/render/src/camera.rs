@@ -441,3 +441,106 @@ impl CameraView {
         ])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use granita_base::Reporter;
+
+    fn view(list: &[(&str, &[f32])]) -> (CameraView, usize) {
+        let (reporter, kept) = Reporter::collecting();
+        let params = Params(list.iter().map(|(d, v)| Param::declared(d, *v).unwrap()).collect());
+        let camera = Camera { name: "main".into(), world_to_camera: MotionTransform::default(), params };
+        let view = CameraView::new(&camera, &reporter);
+        let said = kept.lock().unwrap().len();
+        (view, said)
+    }
+
+    #[test]
+    fn the_default_camera() {
+        let (camera, said) = view(&[]);
+        assert_eq!((camera.resolution, said), ([640, 480], 0));
+        assert_eq!(camera.crop, PixelRect { x0: 0, y0: 0, x1: 640, y1: 480 });
+        // A field of view of 90 degrees: y = z is the upper edge.
+        let top = camera.project(Vec3::new(0.0, 3.0, 3.0));
+        assert!((top - Vec3::new(320.0, 0.0, 3.0)).length() < 1e-4, "{top}");
+        let right = camera.project(Vec3::new(4.0, 0.0, 3.0));
+        assert!((right.x - 640.0).abs() < 1e-3, "{right}");
+        assert!(!camera.has_motion_blur() && camera.lens.is_none());
+    }
+
+    #[test]
+    fn named_spaces_agree_with_the_projection() {
+        for list in [
+            &[("float fov", &[35.0][..]), ("int[2] resolution", &[200.0, 100.0])][..],
+            &[("float[4] screen", &[-0.5, 2.0, -1.0, 3.0]), ("float near", &[0.5]), ("float far", &[50.0])],
+        ] {
+            let (camera, _) = view(list);
+            let p = Vec3::new(0.3, -0.7, 4.0);
+            let raster = camera.world_to("raster", 0.0).unwrap().point(p);
+            let direct = camera.project(p);
+            assert!((raster.truncate() - direct.truncate()).length() < 1e-3, "{raster} {direct}");
+            let ndc = camera.world_to("NDC", 0.0).unwrap().point(p);
+            let [w, h] = camera.resolution;
+            assert!((ndc.x * w as f32 - raster.x).abs() < 1e-3 && (ndc.y * h as f32 - raster.y).abs() < 1e-3);
+            let depth = |z: f32| camera.world_to("screen", 0.0).unwrap().point(Vec3::Z * z).z;
+            assert!(depth(camera.near).abs() < 1e-5 && (depth(camera.far) - 1.0).abs() < 1e-5);
+            let clip = camera.world_to_clip().point(p);
+            assert!(
+                (clip.x - (2.0 * ndc.x - 1.0)).abs() < 1e-5 && (clip.y - (1.0 - 2.0 * ndc.y)).abs() < 1e-5
+            );
+            assert!(camera.world_to("nowhere", 0.0).is_none());
+        }
+    }
+
+    #[test]
+    fn neighbouring_crops_meet() {
+        let resolution = [640, 481];
+        let crop = |c: [f32; 4]| CameraView::crop_pixels(c, resolution);
+        for edge in [0.1, 0.25, 1.0 / 3.0, 0.5, 0.7, 0.999] {
+            let (left, right) = (crop([0.0, edge, 0.0, 1.0]), crop([edge, 1.0, 0.0, 1.0]));
+            assert_eq!((left.x0, left.x1, right.x1), (0, right.x0, 640));
+            let (upper, lower) = (crop([0.0, 1.0, 0.0, edge]), crop([0.0, 1.0, edge, 1.0]));
+            assert_eq!((upper.y0, upper.y1, lower.y1), (0, lower.y0, 481));
+        }
+        // ceil (xres * xmin) to ceil (xres * xmax - 1), inclusive.
+        assert_eq!(crop([0.1, 0.9, 0.0, 1.0]).x0, 64);
+        assert_eq!(crop([0.0, 1.0, 0.5, 1.0]).y0, 241);
+        assert!(crop([0.6, 0.4, 0.0, 1.0]).is_empty());
+        assert_eq!(crop([-1.0, 2.0, -1.0, 2.0]), PixelRect { x0: 0, y0: 0, x1: 640, y1: 481 });
+    }
+
+    #[test]
+    fn nonsense_is_reported_and_replaced() {
+        let (camera, said) = view(&[
+            ("float fov", &[200.0]),
+            ("int[2] resolution", &[0.0, 10.0]),
+            ("float near", &[-1.0]),
+            ("float[4] screen", &[1.0, 1.0, 0.0, 1.0]),
+            ("float[2] shutter", &[1.0, 0.0]),
+            ("float pixelaspect", &[0.0]),
+        ]);
+        assert_eq!(said, 6);
+        assert_eq!((camera.resolution, camera.near, camera.shutter), ([1, 10], 0.1, [0.0, 1.0]));
+    }
+
+    #[test]
+    fn circles_of_confusion_vanish_in_focus() {
+        let lens =
+            [("float fstop", &[2.0][..]), ("float focallength", &[1.0]), ("float focaldistance", &[4.0])];
+        let (camera, _) = view(&lens);
+        assert_eq!(camera.confusion(4.0), Vec2::ZERO);
+        // Radius 0.25, seen at infinity across the plane of focus: 0.25 / 4 * 240 pixels.
+        assert!((camera.confusion(1e9).x - 15.0).abs() < 1e-3);
+        assert!(camera.confusion(2.0).x < 0.0);
+    }
+
+    #[test]
+    fn preview_mode_replaces_qualities() {
+        let (camera, _) = view(&[("float preview", &[0.2]), ("int[2] spatialquality", &[8.0, 8.0])]);
+        assert_eq!(
+            (camera.spatialquality, camera.temporalquality, camera.bucketsize),
+            ([1, 1], 1, [2048, 2048])
+        );
+    }
+}

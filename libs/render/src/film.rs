@@ -59,18 +59,28 @@ pub(crate) fn filter(
 ) -> Vec<f32> {
     let mut out = vec![0.0; pixels.width() * pixels.height() * channels.len()];
     let support = Support::new(spec, samples);
+    let source = Source { samples, values, channels };
     let mut at = 0;
     for y in pixels.y0..pixels.y1 {
         for x in pixels.x0..pixels.x1 {
             let pixel = &mut out[at..at + channels.len()];
             match spec.filter {
-                PixelFilter::Weighted(_) => support.weighted(samples, values, channels, [x, y], pixel),
-                _ => support.picked(spec, samples, values, channels, [x, y], pixel),
+                PixelFilter::Weighted(_) => support.weighted(&source, [x, y], pixel),
+                _ => support.picked(spec, &source, [x, y], pixel),
             }
             at += channels.len();
         }
     }
     out
+}
+
+/// What is filtered.
+struct Source<'a> {
+    samples: &'a SampleGrid,
+    /// Channel `c` of sample `s` at `c * samples.len() + s`.
+    values: &'a [f32],
+    /// The channels wanted.
+    channels: &'a [usize],
 }
 
 /// Weights of every sample for the pixels around its own.
@@ -115,14 +125,8 @@ impl Support {
     }
 
     /// A weighted mean per channel. Sums are kept in [`LANES`] lanes: sample `s` of a pixel goes to lane `s % LANES`.
-    fn weighted(
-        &self,
-        samples: &SampleGrid,
-        values: &[f32],
-        channels: &[usize],
-        pixel: [i32; 2],
-        out: &mut [f32],
-    ) {
+    fn weighted(&self, source: &Source<'_>, pixel: [i32; 2], out: &mut [f32]) {
+        let Source { samples, values, channels } = *source;
         let total = samples.len();
         let own = samples.pixel(pixel[0], pixel[1]) * samples.per_pixel;
         for (out, channels) in out.chunks_mut(TOGETHER).zip(channels.chunks(TOGETHER)) {
@@ -165,15 +169,8 @@ impl Support {
         }
     }
 
-    fn picked(
-        &self,
-        spec: &FilterSpec,
-        samples: &SampleGrid,
-        values: &[f32],
-        channels: &[usize],
-        pixel: [i32; 2],
-        out: &mut [f32],
-    ) {
+    fn picked(&self, spec: &FilterSpec, source: &Source<'_>, pixel: [i32; 2], out: &mut [f32]) {
+        let Source { samples, values, channels } = *source;
         let total = samples.len();
         for (out, channel) in out.iter_mut().zip(channels) {
             let plane = &values[channel * total..(channel + 1) * total];

@@ -265,7 +265,7 @@ impl<S: FrameShader> Frame<'_, S> {
     /// Says which bucket failed, and how to render only that one.
     fn report_panic(&self, index: usize, what: &str) {
         let bucket = self.buckets.order[index];
-        let [width, height] = self.options.camera.resolution.map(|r| f64::from(r));
+        let [width, height] = self.options.camera.resolution.map(f64::from);
         let crop = [
             f64::from(bucket.x0) / width,
             f64::from(bucket.x1) / width,

@@ -352,3 +352,86 @@ impl OutputImage {
         spec
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use granita_image::Limits;
+
+    fn camera() -> CameraView {
+        let camera = granita_scene::Camera {
+            name: "main".into(),
+            world_to_camera: Default::default(),
+            params: Params(vec![
+                Param::declared("int[2] resolution", &[8, 6][..]).unwrap(),
+                Param::declared("float[4] crop", &[0.25_f32, 1.0, 0.5, 1.0][..]).unwrap(),
+            ]),
+        };
+        CameraView::new(&camera, &Reporter::silent())
+    }
+
+    fn output(name: &str, format: &str, data: &str, params: &[Param]) -> Output {
+        Output {
+            name: name.into(),
+            format: format.into(),
+            data: data.into(),
+            camera: "main".into(),
+            params: Params(params.to_vec()),
+        }
+    }
+
+    #[test]
+    fn images_share_what_they_want() {
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        let (reporter, kept) = Reporter::collecting();
+        let outputs = [
+            output("a", "tiff", "rgba", &[]),
+            output("b", "tiff", "z", &[]),
+            output("c", "tiff", "normal N", &[]),
+            output("d", "tiff", "float Kd", &[]),
+            output("e", "tiff", "normal N", &[]),
+            output("f", "null", "rgb", &[]),
+            output("g", "nosuch", "rgb", &[]),
+            output("h", "tiff", "volz", &[]),
+            output("i", "tiff", "string name", &[]),
+        ];
+        let list: Vec<&Output> = outputs.iter().collect();
+        let set = OutputSet::new(&list, &camera(), &registry, &reporter).unwrap();
+        let channels: Vec<&[usize]> = set.images.iter().map(|i| &i.channels[..]).collect();
+        assert_eq!(channels, [&[0, 1, 2, 3][..], &[4], &[6, 7, 8], &[9], &[6, 7, 8]]);
+        assert_eq!((set.variables.len(), set.wanted.channels()), (2, 10));
+        assert!(set.needs_shading && !set.needs_second_surface);
+        assert_eq!(kept.lock().unwrap().len(), 3);
+        let only_depth = OutputSet::new(&list[1..2], &camera(), &registry, &reporter).unwrap();
+        assert!(!only_depth.needs_shading);
+        assert_eq!(only_depth.images[0].filter, FilterSpec { filter: PixelFilter::Min, width: [1.0; 2] });
+    }
+
+    #[test]
+    fn files_hold_the_crop_its_place_and_the_parameters() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.tif");
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        let params = [
+            Param::declared("int[4] quantize", &[0, 0, 0, 0][..]).unwrap(),
+            Param::declared("float gain", 2.0).unwrap(),
+            Param::declared("string Artist", "somebody").unwrap(),
+        ];
+        let output = output(path.to_str().unwrap(), "tiff", "rgba", &params);
+        let camera = camera();
+        let mut set = OutputSet::new(&[&output], &camera, &registry, &Reporter::silent()).unwrap();
+        let image = &mut set.images[0];
+        let bucket = PixelRect { x0: 4, y0: 4, x1: 6, y1: 5 };
+        image.store(&camera.crop, &bucket, &[0.1, 0.2, 0.3, 0.5, 0.4, 0.4, 0.4, 1.0]);
+        image.write(&camera, &registry).unwrap();
+        let file = registry.open(&path).unwrap();
+        let spec = file.spec(0, 0).unwrap();
+        assert_eq!((spec.width, spec.height, spec.x, spec.y), (6, 3, 2, 3));
+        assert_eq!((spec.full_width, spec.full_height), (8, 6));
+        assert_eq!(spec.string("Artist"), Some("somebody"));
+        let values = file.read_level(0, 0).unwrap().to_floats();
+        let at = (6 + 2) * 4;
+        // Gain is for colours, not for alpha.
+        assert_eq!(values[at..at + 8], [0.2, 0.4, 0.6, 0.5, 0.8, 0.8, 0.8, 1.0]);
+    }
+}

@@ -263,7 +263,8 @@ fn pixels_do_not_depend_on_threads_buckets_or_crops() {
     let mut plain = build.clone();
     for primitive in &mut plain.scene.primitives {
         let mut set = (*primitive.attributes).clone();
-        Arc::make_mut(&mut set.values).insert("displace:maxradius".into(), param("float displace:maxradius", &[0.02]));
+        Arc::make_mut(&mut set.values)
+            .insert("displace:maxradius".into(), param("float displace:maxradius", &[0.02]));
         Arc::make_mut(primitive).attributes = Arc::new(set);
     }
     let view = plain.view(&[]);
