@@ -268,3 +268,162 @@ fn no_ray_builds_nothing() {
     assert_eq!(frame.rays.built(), (0, 1));
     assert!(frame.rays.is_set("shadow") && !frame.rays.is_set("camera") && !frame.rays.is_set("cam"));
 }
+
+#[test]
+fn displaced_things_are_met_where_they_moved_to() {
+    let lift = "displacement lift () { displace (1); }";
+    let probe = "surface probe () {
+        float d = 0; vector n = 0;
+        color c = environment (\"reflection\", vector (0, 0, 1), \"hitdist\", d, \"Nhit\", n);
+        C = color (d, n[2], c[0]);
+    }";
+    for truly in [1, 0] {
+        let mut f = Fixture::new(&[CONSTANT, lift, probe]);
+        let floor = f.attributes("probe", &[], &[]);
+        let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+        let lid = f.attributes("constant", &["reflection"], &[param("int ray:displace", truly)]);
+        let displacement = Some(crate::fixture::shader("lift", &[], Transform::IDENTITY));
+        f.rectangle([-1.0; 2], [1.0; 2], 1.0, granita_scene::AttributeSet { displacement, ..lid });
+        let grid = shade(&f, &floor, &[[0.0, 0.0]]);
+        near(grid.c.get(0), Color::new(if truly == 1 { 2.0 } else { 1.0 }, 1.0, 1.0));
+    }
+}
+
+#[test]
+fn shaders_know_the_spaces() {
+    let source = "surface where (string space = \"object\") { C = (color) (vector) transform (space, P); }";
+    let ask = |space: &str| {
+        let mut f = Fixture::new(&[source]);
+        f.scene
+            .coordinate_systems
+            .insert("place".into(), Transform::translate(Vec3::new(0.0, 2.0, 0.0)).into());
+        let floor = granita_scene::AttributeSet {
+            surface: Some(crate::fixture::shader(
+                "where",
+                &[param("string space", space)],
+                Transform::scale(Vec3::splat(0.5)),
+            )),
+            to_world: Transform::translate(Vec3::X).into(),
+            ..Default::default()
+        };
+        let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+        shade(&f, &floor, &[[3.0, 1.0]]).c.get(0)
+    };
+    near(ask("common"), Vec3::new(3.0, 1.0, 0.0));
+    near(ask("world"), Vec3::new(3.0, 1.0, 0.0));
+    near(ask("object"), Vec3::new(2.0, 1.0, 0.0));
+    near(ask("shader"), Vec3::new(6.0, 2.0, 0.0));
+    near(ask("place"), Vec3::new(3.0, -1.0, 0.0));
+    near(ask("camera"), Vec3::new(3.0, 1.0, 10.0));
+    near(ask("cam"), Vec3::new(3.0, 1.0, 10.0));
+    // 90 degrees, 640 x 480: at distance 10 the picture is 20 high.
+    assert!((ask("screen") - Vec3::new(0.3, 0.1, 0.0)).truncate().length() < 1e-5);
+    let ndc = ask("NDC");
+    assert!((ndc.truncate() - granita_base::Vec2::new(0.5 + 0.3 * 0.375, 0.45)).length() < 1e-4, "{ndc}");
+    let raster = ask("raster");
+    assert!((raster.truncate() - granita_base::Vec2::new(392.0, 216.0)).length() < 0.05, "{raster}");
+}
+
+#[test]
+fn a_distant_light_falls_with_the_cosine_and_its_shadow_does_not_spread() {
+    let sun = "light sun (string shadowname = \"\") {
+        emit (vector (\"shader\", 0, 0, -1), 0) {
+            Cl = 1;
+            if (shadowname) Cl *= 1 - (color) shadow (shadowname, Ps);
+        }
+    }";
+    let mut f = Fixture::new(&[MATTE, CONSTANT, sun]);
+    let tilt = Transform::rotate(std::f32::consts::FRAC_PI_3, Vec3::Y);
+    f.light("sun", &[param("string shadowname", "shadow")], tilt);
+    let floor = f.attributes("matte", &[], &[]);
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+    let lid = f.attributes("constant", &["shadow"], &[]);
+    f.rectangle([-1.0; 2], [1.0; 2], 1.0, lid);
+    // The rotated axis (0, 0, -1) throws the lid's shadow sideways by tan 60.
+    let axis = tilt.vector(-Vec3::Z);
+    let shift = -axis.x / axis.z;
+    let points = [[shift, 0.0], [shift + 0.999, 0.0], [shift + 1.001, 0.0], [shift - 1.001, 0.0]];
+    let grid = shade(&f, &floor, &points);
+    assert_eq!((grid.c.get(0), grid.c.get(1)), (Color::ZERO, Color::ZERO));
+    near(grid.c.get(2), Color::splat(0.5));
+    near(grid.c.get(3), Color::splat(0.5));
+}
+
+#[test]
+fn ambient_light_attributes_and_holdouts() {
+    let ambient = "light sky () { Cl = 0.25; }";
+    let asks = "surface asks () {
+        float bias = 0, weight = 0; string who = \"\";
+        float a = getattribute (\"shadow:bias\", bias);
+        float b = getattribute (\"user:weight\", weight);
+        float c = getattribute (\"user:nothing\", weight);
+        C = ambient () * color (a + bias, b * weight, c);
+    }";
+    let mut f = Fixture::new(&[ambient, asks]);
+    f.light("sky", &[], Transform::IDENTITY);
+    let floor = f.attributes("asks", &[], &[param("float user:weight", 8.0)]);
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+    let grid = shade(&f, &floor, &[[0.0, 0.0]]);
+    near(grid.c.get(0), Color::new(0.25 * 1.01, 2.0, 0.0));
+    let matte = f.attributes("asks", &[], &[param("int holdout", 1)]);
+    let matte = f.rectangle([-9.0; 2], [9.0; 2], 0.0, matte);
+    let grid = shade(&f, &matte, &[[0.0, 0.0]]);
+    assert_eq!((grid.c.get(0), grid.opacity.get(0)), (Color::ZERO, Color::ZERO));
+}
+
+#[test]
+fn a_trace_loop_counts_what_it_hits() {
+    let source = "surface counts () {
+        float hits = 0, far = 0;
+        color sum = 0;
+        trace (\"set\", P, N, 0.5, 32) {
+            float hit = 0, dist = 0; color c = 0;
+            getmessage (\"trace\", \"hit\", hit);
+            getmessage (\"trace\", \"hitdist\", dist);
+            getmessage (\"trace\", \"Cl\", c);
+            hits += hit;
+            sum += c;
+            if (dist > 5) far += 1;
+        }
+        C = color (hits, far, sum[0]);
+    }";
+    let mut f = Fixture::new(&[CONSTANT, source]);
+    let floor = f.attributes("counts", &[], &[]);
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+    let lid = f.attributes("constant", &["set"], &[param("color C", &[0.5_f32; 3][..])]);
+    f.rectangle([-100.0, -100.0], [0.0, 100.0], 2.0, lid);
+    let grid = shade(&f, &floor, &[[-50.0, 0.0], [50.0, 0.0]]);
+    near(grid.c.get(0), Color::new(32.0, 0.0, 16.0));
+    near(grid.c.get(1), Color::new(0.0, 32.0, 0.0));
+}
+
+#[test]
+fn shadows_stay_off_the_surface_that_throws_them() {
+    // A matte ball lit from the camera's side: no point of it that faces the light is in its own shadow.
+    let mut f = Fixture::new(&[MATTE, POINT]);
+    let params = [param("string shadowname", "shadow")];
+    f.light("pointlight", &params, Transform::translate(Vec3::Z * 8.0));
+    let ball = f.attributes("matte", &["shadow"], &[]);
+    let ball = f.sphere(Vec3::ZERO, 2.0, ball);
+    let (scene, camera, environment) = f.finish();
+    let frame = ShadingContext::new(&scene, &camera, &environment);
+    let object = frame.object(&ball);
+    let places: Vec<Vec3> = (0..400)
+        .map(|i| {
+            let (u, v) = granita_base::sample::square(i, 11);
+            let (z, turn) = (0.4 + 0.6 * u, v * std::f32::consts::TAU);
+            Vec3::new((1.0 - z * z).sqrt() * turn.cos(), (1.0 - z * z).sqrt() * turn.sin(), z)
+        })
+        .collect();
+    let mut grid = flat_grid(&vec![[0.0; 2]; places.len()]);
+    for (i, n) in places.iter().enumerate() {
+        grid.p.set(i, *n * 2.0);
+        grid.n.set(i, *n);
+        grid.ng.set(i, *n);
+    }
+    ShaderThread::new(&frame).shade(&object, &mut grid, &[]);
+    for (i, n) in places.iter().enumerate() {
+        let to = Vec3::Z * 8.0 - *n * 2.0;
+        near(grid.c.get(i), Color::splat(n.dot(to) / to.length().powi(3)));
+    }
+}
