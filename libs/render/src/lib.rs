@@ -21,6 +21,7 @@
 //!
 //! File formats, scene parsing, the shading language; those are handed in.
 
+mod arealight;
 mod bucket;
 mod camera;
 mod dicing;
@@ -43,6 +44,8 @@ mod statistics;
 
 #[cfg(test)]
 mod fixture;
+#[cfg(test)]
+mod tests;
 
 pub use camera::{CameraView, Lens, PixelRect, Projection};
 pub use environment::{Progress, RenderEnvironment, ShaderLibrary, Silent};

@@ -1,5 +1,6 @@
 //! Light sources of a frame: linked once, run by the grids that ask.
 
+use crate::arealight::AreaLight;
 use crate::object::{LinkedShaders, Linker};
 use granita_base::Vec3;
 use granita_scene::{AttributeSet, Light, ShaderUsage};
@@ -19,6 +20,8 @@ pub(crate) struct LightState {
     pub(crate) attributes: Arc<AttributeSet>,
     /// "shadow:bias" of that state.
     pub(crate) shadow_bias: f32,
+    /// Where it shines from, when it has an area.
+    pub(crate) area: Option<AreaLight>,
 }
 
 impl LightState {
@@ -29,23 +32,14 @@ impl LightState {
             ambient: !shaders.group.has_emit(),
             category: shaders.group.param_string("__category").unwrap_or_else(|| "".into()),
         };
-        if shaders.group.param_string("geometry").is_some_and(|g| !g.is_empty()) {
-            linker.reporter.once(
-                "unsupported area lights",
-                granita_base::Severity::Warning,
-                &granita_base::Location::default(),
-                format!(
-                    "light \"{}\": area lights (parameter \"geometry\") are not supported yet; it shines as its shader says without them",
-                    light.name
-                ),
-            );
-        }
+        let geometry = shaders.group.param_string("geometry").filter(|set| !set.is_empty());
         Some(Self {
             name: light.name.clone(),
             shaders,
             info,
             attributes: light.attributes.clone(),
             shadow_bias: light.attributes.float("shadow:bias").max(0.0),
+            area: geometry.map(|set| AreaLight::new(set, light.attributes.int("light:nsamples"))),
         })
     }
 }
@@ -134,10 +128,17 @@ mod tests {
         let some = Batch { lanes: 3, active: &[0, 2], layer: 0 };
         let mut memory = LightMemory::default();
         let result = Arc::new(LightResult::default());
-        memory.keep(4, &IlluminateQuery { batch: all, ps: Lane3::over(&ps), ns: Lane3::over(&ns) }, &result);
+        memory.keep(
+            4,
+            &IlluminateQuery { batch: all, ps: Lane3::over(&ps), ns: Lane3::over(&ns), pl: None, nl: None },
+            &result,
+        );
         let ask = |memory: &LightMemory, light, batch, ns: &Lanes3| {
             memory
-                .find(light, &IlluminateQuery { batch, ps: Lane3::over(&ps), ns: Lane3::over(ns) })
+                .find(
+                    light,
+                    &IlluminateQuery { batch, ps: Lane3::over(&ps), ns: Lane3::over(ns), pl: None, nl: None },
+                )
                 .is_some()
         };
         assert!(ask(&memory, 4, all, &ns) && ask(&memory, 4, some, &ns));

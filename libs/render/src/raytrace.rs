@@ -7,6 +7,7 @@
 //! and shaded by the same executor as everything else. What a batch finds depends on the batch alone, and
 //! batches depend on grids alone: neither threads nor buckets show.
 
+use crate::arealight::{AreaTable, area};
 use crate::object::Holdout;
 use crate::raymesh::{self, HitShading, MeshHit, RayMesh};
 use crate::shading::{ShaderThread, ShadingContext};
@@ -93,6 +94,8 @@ pub(crate) struct RayScene {
     meshes: Vec<RayMesh>,
     /// Nothing in it lets light through.
     opaque_to_shadows: bool,
+    /// Made when the first light shines from it.
+    areas: OnceLock<AreaTable>,
 }
 
 impl RayWorld {
@@ -186,7 +189,31 @@ impl RayScene {
             opaque_to_shadows: meshes.iter().all(|m| m.object.opaque_to_shadows),
             tracer: tracer.build(),
             meshes,
+            areas: OnceLock::new(),
         }
+    }
+
+    /// The point at a fraction of the area of all surfaces, at barycentric coordinates of its triangle, and
+    /// the normal there. `None` without any area.
+    pub(crate) fn area_point(&self, fraction: f32, b1: f32, b2: f32) -> Option<(Vec3, Vec3)> {
+        let corners = |mesh: u32, triangle: u32| {
+            let mesh = &self.tracer.meshes()[mesh as usize];
+            mesh.triangles[triangle as usize].map(|v| mesh.positions[0][v as usize])
+        };
+        let areas = self.areas.get_or_init(|| {
+            let meshes = self.tracer.meshes().iter().enumerate();
+            AreaTable::new(meshes.flat_map(|(m, mesh)| {
+                (0..mesh.triangles.len()).map(move |t| {
+                    let [a, b, c] = corners(m as u32, t as u32);
+                    (m as u32, t as u32, area(a, b, c))
+                })
+            }))
+        });
+        let (mesh, triangle) = areas.at(fraction)?;
+        let [a, b, c] = corners(mesh, triangle);
+        let p = a * (1.0 - b1 - b2) + b * b1 + c * b2;
+        let place = MeshHit { triangle, b1, b2, p, i: Vec3::ZERO, width: 0.0 };
+        Some((p, self.meshes[mesh as usize].normal(&place)))
     }
 }
 

@@ -6,6 +6,7 @@
 mod maps;
 mod rays;
 
+use crate::arealight::{self, AreaLight};
 use crate::lights::{LightMemory, LightState};
 use crate::object::{LinkedShaders, ObjectState, usage_word};
 use crate::shading::{ShaderThread, ShadingContext};
@@ -104,6 +105,71 @@ impl<'r, 'f> Run<'r, 'f> {
             centres: surface.centres,
             calls: 0,
         }
+    }
+
+    fn run_light(
+        &mut self,
+        id: LightId,
+        light: &LightState,
+        grid: &Grid,
+        query: &IlluminateQuery<'_>,
+    ) -> LightResult {
+        let mut executor = self.thread.take_executor();
+        let result = {
+            let mut services = Run::for_light(self, id, light);
+            executor.run_light(&light.shaders.group, grid, query, &mut services)
+        };
+        self.thread.put_executor(executor);
+        result
+    }
+
+    /// The mean of several runs of a light, each with a point on the light's surface for every lane.
+    fn area_light(
+        &mut self,
+        id: LightId,
+        light: &LightState,
+        area: &AreaLight,
+        grid: &Grid,
+        query: &IlluminateQuery<'_>,
+    ) -> LightResult {
+        let mut sum = LightResult::default();
+        if self.thread.builds_rays {
+            return sum;
+        }
+        let Some(scene) = self.frame.rays.scene(&area.set, self.frame) else {
+            rays::unknown_set(self, &area.set);
+            return sum;
+        };
+        let call = self.calls;
+        let (mut pl, mut nl) = (Lanes3::zeros(grid.len()), Lanes3::zeros(grid.len()));
+        let share = 1.0 / area.samples as f32;
+        let scale = |lanes: &mut Lanes3| lanes.xyz.iter_mut().flatten().for_each(|v| *v *= share);
+        for index in 0..area.samples {
+            let seed = |lane: u32| hash::words(&[self.seed, call, id.0, lane]);
+            if !arealight::points(scene, index, query.batch.active, &seed, &mut pl, &mut nl) {
+                return sum;
+            }
+            let query = IlluminateQuery { pl: Some(Lane3::over(&pl)), nl: Some(Lane3::over(&nl)), ..*query };
+            let one = self.run_light(id, light, grid, &query);
+            sum.samples.extend(one.samples.into_iter().map(|mut sample| {
+                scale(&mut sample.cl);
+                sample
+            }));
+            if let Some(mut ambient) = one.ambient {
+                scale(&mut ambient);
+                match &mut sum.ambient {
+                    None => sum.ambient = Some(ambient),
+                    Some(total) => {
+                        for (t, a) in total.xyz.iter_mut().flatten().zip(ambient.xyz.iter().flatten()) {
+                            *t += a;
+                        }
+                    }
+                }
+            }
+            (sum.nondiffuse, sum.nonspecular, sum.params) = (one.nondiffuse, one.nonspecular, one.params);
+            self.calls += 1;
+        }
+        sum
     }
 
     /// Seed of a lane for the next random call.
@@ -243,12 +309,10 @@ impl Services for Run<'_, '_> {
         // The grid is lent to the light: nobody else asks for it while the light runs.
         let Some(grid) = self.lit.take() else { return dark };
         self.calls += 1;
-        let mut executor = self.thread.take_executor();
-        let result = {
-            let mut services = Run::for_light(self, id, light);
-            executor.run_light(&light.shaders.group, &grid, query, &mut services)
+        let result = match &light.area {
+            Some(area) => self.area_light(id, light, area, &grid, query),
+            None => self.run_light(id, light, &grid, query),
         };
-        self.thread.put_executor(executor);
         self.lit = Some(grid);
         let result = Arc::new(result);
         self.memory.keep(index, query, &result);

@@ -427,3 +427,34 @@ fn shadows_stay_off_the_surface_that_throws_them() {
         near(grid.c.get(i), Color::splat(n.dot(to) / to.length().powi(3)));
     }
 }
+
+#[test]
+fn an_area_light_shines_from_its_surface() {
+    // A small rectangle that faces down shines as a point does; a light from many samples is their mean.
+    let source = "light panel (string geometry = \"\") {
+        point from = Pl;
+        vector facing = normalize (Nl);
+        emit (from) { Cl = max (0, -dot (L, facing) / length (L)) / dot (L, L); }
+    }";
+    for samples in [1, 16] {
+        let mut f = Fixture::new(&[MATTE, CONSTANT, source]);
+        f.light("panel", &[param("string geometry", "lamp")], Transform::IDENTITY);
+        let light = std::sync::Arc::make_mut(&mut f.scene.lights[0]);
+        let attributes = std::sync::Arc::make_mut(&mut light.attributes);
+        let count = param("int light:nsamples", samples);
+        std::sync::Arc::make_mut(&mut attributes.values).insert(count.name.clone(), count);
+        let floor = f.attributes("matte", &[], &[]);
+        let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+        let lamp = f.attributes("constant", &["lamp"], &[]);
+        let lamp = granita_scene::AttributeSet { flip_normals: true, ..lamp };
+        f.rectangle([-1e-3; 2], [1e-3; 2], 2.0, lamp);
+        let grid = shade(&f, &floor, &[[0.0, 0.0], [2.0, 0.0]]);
+        for (i, x) in [(0, 0.0_f32), (1, 2.0)] {
+            // Cosines at both ends, and the square of the distance.
+            let r2 = x * x + 4.0;
+            let expected = 4.0 / r2 / r2;
+            assert!((grid.c.get(i) - Color::splat(expected)).length() < 2e-3 * expected, "{}", grid.c.get(i));
+        }
+        assert_eq!(f.complaints(), Vec::<String>::new());
+    }
+}

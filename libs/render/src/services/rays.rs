@@ -242,7 +242,9 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
                 (axis, f32::INFINITY)
             } else {
                 let to = query.p.get(i) + to_light - p;
-                (to.normalize_or(axis), to.length())
+                // Not on to the light's own surface.
+                let margin = run.frame.ray_margin(query.p.get(i) + to_light);
+                (to.normalize_or(axis), (to.length() - margin).max(0.0))
             };
             let seed_direction = hash::words(&[seed, DIRECTION]);
             let dir = in_cone(axis, half_angle, Distribution::Uniform, index, seed_direction);
@@ -352,12 +354,13 @@ pub(super) fn trace(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut Tra
     }
 }
 
-fn unknown_set(run: &Run<'_, '_>, set: &str) {
+/// Says that a geometry set has no members.
+pub(super) fn unknown_set(run: &Run<'_, '_>, set: &str) {
     run.frame.reporter.once(
         &format!("no geometry set {set}"),
         granita_base::Severity::Warning,
         &granita_base::Location::default(),
-        format!("no object is in the geometry set \"{set}\": its rays hit nothing"),
+        format!("no object is in the geometry set \"{set}\""),
     );
 }
 
