@@ -161,6 +161,10 @@ pub struct IlluminateQuery<'a> {
     pub ps: Lane3<'a>,
     /// Axis, `Ns` of the light shader; any length.
     pub ns: Lane3<'a>,
+    /// Points on the light, `Pl` of the shader of an area light; `None` for other lights.
+    pub pl: Option<Lane3<'a>>,
+    /// Normals there, `Nl`.
+    pub nl: Option<Lane3<'a>>,
 }
 
 /// Light that arrives from one sample of one light, for every lane of the grid.

@@ -407,8 +407,8 @@ impl Group {
                 }
             }
         }
-        // Functions use these without naming them.
-        for g in [Global::P, Global::N, Global::Ng, Global::I] {
+        // Functions and `emit` use these without naming them.
+        for g in [Global::P, Global::N, Global::Ng, Global::I, Global::Ps, Global::Pl, Global::Nl] {
             self.used[g as usize] = true;
         }
     }

@@ -43,7 +43,8 @@ fn ambient(m: &mut Machine<'_>, op: &Op) {
         }
         let result = {
             let batch = crate::Batch { lanes: m.n, active: &m.mask.active, layer: m.layer };
-            let query = crate::IlluminateQuery { batch, ps: ps.triple(), ns: ns.triple() };
+            let query =
+                crate::IlluminateQuery { batch, ps: ps.triple(), ns: ns.triple(), pl: None, nl: None };
             m.services.illuminate(k, &query)
         };
         let Some(light) = result.ambient.as_ref().filter(|l| l.len() == m.n) else { continue };

@@ -30,7 +30,7 @@ impl Machine<'_> {
                 continue;
             }
             let batch = Batch { lanes: self.n, active: &self.mask.active, layer: self.layer };
-            let query = IlluminateQuery { batch, ps: ps.triple(), ns: ns.triple() };
+            let query = IlluminateQuery { batch, ps: ps.triple(), ns: ns.triple(), pl: None, nl: None };
             results.push(self.services.illuminate(k, &query));
         }
         results
@@ -128,10 +128,13 @@ impl Machine<'_> {
             match *form {
                 EmitForm::Point(from) => {
                     let from = self.view(from).triple();
+                    // The normal of an area light stays what it is.
+                    let normal = self.global(Global::Nl).triple();
                     for &i in &lit.active {
                         let i = i as usize;
                         l.set3(i, from.get(i) - ps.get(i));
                         pl.set3(i, from.get(i));
+                        nl.set3(i, normal.get(i));
                     }
                 }
                 EmitForm::Cone { from, axis, angle } => {

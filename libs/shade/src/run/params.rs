@@ -52,7 +52,13 @@ impl Machine<'_> {
                     self.load_query(global, if global == Global::Ps { q.ps } else { q.ns });
                 }
             }
-            Global::L | Global::Cl | Global::Pl | Global::Nl => {}
+            Global::Pl | Global::Nl => {
+                let given = query.and_then(|q| if global == Global::Pl { q.pl } else { q.nl });
+                if let Some(lanes) = given {
+                    self.load_query(global, lanes);
+                }
+            }
+            Global::L | Global::Cl => {}
         }
     }
 

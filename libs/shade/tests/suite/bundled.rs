@@ -67,6 +67,8 @@ fn every_shader_runs() {
                     batch: Batch { lanes: grid.len(), active: &active, layer: 0 },
                     ps: Lane3::over(&grid.p),
                     ns: Lane3::over(&grid.n),
+                    pl: None,
+                    nl: None,
                 };
                 let result = executor.run_light(&group, &grid, &query, &mut services);
                 assert!(result.samples.iter().all(|s| finite(&s.l) && finite(&s.cl)), "{name}");
