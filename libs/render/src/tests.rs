@@ -458,3 +458,63 @@ fn an_area_light_shines_from_its_surface() {
         assert_eq!(f.complaints(), Vec::<String>::new());
     }
 }
+
+/// The "rgb" pixels of a whole frame.
+fn picture(fixture: &Fixture, threads: usize, bucket: i32) -> Vec<f32> {
+    let (scene, _, mut environment) = fixture.finish();
+    environment.registry = granita_plugin::bundled_formats(granita_image::Limits::default());
+    environment.threads = threads;
+    let mut camera = scene.cameras[0].clone();
+    camera.params.set(param("int[2] resolution", &[40, 30][..]));
+    camera.params.set(param("int[2] spatialquality", &[2, 2][..]));
+    camera.params.set(param("int[2] limits:bucketsize", &[bucket, bucket][..]));
+    let view = crate::CameraView::new(&camera, &environment.reporter);
+    let frame = ShadingContext::new(&scene, &view, &environment);
+    let output = granita_scene::Output {
+        name: "never written".into(),
+        format: "tiff".into(),
+        data: "rgb".into(),
+        camera: "cam".into(),
+        params: Params::new(),
+    };
+    let mut outputs =
+        crate::output::OutputSet::new(&[&output], &view, &environment.registry, &environment.reporter)
+            .unwrap();
+    let options = crate::frame::FrameOptions {
+        camera: &view,
+        dicing_camera: &view,
+        threads,
+        reporter: &environment.reporter,
+        progress: &crate::Silent,
+        stop: &environment.stop,
+        scene_files: &[],
+    };
+    crate::frame::render(&scene, &frame, options, &mut outputs).unwrap();
+    outputs.images.remove(0).pixels
+}
+
+#[test]
+fn a_picture_with_rays_does_not_show_threads_or_buckets() {
+    let glossy = "surface glossy () {
+        C *= diffuse (normalize (N)) +
+             environment (\"all\", reflect (normalize (I), normalize (N)), \"blur\", 0.2, \"samples\", 2);
+        C *= opacity;
+    }";
+    let mut f = Fixture::new(&[glossy, POINT]);
+    let params =
+        [param("string shadowname", "all"), param("float samples", 2.0), param("float intensity", 30.0)];
+    f.light("pointlight", &params, Transform::translate(Vec3::new(3.0, 2.0, 6.0)));
+    let sets = &["camera", "all"];
+    let floor = f.attributes("glossy", sets, &[]);
+    f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+    for (k, opacity) in [1.0, 0.4_f32, 1.0].into_iter().enumerate() {
+        let color = [param("color opacity", &[opacity; 3][..])];
+        let ball = f.attributes("glossy", sets, &color);
+        f.sphere(Vec3::new(2.5 * k as f32 - 2.5, 0.5, 1.2), 1.0, ball);
+    }
+    let reference = picture(&f, 1, 32);
+    assert!(reference.iter().any(|v| *v > 0.1));
+    for (threads, bucket) in [(3, 32), (2, 7), (1, 64)] {
+        assert!(picture(&f, threads, bucket) == reference, "{threads} threads, buckets of {bucket}");
+    }
+}
