@@ -88,7 +88,13 @@ fn lookup(c: &mut Criterion) {
             b.iter(|| {
                 for j in 0..64 {
                     for i in 0..64 {
-                        let at = Lookup { s: i as f32 / 64.0, t: j as f32 / 64.0, dsdx, dtdy, ..Lookup::default() };
+                        let at = Lookup {
+                            s: i as f32 / 64.0,
+                            t: j as f32 / 64.0,
+                            dsdx,
+                            dtdy,
+                            ..Lookup::default()
+                        };
                         cache.texture(id, &at, &mut out);
                     }
                 }

@@ -38,9 +38,7 @@ fn run() -> Result<(), String> {
         let cost = |threads: usize| {
             measure(2, || {
                 let mut command = Command::new(&gelato);
-                command
-                    .current_dir(place.path())
-                    .args(["-silent", "-threads", &threads.to_string(), file]);
+                command.current_dir(place.path()).args(["-silent", "-threads", &threads.to_string(), file]);
                 command
             })
         };

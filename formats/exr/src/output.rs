@@ -31,6 +31,8 @@ pub struct ExrOutput {
     level: usize,
     spec: ImageSpec,
     first_chunk: usize,
+    /// Spec and first chunk of every level, once they are planned.
+    planned: Vec<(ImageSpec, usize)>,
     /// Rows that do not fill a block or a row of tiles yet.
     tiles: Option<TileRows>,
     block: Pixels,
@@ -72,6 +74,7 @@ impl ExrOutput {
             level: 0,
             spec: spec.clone(),
             first_chunk: 0,
+            planned: Vec::new(),
             tiles: None,
             block: Pixels::zeros(spec.pixel_type, block),
             filled: 0,
@@ -154,6 +157,40 @@ impl ExrOutput {
         let (level, total) = (self.level, chunks.len());
         Err(self
             .misuse(format!("level {level} is incomplete: {missing} of {total} blocks or tiles are missing")))
+    }
+
+    /// Makes the next level the current one.
+    fn advance(&mut self, spec: &ImageSpec) -> Result<()> {
+        let halved = ((self.spec.width / 2).max(1), (self.spec.height / 2).max(1));
+        let first_chunk = self.first_chunk + self.chunks();
+        if !self.spec.is_tiled() || first_chunk >= self.table.len() {
+            let level = self.level;
+            return Err(self.misuse(format!("there is no level after level {level}")));
+        }
+        let (old, new) = (&self.spec, spec);
+        if (new.width, new.height) != halved
+            || (new.tile_width, new.tile_height) != (old.tile_width, old.tile_height)
+            || new.channels != old.channels
+            || new.pixel_type != old.pixel_type
+        {
+            return Err(self.misuse(format!(
+                "level {} is {} x {} in tiles of {} x {}; OpenEXR wants {} x {} in tiles of {} x {}, and the same channels",
+                self.level + 1,
+                new.width,
+                new.height,
+                new.tile_width,
+                new.tile_height,
+                halved.0,
+                halved.1,
+                old.tile_width,
+                old.tile_height,
+            )));
+        }
+        self.first_chunk = first_chunk;
+        self.level += 1;
+        self.spec = spec.clone();
+        self.tiles = None;
+        Ok(())
     }
 }
 
@@ -292,41 +329,45 @@ impl ImageOutput for ExrOutput {
         self.write_block(number, at, size, pixels, tw as usize)
     }
 
-    fn next_level(&mut self, spec: &ImageSpec) -> Result<()> {
-        self.check_complete()?;
-        let halved = ((self.spec.width / 2).max(1), (self.spec.height / 2).max(1));
-        let first_chunk = self.first_chunk + self.chunks();
-        if !self.spec.is_tiled() || first_chunk >= self.table.len() {
-            let level = self.level;
-            return Err(self.misuse(format!("there is no level after level {level}")));
+    fn plan_levels(&mut self, specs: &[ImageSpec]) -> Result<bool> {
+        if self.level > 0 || !self.planned.is_empty() {
+            return Err(self.misuse("levels are planned after the first".to_owned()));
         }
-        let (old, new) = (&self.spec, spec);
-        if (new.width, new.height) != halved
-            || (new.tile_width, new.tile_height) != (old.tile_width, old.tile_height)
-            || new.channels != old.channels
-            || new.pixel_type != old.pixel_type
-        {
-            return Err(self.misuse(format!(
-                "level {} is {} x {} in tiles of {} x {}; OpenEXR wants {} x {} in tiles of {} x {}, and the same channels",
-                self.level + 1,
-                new.width,
-                new.height,
-                new.tile_width,
-                new.tile_height,
-                halved.0,
-                halved.1,
-                old.tile_width,
-                old.tile_height,
-            )));
+        let first = self.spec.clone();
+        let mut planned = vec![(first.clone(), 0)];
+        for spec in specs {
+            self.advance(spec)?;
+            planned.push((self.spec.clone(), self.first_chunk));
         }
-        self.first_chunk = first_chunk;
-        self.level += 1;
-        self.spec = spec.clone();
-        self.tiles = None;
+        if self.first_chunk + self.chunks() < self.table.len() {
+            let level = self.level + 1;
+            return Err(self.misuse(format!("level {level} and those after it are not planned")));
+        }
+        (self.spec, self.first_chunk, self.level, self.planned) = (first, 0, 0, planned);
+        Ok(true)
+    }
+
+    fn select_level(&mut self, level: usize) -> Result<()> {
+        let Some((spec, first_chunk)) = self.planned.get(level).cloned() else {
+            return Err(self.misuse(format!("level {level} was not planned")));
+        };
+        (self.spec, self.first_chunk, self.level, self.tiles) = (spec, first_chunk, level, None);
         Ok(())
     }
 
+    fn next_level(&mut self, spec: &ImageSpec) -> Result<()> {
+        if !self.planned.is_empty() {
+            return Err(self.misuse("a further level after the planned ones".to_owned()));
+        }
+        self.check_complete()?;
+        self.advance(spec)
+    }
+
     fn close(mut self: Box<Self>) -> Result<()> {
+        for level in 0..self.planned.len() {
+            self.select_level(level)?;
+            self.check_complete()?;
+        }
         self.check_complete()?;
         if self.first_chunk + self.chunks() < self.table.len() {
             let level = self.level + 1;

@@ -20,6 +20,8 @@ pub struct TiffOutput {
     first: Settings,
     finished: Vec<Vec<Field>>,
     current: Writing,
+    /// All levels once they are planned; in the place of the current one stands `None`.
+    planned: Vec<Option<Writing>>,
 }
 
 /// The level being written.
@@ -170,7 +172,7 @@ impl TiffOutput {
         file.write_all(header).map_err(|e| file.io_error(e))?;
         let position = header.len() as u64;
         let first = current.settings;
-        Ok(Self { file, position, big_tiff, first, finished: Vec::new(), current })
+        Ok(Self { file, position, big_tiff, first, finished: Vec::new(), current, planned: Vec::new() })
     }
 
     /// Appends bytes, at an even position as the format demands; returns where they are.
@@ -436,7 +438,35 @@ impl ImageOutput for TiffOutput {
         self.write_chunk(ty as usize * across as usize + tx as usize, width, pixels)
     }
 
+    fn plan_levels(&mut self, specs: &[ImageSpec]) -> Result<bool> {
+        if !self.finished.is_empty() || !self.planned.is_empty() {
+            return Err(self.current.misuse(&self.file, "levels are planned after the first".to_owned()));
+        }
+        let path = self.file.path();
+        let next = specs.iter().map(|spec| Writing::new(path, spec, Some(self.first)).map(Some));
+        self.planned = std::iter::once(Ok(None)).chain(next).collect::<Result<_>>()?;
+        Ok(true)
+    }
+
+    fn select_level(&mut self, level: usize) -> Result<()> {
+        let Some(slot) = self.planned.get_mut(level) else {
+            return Err(self.current.misuse(&self.file, format!("level {level} was not planned")));
+        };
+        // The one place without a level is that of the current one.
+        if let Some(next) = slot.take() {
+            let old = std::mem::replace(&mut self.current, next);
+            let empty = (0..self.planned.len()).find(|i| *i != level && self.planned[*i].is_none());
+            if let Some(empty) = empty {
+                self.planned[empty] = Some(old);
+            }
+        }
+        Ok(())
+    }
+
     fn next_level(&mut self, spec: &ImageSpec) -> Result<()> {
+        if !self.planned.is_empty() {
+            return Err(self.current.misuse(&self.file, "a further level after the planned ones".to_owned()));
+        }
         let next = Writing::new(self.file.path(), spec, Some(self.first))?;
         self.finish_level()?;
         self.current = next;
@@ -444,7 +474,13 @@ impl ImageOutput for TiffOutput {
     }
 
     fn close(mut self: Box<Self>) -> Result<()> {
-        self.finish_level()?;
+        if self.planned.is_empty() {
+            self.finish_level()?;
+        }
+        for level in 0..self.planned.len() {
+            self.select_level(level)?;
+            self.finish_level()?;
+        }
         // All directories together at the end: readers get them in one go.
         let mut link = if self.big_tiff { 8 } else { 4 };
         let width = if self.big_tiff { 8 } else { 4 };

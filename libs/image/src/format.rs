@@ -117,6 +117,23 @@ pub trait ImageOutput: Send {
     /// The level before must be complete.
     fn next_level(&mut self, spec: &ImageSpec) -> Result<()>;
 
+    /// Announces all levels after the first at once, so that tiles of any level may be written in any
+    /// order, each after [`ImageOutput::select_level`]; `next_level` is then not called. `Ok (false)`, and
+    /// nothing else happens, when the format takes its levels one after the other only.
+    fn plan_levels(&mut self, specs: &[ImageSpec]) -> Result<bool> {
+        let _ = specs;
+        Ok(false)
+    }
+
+    /// Makes a planned level (0 is the first) the one that tiles are written to.
+    ///
+    /// # Errors
+    /// When levels were not planned, or there is none of this number.
+    fn select_level(&mut self, level: usize) -> Result<()> {
+        let what = format!("level {level} was not planned");
+        Err(ImageError::Misuse { path: std::path::PathBuf::new(), what })
+    }
+
     /// Completes the file and puts it under its final name.
     fn close(self: Box<Self>) -> Result<()>;
 }
