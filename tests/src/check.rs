@@ -43,6 +43,7 @@ pub(crate) fn check(
             true => Ok(()),
             false => Err(last.stderr.clone()),
         },
+        ["move", from, to] => std::fs::rename(place.join(from), place.join(to)).map_err(|e| e.to_string()),
         ["absent", file] => match place.join(file).exists() {
             true => Err("it is there".to_owned()),
             false => Ok(()),
@@ -73,13 +74,17 @@ pub(crate) fn check(
                 .ok_or("the box is empty or outside the picture")?;
             near(&found, values, number(tolerance)?)
         }
-        ["text", what] => {
+        ["text", what, label @ ..] => {
             let text = match *what {
                 "stdout" => last.stdout.clone(),
                 "stderr" => last.stderr.clone(),
                 file => std::fs::read_to_string(place.join(file)).map_err(|e| format!("{file}: {e}"))?,
             };
-            golden_text(&text.replace("\r\n", "\n"), &kept.path(what, "txt"), kept.bless)
+            golden_text(
+                &text.replace("\r\n", "\n"),
+                &kept.path(label.first().unwrap_or(what), "txt"),
+                kept.bless,
+            )
         }
         ["golden", file, tolerance] => {
             golden_picture(file, &read(file)?, number(tolerance)?, place, kept, pictures)

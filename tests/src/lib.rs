@@ -22,7 +22,8 @@
 //! | `pixel FILE X Y = V ... TOLERANCE` | the first channels of a pixel |
 //! | `mean FILE X0 Y0 X1 Y1 = V ... TOLERANCE` | means over a box (right and lower side excluded) |
 //! | `varied FILE` | not all pixels are equal |
-//! | `text stdout`, `text stderr`, `text FILE` | equals the kept text |
+//! | `text stdout`, `text stderr`, `text FILE` | equals the kept text; a second word names it apart from others |
+//! | `move FROM TO` | renames a file |
 //! | `golden FILE TOLERANCE` | equals the kept picture (PNG) within the tolerance |
 
 #![forbid(unsafe_code)]
