@@ -47,7 +47,7 @@ fn dented(n: usize) -> Tracer {
 
 /// Rays from a sphere of radius 3 through random places of the unit ball.
 fn rays(count: u32) -> Vec<Ray> {
-    let random = |i: u32, d: u32| granita_base::hash::unit_float(granita_base::hash::hash2(i, d)) * 2.0 - 1.0;
+    let random = |i: u32, d: u32| granita_base::hash::unit(granita_base::hash::words(&[i, d])) * 2.0 - 1.0;
     (0..count)
         .map(|i| {
             let v = |d: u32| Vec3::new(random(i, d), random(i, d + 1), random(i, d + 2));

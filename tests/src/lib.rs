@@ -30,6 +30,7 @@
 
 mod case;
 mod check;
+pub mod fuzz;
 mod picture;
 mod report;
 mod tools;

@@ -1,0 +1,129 @@
+//! What a reader must survive: any bytes at all.
+//!
+//! Each target takes bytes and must return: no panic, no endless loop, no allocation beyond its limits. `fuzz/` wraps the
+//! targets for libFuzzer; the ordinary tests run them over the corpus in `fuzz/corpus/TARGET` and over mutations of
+//! it that are the same on every machine.
+
+use granita_base::{Location, Reporter, hash};
+use granita_image::Limits;
+use granita_pyg::{PygOptions, PygSource};
+use granita_scene::{Call, SceneSink, Stop};
+
+/// A function that must survive any bytes.
+pub type Target = fn(&[u8]);
+
+/// All targets by name.
+pub const TARGETS: [(&str, Target); 7] = [
+    ("pyg", pyg),
+    ("gsl", gsl),
+    ("gso", gso),
+    ("tiff", tiff),
+    ("exr", exr),
+    ("png", png),
+    ("hdr", hdr),
+];
+
+/// Limits that keep a hostile file from asking for much.
+const LIMITS: Limits = Limits { dimension: 1 << 12, pixels: 1 << 20, bytes: 16 << 20, channels: 64, images: 64 };
+
+struct Nowhere;
+
+impl SceneSink for Nowhere {
+    fn call(&mut self, _: Call, _: &Location) -> Result<(), Stop> {
+        Ok(())
+    }
+}
+
+/// A flat scene; scripts are refused.
+pub fn pyg(bytes: &[u8]) {
+    let options = PygOptions { always_pyglet: true, safe: true, statement_limit: 1 << 20, ..PygOptions::default() };
+    let source = PygSource::Bytes { name: "fuzz".into(), bytes: bytes.to_vec() };
+    let _ = granita_pyg::read(source, &mut Nowhere, &options, &Reporter::silent());
+}
+
+/// A shader; what compiles must survive being written and read.
+pub fn gsl(bytes: &[u8]) {
+    let source = String::from_utf8_lossy(bytes);
+    if let Ok(compiled) = granita_gsl::compile(&source, "fuzz", &granita_gsl::CompileOptions::default()) {
+        let written = granita_gsl::gso::write(&compiled.module, false);
+        let read = granita_gsl::gso::read(&written, "fuzz").expect("what was written can be read");
+        assert_eq!(read, compiled.module);
+    }
+}
+
+/// A compiled shader.
+pub fn gso(bytes: &[u8]) {
+    let _ = granita_gsl::gso::read(bytes, "fuzz");
+    let _ = granita_gsl::GsoArgs::from_bytes(bytes, "fuzz");
+}
+
+/// TIFF.
+pub fn tiff(bytes: &[u8]) {
+    picture(bytes, "tif");
+}
+
+/// OpenEXR.
+pub fn exr(bytes: &[u8]) {
+    picture(bytes, "exr");
+}
+
+/// PNG.
+pub fn png(bytes: &[u8]) {
+    picture(bytes, "png");
+}
+
+/// Radiance HDR.
+pub fn hdr(bytes: &[u8]) {
+    picture(bytes, "hdr");
+}
+
+/// Reads everything that a file offers: rows, tiles, levels.
+fn picture(bytes: &[u8], extension: &str) {
+    let Ok(file) = tempfile::Builder::new().suffix(&format!(".{extension}")).tempfile() else { return };
+    if std::fs::write(file.path(), bytes).is_err() {
+        return;
+    }
+    let Ok(input) = granita_plugin::bundled_formats(LIMITS).open(file.path()) else { return };
+    for image in 0..input.images().min(4) {
+        for level in 0..input.levels(image).min(16) {
+            let Some(spec) = input.spec(image, level) else { continue };
+            if spec.is_tiled() {
+                let (nx, ny) = spec.tiles();
+                let _ = input.read_tile(image, level, nx.saturating_sub(1), ny.saturating_sub(1));
+            }
+            let _ = input.read_rows(image, level, 0, spec.height.min(64));
+        }
+    }
+}
+
+/// Mutation `number` of `seed`: a few bytes changed, removed, doubled or cut off, the same everywhere.
+pub fn mutated(seed: &[u8], number: u32) -> Vec<u8> {
+    let mut bytes = seed.to_vec();
+    let changes = 1 + hash::words(&[number, 0]) % 4;
+    for change in 0..changes {
+        let random = |d: u32| hash::words(&[number, change + 1, d]) as usize;
+        if bytes.is_empty() {
+            break;
+        }
+        let at = random(0) % bytes.len();
+        match random(1) % 6 {
+            0 => bytes[at] ^= 1 << (random(2) % 8),
+            1 => bytes[at] = [0, 1, 0x7f, 0x80, 0xff, b'(', b'"', b'-'][random(2) % 8],
+            2 => {
+                let end = (at + 1 + random(2) % 16).min(bytes.len());
+                bytes.drain(at..end);
+            }
+            3 => {
+                let end = (at + 1 + random(2) % 32).min(bytes.len());
+                let piece = bytes[at..end].to_vec();
+                bytes.splice(at..at, piece);
+            }
+            4 => bytes.truncate(at),
+            _ => {
+                let end = (at + 4).min(bytes.len());
+                bytes[at..end].fill([0, 0xff][random(2) % 2]);
+            }
+        }
+    }
+    bytes
+}
