@@ -13,18 +13,12 @@ use granita_scene::{Call, SceneSink, Stop};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 7] = [
-    ("pyg", pyg),
-    ("gsl", gsl),
-    ("gso", gso),
-    ("tiff", tiff),
-    ("exr", exr),
-    ("png", png),
-    ("hdr", hdr),
-];
+pub const TARGETS: [(&str, Target); 7] =
+    [("pyg", pyg), ("gsl", gsl), ("gso", gso), ("tiff", tiff), ("exr", exr), ("png", png), ("hdr", hdr)];
 
 /// Limits that keep a hostile file from asking for much.
-const LIMITS: Limits = Limits { dimension: 1 << 12, pixels: 1 << 20, bytes: 16 << 20, channels: 64, images: 64 };
+const LIMITS: Limits =
+    Limits { dimension: 1 << 12, pixels: 1 << 20, bytes: 16 << 20, channels: 64, images: 64 };
 
 struct Nowhere;
 
@@ -36,7 +30,8 @@ impl SceneSink for Nowhere {
 
 /// A flat scene; scripts are refused.
 pub fn pyg(bytes: &[u8]) {
-    let options = PygOptions { always_pyglet: true, safe: true, statement_limit: 1 << 20, ..PygOptions::default() };
+    let options =
+        PygOptions { always_pyglet: true, safe: true, statement_limit: 1 << 20, ..PygOptions::default() };
     let source = PygSource::Bytes { name: "fuzz".into(), bytes: bytes.to_vec() };
     let _ = granita_pyg::read(source, &mut Nowhere, &options, &Reporter::silent());
 }

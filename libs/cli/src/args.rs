@@ -3,10 +3,11 @@
 use clap::{ArgAction, Command, CommandFactory, FromArgMatches};
 use std::ffi::OsString;
 
-/// Parses the process's arguments; on a mistake, or `-help` or `-version`, prints and exits (2, 0, 0).
-pub fn parse<T: CommandFactory + FromArgMatches>() -> T {
+/// Parses a command line that begins with the tool's name, as [`std::env::args_os`] gives it; on a mistake,
+/// or `-help` or `-version`, prints and exits (2, 0, 0).
+pub fn parse<T: CommandFactory + FromArgMatches>(words: Vec<OsString>) -> T {
     let command = prepared(T::command());
-    let args = with_two_dashes(&command, std::env::args_os());
+    let args = with_two_dashes(&command, words.into_iter());
     let matches = command.get_matches_from(args);
     T::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
 }

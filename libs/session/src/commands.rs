@@ -75,7 +75,7 @@ impl Running<'_> {
             );
         };
         let line = words.iter().map(|w| &**w).collect::<Vec<_>>().join(" ");
-        let mut command = Command::new(resolved(&words[0], self.options));
+        let mut command = program(&words[0], self.options);
         command.args(words[1..].iter().map(|w| &**w));
         prepare(&mut command, self.options);
         if self.params.int("echo").is_some_and(|e| e != 0) {
@@ -120,40 +120,47 @@ impl Running<'_> {
 
 /// A command line for the default shell.
 pub(crate) fn shell(line: &str, options: &SessionOptions) -> Command {
-    let mut command = if cfg!(windows) { Command::new("cmd") } else { Command::new("/bin/sh") };
-    command.arg(if cfg!(windows) { "/C" } else { "-c" }).arg(line);
+    let mut command = if cfg!(windows) {
+        let mut command = Command::new("cmd");
+        command.arg("/C").arg(line);
+        command
+    } else {
+        let mut command = Command::new("/bin/sh");
+        command.arg("-c").arg(format!("{}{line}", shell_functions(options)));
+        command
+    };
     prepare(&mut command, options);
     command
 }
 
-/// Where a program is: on `PATH`, else beside our own tools, else as named.
-fn resolved(name: &str, options: &SessionOptions) -> std::ffi::OsString {
-    if name.contains('/') {
-        return name.into();
-    }
-    let path = options.environment.get("PATH").unwrap_or_default();
-    let on_path = std::env::split_paths(path).any(|folder| folder.join(name).is_file());
-    let own = options.tool_folder.as_ref().map(|folder| folder.join(name));
-    match own {
-        Some(own) if !on_path && own.is_file() => own.into(),
-        _ => name.into(),
+/// Functions of the shell that give our own tools their names, also in pipelines and lists.
+fn shell_functions(options: &SessionOptions) -> String {
+    let Some(own) = &options.own_tools else { return String::new() };
+    let program = format!("'{}'", own.program.to_string_lossy().replace('\'', "'\\''"));
+    own.names.iter().map(|name| format!("{name}() {{ {program} --as {name} \"$@\"; }}\n")).collect()
+}
+
+/// A program by name: one of our own tools, or whatever `PATH` has.
+fn program(name: &str, options: &SessionOptions) -> Command {
+    match &options.own_tools {
+        Some(own) if own.names.iter().any(|n| n == name) => {
+            let mut command = Command::new(&own.program);
+            command.args(["--as", name]);
+            command
+        }
+        _ => Command::new(name),
     }
 }
 
-/// Gives a program the session's variables, and our own tools at the end of its `PATH`.
+/// Gives a program the session's variables.
 fn prepare(command: &mut Command, options: &SessionOptions) {
     command.envs(options.program_environment.iter().map(|(k, v)| (k, v)));
-    let Some(folder) = &options.tool_folder else { return };
-    let path = options.environment.get("PATH").unwrap_or_default();
-    let folders = std::env::split_paths(path).chain([folder.clone()]);
-    if let Ok(path) = std::env::join_paths(folders) {
-        command.env("PATH", path);
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::OwnTools;
     use granita_base::Param;
 
     fn context() -> (CommandContext, Arc<std::sync::Mutex<Vec<granita_base::report::Message>>>) {
@@ -206,14 +213,19 @@ mod tests {
         assert_eq!(command("system true", Params::new(), &safe).1, 1);
     }
 
+    #[cfg(unix)]
     #[test]
-    fn our_own_tools_are_found_beside_us() {
+    fn the_names_of_our_own_tools_mean_our_own_program() {
         let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("granita-test-tool"), "").unwrap();
-        let options =
-            SessionOptions { tool_folder: Some(folder.path().to_owned()), ..SessionOptions::default() };
-        assert_eq!(resolved("granita-test-tool", &options), folder.path().join("granita-test-tool"));
-        assert_eq!(resolved("granita-absent", &options), "granita-absent");
+        let file = folder.path().join("it's here");
+        let own = OwnTools { program: "/bin/echo".into(), names: vec!["maketx".to_owned()] };
+        let options = SessionOptions { own_tools: Some(own), ..SessionOptions::default() };
+        let line = format!("system true && maketx 'a  b' c | cat > \"{}\"", file.display());
+        assert_eq!(command(&line, Params::new(), &options), (true, 0));
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), "--as maketx a  b c\n");
+        let arguments: Vec<_> = program("maketx", &options).get_args().map(|a| a.to_owned()).collect();
+        assert_eq!(arguments, ["--as", "maketx"]);
+        assert_eq!(program("true", &options).get_program(), "true");
         assert_eq!(command("nosuchcommand", Params::new(), &options), (false, 0));
     }
 }

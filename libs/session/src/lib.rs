@@ -22,6 +22,8 @@
 //! assert!(session.finish().rendered);
 //! ```
 
+#![forbid(unsafe_code)]
+
 mod commands;
 mod error;
 mod inputs;
@@ -32,5 +34,5 @@ mod session;
 mod shaders;
 
 pub use error::SessionError;
-pub use options::{ExtraOutput, SessionOptions};
+pub use options::{ExtraOutput, OwnTools, SessionOptions};
 pub use session::{Outcome, Session, SharedProgress};

@@ -15,6 +15,15 @@ pub struct ExtraOutput {
     pub data: String,
 }
 
+/// The suite's own tools, all in one program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OwnTools {
+    /// Runs any of them as `program --as NAME ARGUMENT ...`.
+    pub program: PathBuf,
+    /// Names that mean this program rather than whatever `PATH` has under them.
+    pub names: Vec<String>,
+}
+
 /// Everything that a session takes from outside.
 #[derive(Clone, Debug, Default)]
 pub struct SessionOptions {
@@ -22,8 +31,8 @@ pub struct SessionOptions {
     pub environment: Environment,
     /// Variables that programs started by the scene get in addition to those of this process.
     pub program_environment: Vec<(String, String)>,
-    /// Folder of this suite's own tools: looked into after `PATH` when a scene runs a program.
-    pub tool_folder: Option<PathBuf>,
+    /// The suite's own tools: what their names mean when a scene runs a program.
+    pub own_tools: Option<OwnTools>,
     /// Threads to render with; 0 leaves it to the scene ("limits:threads").
     pub threads: usize,
     /// Fixes the verbosity; `None` leaves it to the scene.

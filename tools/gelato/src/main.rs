@@ -1,185 +1,42 @@
-//! The renderer: reads scene files and writes their images (reference 6.1).
+//! The command `gelato`, and under `--as NAME` any other tool of the suite.
+//!
+//! One binary carries all tools, so that a scene's `Command ("system maketx ...")` means the tool of the same build
+//! wherever it lies. The names are handed to the session, which starts this program again.
 
-use clap::Parser;
-use granita_cli::{Bar, Status, console_reporter, environment, parse};
-use granita_render::Progress;
-use granita_session::{ExtraOutput, Outcome, Session, SessionError, SessionOptions, SharedProgress};
-use std::path::PathBuf;
+#![forbid(unsafe_code)]
+
+use granita_cli::Status;
+use std::ffi::OsString;
 use std::process::ExitCode;
-use std::sync::{Arc, Mutex, PoisonError};
 
-/// Renders scenes.
-///
-/// Several files count as one that contains them all. "-" reads standard input.
-#[derive(Parser, Debug)]
-#[command(name = "gelato")]
-struct Options {
-    /// Scene files, read in this order
-    #[arg(value_name = "FILE")]
-    files: Vec<String>,
+/// An entry point; the words begin with the tool's name.
+type Tool = fn(Vec<OsString>) -> Status;
 
-    /// Print statistics after rendering
-    #[arg(long)]
-    statistics: bool,
-
-    /// Threads that render at once; by default what the scene says, or 1
-    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
-    threads: usize,
-
-    /// Servers for network rendering (not supported yet)
-    #[arg(long, value_name = "SERVER")]
-    net: Vec<String>,
-
-    /// Display for windows, instead of $DISPLAY (not supported yet)
-    #[arg(long, value_name = "SERVER")]
-    display: Option<String>,
-
-    /// Change to this folder before anything else
-    #[arg(long, value_name = "PATH")]
-    cwd: Option<PathBuf>,
-
-    /// Set an environment variable first
-    #[arg(long, value_name = "VAR=VALUE")]
-    env: Vec<String>,
-
-    /// Print nothing but errors
-    #[arg(long)]
-    silent: bool,
-
-    /// 0: errors only; 1: also warnings and progress; 2: also information
-    #[arg(long, value_name = "N")]
-    verbosity: Option<u8>,
-
-    /// Preview mode, if not 0: renders fast and coarse, with this shading quality
-    #[arg(long, value_name = "P", default_value_t = 0.0, hide_default_value = true)]
-    preview: f32,
-
-    /// Shading system: "gsl", "defaultsurface" or "keyfillrim" (only "gsl" is supported yet)
-    #[arg(long, value_name = "NAME")]
-    shade: Option<String>,
-
-    /// Show the image in an iv window while it is rendered (not supported yet)
-    #[arg(long)]
-    iv: bool,
-
-    /// Write the image also to this file, in the format of its extension
-    #[arg(short = 'o', value_name = "IMAGE")]
-    output: Vec<String>,
-
-    /// What -o and -iv show: "rgba", "first", "all", "z", "normal N" ...
-    #[arg(long, value_name = "CHANNEL", default_value = "rgba")]
-    data: String,
-
-    /// Render only this part of the image, as fractions of it: xmin xmax ymin ymax
-    #[arg(long, num_args = 4, value_names = ["XMIN", "XMAX", "YMIN", "YMAX"], allow_negative_numbers = true)]
-    crop: Vec<f32>,
-
-    /// Run no scripts and programs that the scene names: for scenes from strangers
-    #[arg(long)]
-    safe: bool,
-}
-
-/// Shows the frame's progress as a bar.
-struct ShownProgress(Mutex<Bar>);
-
-impl Progress for ShownProgress {
-    fn begin(&self, total: u64) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).begin("rendering", total);
-    }
-
-    fn done(&self, steps: u64) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).done(steps);
-    }
-
-    fn end(&self) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).end();
-    }
-}
+/// The tools that this binary carries.
+const TOOLS: [(&str, Tool); 5] = [
+    ("gelato", |words| gelato::main(words, &TOOLS.map(|(name, _)| name))),
+    ("maketx", maketx::main),
+    ("gslc", gslc::main),
+    ("gsoinfo", gsoinfo::main),
+    ("topyg", topyg::main),
+];
 
 fn main() -> ExitCode {
-    let options: Options = parse();
-    let quiet = options.silent || options.verbosity == Some(0);
-    let bar = Bar::new(!quiet);
-    let reporter = console_reporter("gelato", &bar);
-    if options.silent {
-        reporter.set_verbosity(0);
-    }
-    // Everything that names a place is resolved after the change of folder.
-    if let Some(folder) = &options.cwd
-        && let Err(error) = std::env::set_current_dir(folder)
-    {
-        reporter.error(format!("-cwd {}: {error}", folder.display()));
-        return Status::Failed.into();
-    }
-    let mut variables = environment();
-    let mut program_environment = Vec::new();
-    for assignment in &options.env {
-        let Some((name, value)) = assignment.split_once('=').filter(|(name, _)| !name.is_empty()) else {
-            reporter.error(format!("-env {assignment}: expected VAR=VALUE"));
-            return Status::Failed.into();
-        };
-        variables.set(name, value);
-        program_environment.push((name.to_owned(), value.to_owned()));
-    }
-    for (given, what) in
-        [(options.iv, "-iv"), (!options.net.is_empty(), "-net"), (options.display.is_some(), "-display")]
-    {
-        if given {
-            reporter.warning(format!("{what} is not supported yet; rendering goes on without it"));
-        }
-    }
-    if options.files.is_empty() {
-        reporter.error("no scene file was given (try -help)");
-        return Status::Failed.into();
-    }
-    let extra = |name: &String| ExtraOutput { name: name.clone(), format: None, data: options.data.clone() };
-    let session_options = SessionOptions {
-        environment: variables,
-        program_environment,
-        tool_folder: std::env::current_exe().ok().and_then(|exe| Some(exe.parent()?.to_owned())),
-        threads: options.threads,
-        verbosity: if options.silent { Some(0) } else { options.verbosity },
-        statistics: i32::from(options.statistics),
-        crop: <[f32; 4]>::try_from(options.crop.as_slice()).ok(),
-        preview: options.preview,
-        shadertype: options.shade.clone(),
-        extra_outputs: options.output.iter().map(extra).collect(),
-        no_startup_files: false,
-        safe: options.safe,
-        scene_files: options.files.clone(),
-    };
-    let progress = SharedProgress(Arc::new(ShownProgress(Mutex::new(bar))));
-    let mut session = Session::new(session_options, reporter.clone(), progress);
-    let mut failed = false;
-    for file in &options.files {
-        let result = match file.as_str() {
-            "-" => session.read_stream("<stdin>", Box::new(std::io::stdin())),
-            file => session.read_file(file),
-        };
-        match result {
-            Ok(()) => (),
-            Err(SessionError::Exit) => break,
-            Err(error) => {
-                reporter.error(error.to_string());
-                failed = true;
-                break;
+    let mut words: Vec<OsString> = std::env::args_os().collect();
+    let named = words.get(1).is_some_and(|word| word == "--as");
+    let name = if named { words.get(2).cloned() } else { Some("gelato".into()) };
+    match TOOLS.iter().find(|(tool, _)| name.as_deref().is_some_and(|n| n == *tool)) {
+        Some((_, tool)) => {
+            if named {
+                // The tool sees its own name first, as if it had been called by it.
+                words.drain(..2);
             }
+            tool(words).into()
         }
-    }
-    let outcome = session.finish();
-    if !failed && !outcome.rendered && outcome.waiting > 0 {
-        reporter.warning(format!("nothing was rendered: {} primitives, but no Render ()", outcome.waiting));
-    }
-    status(&outcome, failed).into()
-}
-
-/// How it ended.
-fn status(outcome: &Outcome, failed: bool) -> Status {
-    if failed && !outcome.rendered {
-        Status::Failed
-    } else if failed || outcome.errors > 0 || outcome.rendered && !outcome.complete {
-        Status::WithErrors
-    } else {
-        Status::Done
+        None => {
+            granita_cli::console_reporter("gelato", &granita_cli::Bar::new(false))
+                .error("--as needs the name of a tool of the suite");
+            Status::Failed.into()
+        }
     }
 }

@@ -1,0 +1,104 @@
+//! Lists the parameters of shaders (reference 8.3).
+
+#![forbid(unsafe_code)]
+
+use clap::Parser;
+use granita_base::{Environment, SearchPath};
+use granita_cli::{Status, environment, parse, print};
+use granita_gsl::{CompileOptions, GsoArgs, compile};
+use std::ffi::OsString;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// Lists the parameters of shaders and their default values.
+///
+/// A shader is a file, or a name to be looked for: compiled (NAME.gso) or as source text (NAME.gsl) on the search
+/// path, then among the shaders that come with the suite.
+#[derive(Parser, Debug)]
+#[command(name = "gsoinfo")]
+struct Options {
+    /// Shaders
+    #[arg(value_name = "SHADER", required = true)]
+    shaders: Vec<String>,
+
+    /// Verbose: also metadata and the spaces of values
+    #[arg(short = 'v')]
+    verbose: bool,
+
+    /// Folders to look in, separated by colons; by default ".:$GELATOHOME/shaders"
+    #[arg(short = 'p', value_name = "PATH")]
+    path: Option<String>,
+}
+
+/// Runs the tool; `args` begins with the name it was called by.
+pub fn main(args: Vec<OsString>) -> Status {
+    let options = parse::<Options>(args);
+    let path = search_path(options.path.as_deref(), &environment());
+    let mut failed = 0;
+    for name in &options.shaders {
+        match query(name, &path) {
+            Ok(args) => print(&args.describe(options.verbose)),
+            Err(what) => {
+                // Nobody is left to tell when standard error is closed.
+                let _ = writeln!(io::stderr().lock(), "ERROR opening shader \"{name}\" ({what})");
+                failed += 1;
+            }
+        }
+    }
+    match failed {
+        0 => Status::Done,
+        n if n < options.shaders.len() => Status::WithErrors,
+        _ => Status::Failed,
+    }
+}
+
+fn search_path(given: Option<&str>, environment: &Environment) -> SearchPath {
+    let default = SearchPath::parse(".:$GELATOHOME/shaders", &SearchPath::default(), environment);
+    match given {
+        Some(path) => SearchPath::parse(&path.replace(';', ":"), &default, environment),
+        None => default,
+    }
+}
+
+/// Finds a shader and asks it.
+fn query(name: &str, path: &SearchPath) -> Result<GsoArgs, String> {
+    let given = Path::new(name);
+    let file = if given.extension().is_some_and(|e| e == "gso" || e == "gsl") {
+        given.is_file().then(|| given.to_owned()).or_else(|| path.find(name))
+    } else {
+        let beside = |extension: &str| path.find(&format!("{name}.{extension}"));
+        beside("gso").or_else(|| beside("gsl"))
+    };
+    if let Some(file) = file {
+        return query_file(&file);
+    }
+    let base = given.file_stem().and_then(|s| s.to_str()).filter(|_| given.components().count() == 1);
+    match base.and_then(granita_bundled::shader) {
+        Some(source) => from_source(source, &format!("{name}.gsl"), None),
+        None => Err("it cannot be found".to_owned()),
+    }
+}
+
+fn query_file(file: &PathBuf) -> Result<GsoArgs, String> {
+    let bytes = std::fs::read(file).map_err(|e| format!("{}: {e}", file.display()))?;
+    let name = file.to_string_lossy();
+    if file.extension().is_some_and(|e| e == "gsl") {
+        return from_source(&String::from_utf8_lossy(&bytes), &name, file.parent());
+    }
+    GsoArgs::from_bytes(&bytes, &name).map_err(|e| e.to_string())
+}
+
+fn from_source(source: &str, name: &str, folder: Option<&Path>) -> Result<GsoArgs, String> {
+    let folders: Vec<String> = folder.iter().map(|f| f.to_string_lossy().into_owned()).collect();
+    let load = |path: &str| match std::fs::read(path) {
+        Ok(bytes) => Ok(Some(String::from_utf8_lossy(&bytes).into_owned())),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    };
+    let options =
+        CompileOptions { include_paths: &folders, loader: Some(&load), ..CompileOptions::default() };
+    match compile(source, name, &options) {
+        Ok(compiled) => Ok(GsoArgs::from_module(&compiled.module)),
+        Err(list) => Err(list.first().map_or_else(String::new, |d| format!("{}: {}", d.at, d.message))),
+    }
+}
