@@ -1,7 +1,7 @@
 //! Reading: chunks by position, from any thread.
 
 use crate::attributes::{self, channel_order};
-use crate::{CompressionName, Order};
+use crate::{CompressionName, Order, zip};
 use exr::block::UncompressedBlock;
 use exr::block::chunk::{
     Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock, TileCoordinates,
@@ -15,6 +15,7 @@ use granita_base::{BaseType, Param, ParamType};
 use granita_image::{
     FileSource, ImageInput, ImageSpec, Limits, PixelType, Pixels, Result, contained, rows_from_tiles,
 };
+use rayon::prelude::*;
 use std::io::Read;
 use std::path::Path;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -153,6 +154,19 @@ impl ExrInput {
             Fault::Image(error) => error,
             Fault::Data(fault) => malformed(fault),
         })?;
+        // Pixels of the chunk: tiles at the edges are stored cut.
+        let (w, h) = if spec.is_tiled() {
+            let left =
+                |side: u32, tile: u32, i: u32| side.saturating_sub(i.saturating_mul(tile)).min(tile) as usize;
+            (left(spec.width, width, cx), left(spec.height, height, cy))
+        } else {
+            (width as usize, height as usize)
+        };
+        let mut pixels = Pixels::zeros(spec.pixel_type, width as usize * height as usize * spec.nchannels());
+        if let Some(data) = unzipped(header, &block, header.channels.bytes_per_pixel * w * h) {
+            part.order.scatter(&data, w, h, width as usize, &mut pixels);
+            return Ok(pixels);
+        }
         let chunk = Chunk { layer_index: part.header, compressed_block: block };
         let block = contained(|| UncompressedBlock::decompress_chunk(chunk, &self.meta, false))
             .map_err(malformed)?
@@ -165,7 +179,6 @@ impl ExrInput {
                 block.data.len()
             )));
         }
-        let mut pixels = Pixels::zeros(spec.pixel_type, width as usize * height as usize * spec.nchannels());
         part.order.scatter(&block.data, w, h, width as usize, &mut pixels);
         Ok(pixels)
     }
@@ -239,6 +252,20 @@ impl ExrInput {
         *last() = Some((key, pixels.clone()));
         Ok(pixels)
     }
+}
+
+/// The `len` bytes of a zipped block, if it is one and in order: the common case, by the faster library.
+fn unzipped(header: &Header, block: &CompressedBlock, len: usize) -> Option<Vec<u8>> {
+    if !matches!(header.compression, Compression::ZIP1 | Compression::ZIP16) || cfg!(target_endian = "big") {
+        return None;
+    }
+    let packed = match block {
+        CompressedBlock::Tile(b) => &b.compressed_pixels_le,
+        CompressedBlock::ScanLine(b) => &b.compressed_pixels_le,
+        CompressedBlock::DeepTile(_) | CompressedBlock::DeepScanLine(_) => return None,
+    };
+    // What would not shrink is stored as it is.
+    if packed.len() >= len { None } else { zip::decompress(packed, len) }
 }
 
 /// What is wrong with a chunk.
@@ -444,6 +471,33 @@ impl ImageInput for ExrInput {
             return rows_from_tiles(spec, y0, y1, |tx, ty| self.read_chunk(part, l, tx, ty));
         }
         let row = spec.width as usize * spec.nchannels();
+        // Whole blocks are decoded at once, in the threads of the caller's pool; rows of a part of one go
+        // through the block held.
+        let rows = part.block_rows;
+        let (first, last) =
+            (y0.div_ceil(rows), if y1 == spec.height { y1.div_ceil(rows) } else { y1 / rows });
+        if last > first + 1 {
+            part.table(&self.source)?;
+            let mut out = Pixels::zeros(spec.pixel_type, bytes / spec.pixel_type.bytes());
+            // As many at once as keep the threads busy: a few blocks more in memory than the result has.
+            let at_once = 4 * rayon::current_num_threads() as u32;
+            for group in (first..last).step_by(at_once as usize) {
+                let blocks: Vec<Pixels> = (group..last.min(group + at_once))
+                    .into_par_iter()
+                    .map(|number| self.read_chunk(part, l, 0, number))
+                    .collect::<Result<_>>()?;
+                for (number, block) in (group..).zip(&blocks) {
+                    out.copy_from((number * rows - y0) as usize * row, block, 0, block.len());
+                }
+            }
+            for (a, b) in [(y0, first * rows), (last.saturating_mul(rows).min(y1), y1)] {
+                if a < b {
+                    let part = self.read_rows(image, level, a, b)?;
+                    out.copy_from((a - y0) as usize * row, &part, 0, part.len());
+                }
+            }
+            return Ok(out);
+        }
         let mut out: Option<Pixels> = None;
         let mut y = y0;
         while y < y1 {

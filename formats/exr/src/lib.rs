@@ -22,10 +22,13 @@
 //! a *rendered* picture is always stored in halves (7.4.4): that is what
 //! [`Format::output_type`] answers; other writers may store floats.
 
+#![forbid(unsafe_code)]
+
 mod attributes;
 mod input;
 mod order;
 mod output;
+mod zip;
 
 pub use input::ExrInput;
 pub use output::ExrOutput;

@@ -1,8 +1,10 @@
 //! Writing: chunks as they come, their table at the end.
 
 use crate::attributes::{self, channel_order};
-use crate::{CompressionName, Order};
-use exr::block::{BlockIndex, UncompressedBlock, chunk::CompressedBlock};
+use crate::{CompressionName, Order, zip};
+use exr::block::chunk::{CompressedBlock, CompressedScanLineBlock, CompressedTileBlock, TileCoordinates};
+use exr::block::{BlockIndex, UncompressedBlock};
+use exr::compression::Compression;
 use exr::meta::attribute::{
     self as exr_attribute, AttributeValue, ChannelDescription, IntegerBounds, LevelMode, LineOrder,
     SampleType, TileDescription,
@@ -13,8 +15,18 @@ use exr::prelude::{SmallVec, Vec2};
 use granita_image::{
     AtomicFile, CreateOptions, ImageError, ImageOutput, ImageSpec, PixelType, Pixels, Result, TileRows,
 };
+use rayon::prelude::*;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
+
+/// A rectangle of the current level: column and row, columns and rows, and how many pixels the rows of its
+/// block in memory have.
+#[derive(Clone, Copy, Debug)]
+struct Area {
+    at: (usize, usize),
+    size: (usize, usize),
+    stride: usize,
+}
 
 /// An OpenEXR file being written: one part, scanlines or tiles, one level or a whole MIP map.
 #[derive(Debug)]
@@ -94,47 +106,96 @@ impl ExrOutput {
         Err(self.misuse(format!("pixels of type {got:?} for a file of {wanted:?}")))
     }
 
-    /// Compresses and writes `size` pixels at `at` of the level as chunk `number`; rows of `pixels`
-    /// have `stride` pixels.
-    fn write_block(
-        &mut self,
-        number: usize,
-        at: (usize, usize),
-        size: (usize, usize),
-        pixels: &Pixels,
-        stride: usize,
-    ) -> Result<()> {
-        if self.table[number] != 0 {
-            return Err(self.misuse(format!("tile {number} is written twice")));
-        }
-        let block = UncompressedBlock {
-            index: BlockIndex {
-                layer: 0,
-                pixel_position: Vec2(at.0, at.1),
-                pixel_size: Vec2(size.0, size.1),
-                level: Vec2(self.level, self.level),
-            },
-            data: self.order.gather(pixels, size.0, size.1, stride),
+    /// Compresses and writes blocks, each with its chunk number; compressed in the threads of the caller's
+    /// pool, and written in order.
+    fn write_blocks(&mut self, blocks: &[(usize, Area, &Pixels)]) -> Result<()> {
+        let done: Vec<Result<Vec<u8>>> = match blocks {
+            [(_, area, pixels)] => vec![self.pack(area, pixels)],
+            many => many.par_iter().map(|(_, area, pixels)| self.pack(area, pixels)).collect(),
         };
-        let chunk = block.compress_to_chunk(&self.headers).map_err(|e| match e {
-            exr::error::Error::NotSupported(what) => {
-                let what = format!("OpenEXR: {what} is not supported");
-                ImageError::Unsupported { path: self.file.path().to_owned(), what }
+        for ((number, _, _), bytes) in blocks.iter().zip(done) {
+            if self.table[*number] != 0 {
+                return Err(self.misuse(format!("tile {number} is written twice")));
             }
-            other => self.misuse(other.to_string()),
-        })?;
+            let bytes = bytes?;
+            self.file.write_all(&bytes).map_err(|e| self.file.io_error(e))?;
+            self.table[*number] = self.position;
+            self.position += bytes.len() as u64;
+        }
+        Ok(())
+    }
+
+    /// The chunk of a block of the current level, as the file holds it.
+    fn pack(&self, area: &Area, pixels: &Pixels) -> Result<Vec<u8>> {
+        let (at, size) = (area.at, area.size);
+        let data = self.order.gather(pixels, size.0, size.1, area.stride);
+        let zip = matches!(self.headers[0].compression, Compression::ZIP1 | Compression::ZIP16);
+        let block = if zip && cfg!(target_endian = "little") {
+            let compressed_pixels_le = zip::compress(&data).unwrap_or(data);
+            if self.spec.is_tiled() {
+                let tile = (self.spec.tile_width as usize, self.spec.tile_height as usize);
+                CompressedBlock::Tile(CompressedTileBlock {
+                    coordinates: TileCoordinates {
+                        tile_index: Vec2(at.0 / tile.0, at.1 / tile.1),
+                        level_index: Vec2(self.level, self.level),
+                    },
+                    compressed_pixels_le,
+                })
+            } else {
+                let top = self.headers[0].own_attributes.layer_position.1;
+                CompressedBlock::ScanLine(CompressedScanLineBlock {
+                    y_coordinate: top.wrapping_add(at.1 as i32),
+                    compressed_pixels_le,
+                })
+            }
+        } else {
+            let block = UncompressedBlock {
+                index: BlockIndex {
+                    layer: 0,
+                    pixel_position: Vec2(at.0, at.1),
+                    pixel_size: Vec2(size.0, size.1),
+                    level: Vec2(self.level, self.level),
+                },
+                data,
+            };
+            let chunk = block.compress_to_chunk(&self.headers).map_err(|e| match e {
+                exr::error::Error::NotSupported(what) => {
+                    let what = format!("OpenEXR: {what} is not supported");
+                    ImageError::Unsupported { path: self.file.path().to_owned(), what }
+                }
+                other => self.misuse(other.to_string()),
+            })?;
+            chunk.compressed_block
+        };
         let mut bytes = Vec::new();
-        let written = match &chunk.compressed_block {
+        let written = match &block {
             CompressedBlock::ScanLine(block) => block.write(&mut bytes),
             CompressedBlock::Tile(block) => block.write(&mut bytes),
             // A header without deep data makes no deep blocks.
             CompressedBlock::DeepScanLine(_) | CompressedBlock::DeepTile(_) => Ok(()),
         };
         written.map_err(|e| self.misuse(e.to_string()))?;
-        self.file.write_all(&bytes).map_err(|e| self.file.io_error(e))?;
-        self.table[number] = self.position;
-        self.position += bytes.len() as u64;
-        Ok(())
+        Ok(bytes)
+    }
+
+    /// Chunk number and place of a tile, if it is there and `pixels` is one.
+    fn tile_area(&self, tx: u32, ty: u32, pixels: &Pixels) -> Result<(usize, Area)> {
+        self.check_type(pixels)?;
+        let spec = &self.spec;
+        let (across, down) = spec.tiles();
+        let (tw, th) = (spec.tile_width, spec.tile_height);
+        let n = tw as usize * th as usize * spec.nchannels();
+        if tx >= across || ty >= down || pixels.len() != n {
+            let got = pixels.len();
+            return Err(self.misuse(format!(
+                "tile ({tx}, {ty}) with {got} values, in an image of {across} x {down} tiles of {n}"
+            )));
+        }
+        let at = ((tx * tw) as usize, (ty * th) as usize);
+        let size =
+            ((spec.width as usize - at.0).min(tw as usize), (spec.height as usize - at.1).min(th as usize));
+        let number = self.first_chunk + ty as usize * across as usize + tx as usize;
+        Ok((number, Area { at, size, stride: tw as usize }))
     }
 
     /// Number of chunks of the current level.
@@ -283,7 +344,14 @@ impl ImageOutput for ExrOutput {
         if self.spec.is_tiled() {
             let spec = self.spec.clone();
             let mut tiles = self.tiles.take().unwrap_or_else(|| TileRows::new(&spec));
-            let pushed = tiles.push(&spec, pixels, |tx, ty, tile| self.write_tile(tx, ty, tile));
+            let mut row: Vec<(u32, u32, Pixels)> = Vec::with_capacity(spec.tiles().0 as usize);
+            let pushed = tiles.push(&spec, pixels, |tx, ty, tile| {
+                row.push((tx, ty, tile.clone()));
+                if tx + 1 < spec.tiles().0 {
+                    return Ok(());
+                }
+                self.write_tiles(&std::mem::take(&mut row))
+            });
             self.tiles = Some(tiles);
             return pushed;
         }
@@ -292,6 +360,31 @@ impl ImageOutput for ExrOutput {
         while done < count {
             let number = self.next_y / per_block;
             let top = number * per_block;
+            let width = self.spec.width as usize;
+            // Whole blocks at hand, several at once.
+            let ready = if self.filled == 0 { (count - done) / per_block as usize } else { 0 };
+            if ready > 1 {
+                let ready = ready.min(8 * rayon::current_num_threads());
+                let len = per_block as usize * row;
+                let blocks: Vec<Pixels> = (0..ready)
+                    .map(|i| {
+                        let mut block = Pixels::zeros(pixels.pixel_type(), len);
+                        block.copy_from(0, pixels, done * row + i * len, len);
+                        block
+                    })
+                    .collect();
+                let area = |i: usize| Area {
+                    at: (0, top as usize + i * per_block as usize),
+                    size: (width, per_block as usize),
+                    stride: width,
+                };
+                let numbered: Vec<(usize, Area, &Pixels)> =
+                    blocks.iter().enumerate().map(|(i, b)| (number as usize + i, area(i), b)).collect();
+                self.write_blocks(&numbered)?;
+                self.next_y += ready as u32 * per_block;
+                done += ready * per_block as usize;
+                continue;
+            }
             let in_block = per_block.min(self.spec.height - top);
             let take = (in_block - self.filled).min((count - done) as u32);
             self.block.copy_from(self.filled as usize * row, pixels, done * row, take as usize * row);
@@ -301,9 +394,8 @@ impl ImageOutput for ExrOutput {
             if self.filled == in_block {
                 self.filled = 0;
                 let block = std::mem::replace(&mut self.block, Pixels::zeros(self.spec.pixel_type, 0));
-                let width = self.spec.width as usize;
-                let at = (0, top as usize);
-                self.write_block(number as usize, at, (width, in_block as usize), &block, width)?;
+                let area = Area { at: (0, top as usize), size: (width, in_block as usize), stride: width };
+                self.write_blocks(&[(number as usize, area, &block)])?;
                 self.block = block;
             }
         }
@@ -311,22 +403,21 @@ impl ImageOutput for ExrOutput {
     }
 
     fn write_tile(&mut self, tx: u32, ty: u32, pixels: &Pixels) -> Result<()> {
-        self.check_type(pixels)?;
-        let spec = &self.spec;
-        let (across, down) = spec.tiles();
-        let (tw, th) = (spec.tile_width, spec.tile_height);
-        let n = tw as usize * th as usize * spec.nchannels();
-        if tx >= across || ty >= down || pixels.len() != n {
-            let got = pixels.len();
-            return Err(self.misuse(format!(
-                "tile ({tx}, {ty}) with {got} values, in an image of {across} x {down} tiles of {n}"
-            )));
-        }
-        let at = ((tx * tw) as usize, (ty * th) as usize);
-        let size =
-            ((spec.width as usize - at.0).min(tw as usize), (spec.height as usize - at.1).min(th as usize));
-        let number = self.first_chunk + ty as usize * across as usize + tx as usize;
-        self.write_block(number, at, size, pixels, tw as usize)
+        let (number, area) = self.tile_area(tx, ty, pixels)?;
+        self.write_blocks(&[(number, area, pixels)])
+    }
+
+    fn write_tiles(&mut self, tiles: &[(u32, u32, Pixels)]) -> Result<()> {
+        let placed: Vec<(usize, Area, &Pixels)> = tiles
+            .iter()
+            .map(|(tx, ty, pixels)| {
+                let (number, area) = self.tile_area(*tx, *ty, pixels)?;
+                Ok((number, area, pixels))
+            })
+            .collect::<Result<_>>()?;
+        // Not all at once: packed tiles wait in memory.
+        let at_once = 8 * rayon::current_num_threads();
+        placed.chunks(at_once).try_for_each(|group| self.write_blocks(group))
     }
 
     fn plan_levels(&mut self, specs: &[ImageSpec]) -> Result<bool> {

@@ -18,6 +18,8 @@
 //!
 //! Deliberately absent: colour profiles, animation, writing of GIF, and the formats SGI, Maya IFF and DDS.
 
+#![forbid(unsafe_code)]
+
 mod pfm;
 mod plain;
 mod png;

@@ -147,6 +147,12 @@ impl Directory {
         Ok(Some(String::from_utf8_lossy(text).into_owned()))
     }
 
+    /// The bytes of a tag, `None` when it is absent or has more than `max`.
+    pub(crate) fn bytes(&self, source: &FileSource, tag: u16, max: u64) -> Result<Option<Vec<u8>>> {
+        let entry = self.entry(tag).filter(|e| matches!(e.kind, 1 | 7) && e.count <= max);
+        entry.map(|e| self.layout.values(source, e, max)).transpose()
+    }
+
     /// The first `max` values of a tag as floats, from floats, doubles, fractions or integers.
     pub(crate) fn floats(&self, source: &FileSource, tag: u16, max: u64) -> Result<Vec<f32>> {
         let Some(entry) = self.entry(tag) else { return Ok(Vec::new()) };

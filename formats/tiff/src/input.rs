@@ -1,11 +1,12 @@
 //! Reading: strips and tiles by position, from any thread.
 
-use crate::codec;
 use crate::directory::{Layout, read_directories};
 use crate::level::{Level, understand};
+use crate::{codec, jpeg};
 use granita_image::{
     FileSource, ImageError, ImageInput, ImageSpec, Limits, PixelType, Pixels, Result, rows_from_tiles,
 };
+use rayon::prelude::*;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -105,8 +106,13 @@ impl TiffInput {
         }
         let what = if level.spec.is_tiled() { "tile" } else { "strip" };
         let malformed = |fault: String| source.malformed(format!("{what} {index} at byte {offset}: {fault}"));
-        // No scheme packs more densely than 4096 to 1, so a short strip cannot ask for a huge buffer.
-        let densest = if level.compression == codec::Compression::None { 1 } else { 4096 };
+        // No scheme packs more densely, so a short strip cannot ask for a huge buffer.
+        let densest = match level.compression {
+            codec::Compression::None => 1,
+            // A run of 128 KiB takes four bytes.
+            codec::Compression::Zstd => 1 << 15,
+            _ => 4096,
+        };
         if count.saturating_mul(densest) < needed as u64 {
             return Err(malformed(format!("{count} bytes cannot hold the {needed} needed")));
         }
@@ -121,7 +127,12 @@ impl TiffInput {
         } else {
             let packed = source.read_vec(offset, count, what)?;
             let mut bytes = vec![0; needed];
-            level.compression.decode(&packed, &mut bytes).map_err(malformed)?;
+            if level.compression == codec::Compression::Jpeg {
+                let tables = level.jpeg_tables.as_deref();
+                jpeg::decode(tables, &packed, &mut bytes, size, samples, level.ycc).map_err(malformed)?;
+            } else {
+                level.compression.decode(&packed, &mut bytes).map_err(malformed)?;
+            }
             bytes
         };
         let mut big_endian = self.layout.big_endian;
@@ -184,6 +195,33 @@ impl ImageInput for TiffInput {
         }
         let row = spec.width as usize * spec.nchannels();
         let strip_rows = l.chunk.1;
+        // Whole strips are decoded at once, in the threads of the caller's pool; rows of a part of one go
+        // through the strip held.
+        let (first, last) =
+            (y0.div_ceil(strip_rows), if y1 == spec.height { l.chunks().1 } else { y1 / strip_rows });
+        if last > first + 1 {
+            l.table(&self.source)?;
+            let mut out = Pixels::zeros(spec.pixel_type, bytes / spec.pixel_type.bytes());
+            // As many at once as keep the threads busy: a few strips more in memory than the result has.
+            let at_once = 4 * rayon::current_num_threads() as u32;
+            for group in (first..last).step_by(at_once as usize) {
+                let strips: Vec<Pixels> = (group..last.min(group + at_once))
+                    .into_par_iter()
+                    .map(|number| self.read_chunk(l, 0, number))
+                    .collect::<Result<_>>()?;
+                for (number, strip) in (group..).zip(&strips) {
+                    out.copy_from((number * strip_rows - y0) as usize * row, strip, 0, strip.len());
+                }
+            }
+            let (from, to) = (first * strip_rows, last.saturating_mul(strip_rows).min(y1));
+            for (a, b) in [(y0, from), (to, y1)] {
+                if a < b {
+                    let rows = self.read_rows(image, level, a, b)?;
+                    out.copy_from((a - y0) as usize * row, &rows, 0, rows.len());
+                }
+            }
+            return Ok(out);
+        }
         let mut out: Option<Pixels> = None;
         let mut y = y0;
         while y < y1 {

@@ -27,6 +27,10 @@ pub(crate) struct Level {
     pub(crate) invert: bool,
     /// Bits of one stored sample: 1, 2, 4, 8, 16 or 32.
     pub(crate) bits: u64,
+    /// Tables that all strips or tiles of JPEG data share.
+    pub(crate) jpeg_tables: Option<Vec<u8>>,
+    /// JPEG data of luminance and colour differences.
+    pub(crate) ycc: bool,
     /// Colours of the indices that are stored, if they are.
     pub(crate) palette: Option<Vec<[u8; 3]>>,
     /// Size of a tile, or of a strip (the last may have fewer rows).
@@ -58,6 +62,7 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
         3 if samples == 1 && bits <= 8 => Some(read_palette(source, &directory, bits)?),
         3 => return Err(source.malformed(format!("colour map with {samples} channels of {bits} bits"))),
         5 => None,
+        6 if compression == Compression::Jpeg => None,
         6 => return Err(source.unsupported("TIFF in YCbCr colours is not supported")),
         8 => return Err(source.unsupported("TIFF in CIE L*a*b* colours is not supported")),
         32844 | 32845 => return Err(source.unsupported("TIFF in LogLuv colours is not supported")),
@@ -76,6 +81,16 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
     };
     if !fits {
         return Err(source.unsupported(format!("TIFF predictor {predictor} on {bits} bits is not supported")));
+    }
+
+    let mut jpeg_tables = None;
+    if compression == Compression::Jpeg {
+        if bits != 8 || predictor != 1 {
+            let what = format!("TIFF with JPEG data of {bits} bits, predictor {predictor}, is not supported");
+            return Err(source.unsupported(what));
+        }
+        // Tables are a kilobyte; what is far from it is none.
+        jpeg_tables = directory.bytes(source, tags::JPEG_TABLES, 1 << 16)?;
     }
 
     let mut spec = ImageSpec::new(width, height, 1, pixel_type);
@@ -113,6 +128,8 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
         separate: separate && samples > 1,
         invert: photometric == 0,
         bits,
+        jpeg_tables,
+        ycc: photometric == 6,
         palette,
         chunk,
         reduced: number(tags::NEW_SUBFILE_TYPE, 0)? & 1 == 1,
@@ -173,7 +190,7 @@ fn channel_names(
     let colors: &[&str] = match photometric {
         3 => return Ok(ImageSpec::default_channels(3)),
         5 => &["C", "M", "Y", "K"],
-        2 => &["R", "G", "B"],
+        2 | 6 => &["R", "G", "B"],
         _ if samples >= 3 => &["R", "G", "B"],
         _ => &["Y"],
     };

@@ -40,9 +40,12 @@
 //! # }
 //! ```
 
+#![forbid(unsafe_code)]
+
 mod codec;
 mod directory;
 mod input;
+mod jpeg;
 mod level;
 mod output;
 mod tags;

@@ -1,11 +1,12 @@
 //! Writing: strips or tiles as they come, all directories at the end.
 
-use crate::codec::{Compression, apply_floating, apply_horizontal};
+use crate::codec::{Compression, EFFORT, apply_floating, apply_horizontal};
 use crate::input::is_float;
 use crate::tags;
 use granita_image::{
     AtomicFile, CreateOptions, ImageError, ImageOutput, ImageSpec, PixelType, Pixels, Result, TileRows,
 };
+use rayon::prelude::*;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 
@@ -44,6 +45,8 @@ enum Rows {
 #[derive(Clone, Copy, Debug)]
 struct Settings {
     compression: Compression,
+    /// Of deflate.
+    effort: i32,
     separate: bool,
     rows_per_strip: u32,
 }
@@ -99,10 +102,10 @@ impl Field {
 impl Settings {
     fn of(path: &Path, spec: &ImageSpec, inherited: Option<Self>) -> Result<Self> {
         let unsupported = |what: String| ImageError::Unsupported { path: path.to_owned(), what };
-        let compression = match spec.string("compression") {
+        let (compression, effort) = match spec.string("compression") {
             Some(word) => Compression::from_word(word)
                 .ok_or_else(|| unsupported(format!("TIFF compression \"{word}\" is not supported")))?,
-            None => inherited.map_or(Compression::Deflate, |s| s.compression),
+            None => inherited.map_or((Compression::Deflate, EFFORT), |s| (s.compression, s.effort)),
         };
         let separate = match spec.string("planarconfig") {
             Some("separate") => true,
@@ -112,7 +115,7 @@ impl Settings {
         };
         let rows = spec.attributes.int("rowsperstrip").filter(|n| *n > 0);
         let rows = rows.map_or(inherited.map_or(32, |s| s.rows_per_strip), |n| n as u32);
-        Ok(Self { compression, separate: separate && spec.nchannels() > 1, rows_per_strip: rows })
+        Ok(Self { compression, effort, separate: separate && spec.nchannels() > 1, rows_per_strip: rows })
     }
 }
 
@@ -196,30 +199,50 @@ impl TiffOutput {
         Ok(at)
     }
 
-    /// Compresses and writes one strip or tile with all its channels. `index` counts within a plane.
-    fn write_chunk(&mut self, index: usize, width: usize, pixels: &Pixels) -> Result<()> {
+    /// Compresses and writes strips or tiles, each with all its channels: its number within a plane, and its
+    /// pixels in rows of `width`. They are compressed in the threads of the caller's pool and written in order.
+    fn write_chunks(&mut self, width: usize, chunks: &[(usize, &Pixels)]) -> Result<()> {
         let n = self.current.spec.nchannels();
-        let compression = self.current.settings.compression;
-        let planes = if self.current.settings.separate { n } else { 1 };
+        let settings = self.current.settings;
+        let planes = if settings.separate { n } else { 1 };
         let per_plane = self.current.chunks.len() / planes;
-        for plane in 0..planes {
-            let slot = plane * per_plane + index;
-            if self.current.chunks[slot].is_some() {
-                return Err(self.current.misuse(&self.file, format!("tile {index} is written twice")));
+        let packed = |pixels: &Pixels| -> std::io::Result<Vec<Vec<u8>>> {
+            if planes == 1 {
+                return Ok(vec![pack(pixels, width * n, n, &settings)?]);
             }
-            let only;
-            let (pixels, samples) = if planes > 1 {
-                only = pixels.plane(plane, n);
-                (&only, 1)
-            } else {
-                (pixels, n)
-            };
-            let bytes =
-                pack(pixels, width * samples, samples, compression).map_err(|e| self.file.io_error(e))?;
-            let at = self.append(&bytes)?;
-            self.current.chunks[slot] = Some((at, bytes.len() as u64));
+            (0..planes).map(|plane| pack(&pixels.plane(plane, n), width, 1, &settings)).collect()
+        };
+        let done: Vec<std::io::Result<Vec<Vec<u8>>>> = match chunks {
+            [(_, only)] => vec![packed(only)],
+            many => many.par_iter().map(|(_, pixels)| packed(pixels)).collect(),
+        };
+        for ((index, _), planes) in chunks.iter().zip(done) {
+            for (plane, bytes) in planes.map_err(|e| self.file.io_error(e))?.into_iter().enumerate() {
+                let slot = plane * per_plane + index;
+                if self.current.chunks[slot].is_some() {
+                    return Err(self.current.misuse(&self.file, format!("tile {index} is written twice")));
+                }
+                let at = self.append(&bytes)?;
+                self.current.chunks[slot] = Some((at, bytes.len() as u64));
+            }
         }
         Ok(())
+    }
+
+    /// The number of a tile, if it is there and `pixels` is one.
+    fn tile_number(&self, tx: u32, ty: u32, pixels: &Pixels) -> Result<usize> {
+        self.check_type(pixels)?;
+        let spec = &self.current.spec;
+        let (across, down) = spec.tiles();
+        let n = spec.tile_width as usize * spec.tile_height as usize * spec.nchannels();
+        if tx >= across || ty >= down || pixels.len() != n {
+            let what = format!(
+                "tile ({tx}, {ty}) with {} values, in an image of {across} x {down} tiles of {n}",
+                pixels.len()
+            );
+            return Err(self.current.misuse(&self.file, what));
+        }
+        Ok(ty as usize * across as usize + tx as usize)
     }
 
     fn check_type(&self, pixels: &Pixels) -> Result<()> {
@@ -350,7 +373,8 @@ impl TiffOutput {
 }
 
 /// The bytes of a strip or tile: predicted, little-endian, compressed.
-fn pack(pixels: &Pixels, width: usize, step: usize, compression: Compression) -> std::io::Result<Vec<u8>> {
+fn pack(pixels: &Pixels, width: usize, step: usize, settings: &Settings) -> std::io::Result<Vec<u8>> {
+    let compression = settings.compression;
     let size = pixels.pixel_type().bytes();
     let predict = matches!(compression, Compression::Lzw | Compression::Deflate);
     let mut bytes = Vec::with_capacity(pixels.len() * size);
@@ -366,7 +390,11 @@ fn pack(pixels: &Pixels, width: usize, step: usize, compression: Compression) ->
         }
         _ => pixels.append_le_bytes(&mut bytes),
     }
-    if compression == Compression::None { Ok(bytes) } else { compression.encode(&bytes, width * size) }
+    if compression == Compression::None {
+        Ok(bytes)
+    } else {
+        compression.encode(&bytes, width * size, settings.effort)
+    }
 }
 
 impl ImageOutput for TiffOutput {
@@ -390,7 +418,14 @@ impl ImageOutput for TiffOutput {
         if let Rows::Tiles(rows) = &mut self.current.rows {
             let mut tiles = rows.take().unwrap_or_else(|| TileRows::new(&self.current.spec));
             let spec = self.current.spec.clone();
-            tiles.push(&spec, pixels, |tx, ty, tile| self.write_tile(tx, ty, tile))?;
+            let mut row: Vec<(u32, u32, Pixels)> = Vec::with_capacity(spec.tiles().0 as usize);
+            tiles.push(&spec, pixels, |tx, ty, tile| {
+                row.push((tx, ty, tile.clone()));
+                if tx + 1 < spec.tiles().0 {
+                    return Ok(());
+                }
+                self.write_tiles(&std::mem::take(&mut row))
+            })?;
             self.current.rows = Rows::Tiles(Some(tiles));
             return Ok(());
         }
@@ -400,6 +435,24 @@ impl ImageOutput for TiffOutput {
         while done < count {
             let Rows::Strip { pixels: strip, filled, next_y } = &mut self.current.rows else { break };
             let number = *next_y / per_strip;
+            // Whole strips at hand, several at once.
+            let ready = if *filled == 0 { (count - done) / per_strip as usize } else { 0 };
+            if ready > 1 {
+                let ready = ready.min(4 * rayon::current_num_threads());
+                let len = per_strip as usize * row;
+                *next_y += ready as u32 * per_strip;
+                let strips: Vec<Pixels> = (0..ready)
+                    .map(|i| {
+                        let mut strip = Pixels::zeros(pixels.pixel_type(), len);
+                        strip.copy_from(0, pixels, done * row + i * len, len);
+                        strip
+                    })
+                    .collect();
+                let numbered: Vec<(usize, &Pixels)> = (number as usize..).zip(&strips).collect();
+                self.write_chunks(width, &numbered)?;
+                done += ready * per_strip as usize;
+                continue;
+            }
             let in_strip = per_strip.min(height - number * per_strip) as usize;
             let take = (in_strip - *filled).min(count - done);
             strip.copy_from(*filled * row, pixels, done * row, take * row);
@@ -413,7 +466,7 @@ impl ImageOutput for TiffOutput {
                 if in_strip * row < len {
                     full.truncate(in_strip * row);
                 }
-                self.write_chunk(number as usize, width, &full)?;
+                self.write_chunks(width, &[(number as usize, &full)])?;
                 if let Rows::Strip { pixels: strip, .. } = &mut self.current.rows {
                     *strip = if full.len() == len { full } else { Pixels::zeros(full.pixel_type(), len) };
                 }
@@ -423,19 +476,19 @@ impl ImageOutput for TiffOutput {
     }
 
     fn write_tile(&mut self, tx: u32, ty: u32, pixels: &Pixels) -> Result<()> {
-        self.check_type(pixels)?;
-        let spec = &self.current.spec;
-        let (across, down) = spec.tiles();
-        let n = spec.tile_width as usize * spec.tile_height as usize * spec.nchannels();
-        if tx >= across || ty >= down || pixels.len() != n {
-            let what = format!(
-                "tile ({tx}, {ty}) with {} values, in an image of {across} x {down} tiles of {n}",
-                pixels.len()
-            );
-            return Err(self.current.misuse(&self.file, what));
-        }
-        let width = spec.tile_width as usize;
-        self.write_chunk(ty as usize * across as usize + tx as usize, width, pixels)
+        let number = self.tile_number(tx, ty, pixels)?;
+        self.write_chunks(self.current.spec.tile_width as usize, &[(number, pixels)])
+    }
+
+    fn write_tiles(&mut self, tiles: &[(u32, u32, Pixels)]) -> Result<()> {
+        let numbered: Vec<(usize, &Pixels)> = tiles
+            .iter()
+            .map(|(tx, ty, pixels)| Ok((self.tile_number(*tx, *ty, pixels)?, pixels)))
+            .collect::<Result<_>>()?;
+        let width = self.current.spec.tile_width as usize;
+        // Not all at once: packed tiles wait in memory.
+        let at_once = 8 * rayon::current_num_threads();
+        numbered.chunks(at_once).try_for_each(|group| self.write_chunks(width, group))
     }
 
     fn plan_levels(&mut self, specs: &[ImageSpec]) -> Result<bool> {

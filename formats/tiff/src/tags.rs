@@ -9,6 +9,8 @@ pub(crate) const PHOTOMETRIC: u16 = 262;
 pub(crate) const FILL_ORDER: u16 = 266;
 pub(crate) const DOCUMENT_NAME: u16 = 269;
 pub(crate) const IMAGE_DESCRIPTION: u16 = 270;
+pub(crate) const MAKE: u16 = 271;
+pub(crate) const MODEL: u16 = 272;
 pub(crate) const STRIP_OFFSETS: u16 = 273;
 pub(crate) const ORIENTATION: u16 = 274;
 pub(crate) const SAMPLES_PER_PIXEL: u16 = 277;
@@ -21,7 +23,9 @@ pub(crate) const X_POSITION: u16 = 286;
 pub(crate) const Y_POSITION: u16 = 287;
 pub(crate) const RESOLUTION_UNIT: u16 = 296;
 pub(crate) const SOFTWARE: u16 = 305;
+pub(crate) const DATE_TIME: u16 = 306;
 pub(crate) const ARTIST: u16 = 315;
+pub(crate) const HOST_COMPUTER: u16 = 316;
 pub(crate) const PREDICTOR: u16 = 317;
 pub(crate) const COLOR_MAP: u16 = 320;
 pub(crate) const TILE_WIDTH: u16 = 322;
@@ -30,6 +34,8 @@ pub(crate) const TILE_OFFSETS: u16 = 324;
 pub(crate) const TILE_BYTE_COUNTS: u16 = 325;
 pub(crate) const EXTRA_SAMPLES: u16 = 338;
 pub(crate) const SAMPLE_FORMAT: u16 = 339;
+pub(crate) const JPEG_TABLES: u16 = 347;
+pub(crate) const XMP: u16 = 700;
 pub(crate) const FULL_WIDTH: u16 = 33300;
 pub(crate) const FULL_LENGTH: u16 = 33301;
 pub(crate) const TEXTURE_FORMAT: u16 = 33302;
@@ -40,11 +46,16 @@ pub(crate) const WORLD_TO_CAMERA: u16 = 33306;
 pub(crate) const COPYRIGHT: u16 = 33432;
 
 /// Metadata strings: tag and name of the attribute.
-pub(crate) const STRINGS: [(u16, &str); 7] = [
+pub(crate) const STRINGS: [(u16, &str); 12] = [
     (DOCUMENT_NAME, "DocumentName"),
     (IMAGE_DESCRIPTION, "ImageDescription"),
+    (MAKE, "Make"),
+    (MODEL, "Model"),
     (SOFTWARE, "software"),
+    (DATE_TIME, "DateTime"),
     (ARTIST, "Artist"),
+    (HOST_COMPUTER, "HostComputer"),
+    (XMP, "XMP"),
     (TEXTURE_FORMAT, "textureformat"),
     (WRAP_MODES, "wrapmodes"),
     (COPYRIGHT, "copyright"),

@@ -1,6 +1,7 @@
 //! Rectangles of pixels copied between rows and tiles.
 
 use crate::{ImageSpec, Pixels};
+use rayon::prelude::*;
 
 /// A rectangle to copy from one block of interleaved pixels to another.
 #[derive(Clone, Copy, Debug)]
@@ -103,14 +104,15 @@ fn cut_tile(rows: &Pixels, spec: &ImageSpec, tx: u32, height: usize) -> Pixels {
     tile
 }
 
-/// Rows `y0..y1` of a tiled level put together from its tiles, which `tile(tx, ty)` delivers.
+/// Rows `y0..y1` of a tiled level put together from its tiles, which `tile(tx, ty)` delivers: those beside each
+/// other at once, in the threads of the caller's pool.
 ///
 /// The range must lie inside the level; the caller has checked the size of the result.
-pub fn rows_from_tiles<E>(
+pub fn rows_from_tiles<E: Send>(
     spec: &ImageSpec,
     y0: u32,
     y1: u32,
-    mut tile: impl FnMut(u32, u32) -> Result<Pixels, E>,
+    tile: impl Fn(u32, u32) -> Result<Pixels, E> + Sync,
 ) -> Result<Pixels, E> {
     let n = spec.nchannels();
     let mut out = Pixels::zeros(spec.pixel_type, spec.width as usize * (y1 - y0) as usize * n);
@@ -120,7 +122,13 @@ pub fn rows_from_tiles<E>(
     for ty in y0 / spec.tile_height..=(y1 - 1) / spec.tile_height {
         let top = ty * spec.tile_height;
         let (first, last) = (y0.max(top), y1.min(top.saturating_add(spec.tile_height)));
-        for tx in 0..spec.tiles().0 {
+        let across = spec.tiles().0;
+        let tiles: Vec<Pixels> = if across == 1 {
+            vec![tile(0, ty)?]
+        } else {
+            (0..across).into_par_iter().map(|tx| tile(tx, ty)).collect::<Result<_, E>>()?
+        };
+        for (tx, tile) in (0..across).zip(&tiles) {
             let left = tx * spec.tile_width;
             BlockCopy {
                 from_width: spec.tile_width as usize,
@@ -130,7 +138,7 @@ pub fn rows_from_tiles<E>(
                 size: (spec.tile_width.min(spec.width - left) as usize, (last - first) as usize),
                 nchannels: n,
             }
-            .run(&tile(tx, ty)?, &mut out);
+            .run(tile, &mut out);
         }
     }
     Ok(out)

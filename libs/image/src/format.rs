@@ -113,6 +113,13 @@ pub trait ImageOutput: Send {
     /// Tile `(tx, ty)` of a tiled level, of full tile size; any order, each once.
     fn write_tile(&mut self, tx: u32, ty: u32, pixels: &Pixels) -> Result<()>;
 
+    /// Several tiles of the level, each with its `(tx, ty)`, as by [`ImageOutput::write_tile`] one after the
+    /// other, and with the same bytes in the file. Formats that compress do so in the threads of the
+    /// caller's pool: give out tens of tiles at once rather than one.
+    fn write_tiles(&mut self, tiles: &[(u32, u32, Pixels)]) -> Result<()> {
+        tiles.iter().try_for_each(|(tx, ty, pixels)| self.write_tile(*tx, *ty, pixels))
+    }
+
     /// Begins the next MIP level (or further image, where the format has no levels of its own).
     /// The level before must be complete.
     fn next_level(&mut self, spec: &ImageSpec) -> Result<()>;

@@ -11,6 +11,8 @@
 //!
 //! Deliberately absent: colour management, image processing, any particular format.
 
+#![forbid(unsafe_code)]
+
 mod atomic;
 mod block;
 mod contain;
