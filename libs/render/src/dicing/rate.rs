@@ -188,6 +188,17 @@ impl<'a> Measure<'a> {
         by_length.max(by_curvature).max(turn / settings.highcurvature)
     }
 
+    /// How much coarser what lies at depth `z` may be diced because it is out of focus: detail below a quarter of the
+    /// circle of confusion is not seen. Without this, what is close to the camera would be diced as finely as if it
+    /// were sharp, and each of its micropolygons would cover the whole image.
+    fn coarsening(&self, z: f32) -> f32 {
+        if self.camera.dofquality < 2 {
+            return 1.0;
+        }
+        let blur = self.camera.confusion(z).abs();
+        1.0 + 0.25 * blur.x.max(blur.y)
+    }
+
     /// Length of a step in pixels.
     fn length(&self, a: Vec3, b: Vec3, rasterorient: bool) -> f32 {
         let perspective = matches!(self.camera.projection, Projection::Perspective { .. });
@@ -197,7 +208,7 @@ impl<'a> Measure<'a> {
             let project = |p: Vec3| self.camera.project(Vec3::new(p.x, p.y, p.z.max(near))).truncate();
             let z_far_enough = !perspective || a.z.max(b.z) > near;
             if z_far_enough {
-                return project(a).distance(project(b));
+                return project(a).distance(project(b)) / self.coarsening(((a.z + b.z) * 0.5).max(near));
             }
         }
         let distance = if perspective { ((a + b) * 0.5).length().max(near) } else { 1.0 };

@@ -155,6 +155,7 @@ impl Raster<'_> {
             return;
         }
         let pixel = Vec2::new(1.0 / view.scale.x, 1.0 / view.scale.y);
+        let through_lens = self.through_lens(corners, pad);
         for y in rect.y0..rect.y1 {
             for x in rect.x0..rect.x1 {
                 let first = samples.pixel(x, y) * samples.per_pixel;
@@ -166,6 +167,10 @@ impl Raster<'_> {
                         match samples.lens.get(s).filter(|_| view.lens_radius > 0.0) {
                             Some(lens) => {
                                 let o = Vec2::from(*lens);
+                                let place = Vec2::new(samples.x[s], samples.y[s]);
+                                if through_lens.as_ref().is_some_and(|quick| quick.misses(place, o)) {
+                                    continue;
+                                }
                                 (o.extend(0.0), (on_plane - o / view.focus).extend(1.0))
                             }
                             None => (Vec3::ZERO, on_plane.extend(1.0)),
@@ -189,6 +194,31 @@ impl Raster<'_> {
                 }
             }
         }
+    }
+
+    /// The quick test of a micropolygon; `None` when it is too close to the camera for one, or there is no lens.
+    fn through_lens(&self, corners: [usize; 4], pad: f32) -> Option<ThroughLens> {
+        let view = &self.grid.view;
+        let mut quick = ThroughLens {
+            lo: Vec2::INFINITY,
+            hi: Vec2::NEG_INFINITY,
+            scale: view.scale,
+            near: f32::INFINITY,
+            far: f32::NEG_INFINITY,
+        };
+        for p in view.p_cam.iter().flat_map(|key| corners.map(|i| key[i])) {
+            if view.lens_radius == 0.0 || p.z < view.near {
+                return None;
+            }
+            let q = view.project(p);
+            (quick.lo, quick.hi) = (quick.lo.min(q - pad), quick.hi.max(q + pad));
+            (quick.near, quick.far) = (quick.near.min(p.z), quick.far.max(p.z));
+        }
+        // Room for rounding.
+        let room = 0.01 + 1e-5 * (quick.lo.abs().max(quick.hi.abs()).max_element());
+        (quick.lo, quick.hi) = (quick.lo - room, quick.hi + room);
+        (quick.near, quick.far) = (1.0 / view.focus - 1.0 / quick.near, 1.0 / view.focus - 1.0 / quick.far);
+        Some(quick)
     }
 
     /// A ray from the origin through the two triangles of a micropolygon; depth along z and place.
@@ -224,6 +254,27 @@ impl Raster<'_> {
             return Some((z, u, v));
         }
         None
+    }
+}
+
+/// Tells most misses of a lens without intersecting: a point at depth `z`, seen through the lens point `l`, appears
+/// `scale * l * (1 / focus - 1 / z)` away from where a pinhole shows it.
+struct ThroughLens {
+    /// Raster box as a pinhole shows it.
+    lo: Vec2,
+    hi: Vec2,
+    scale: Vec2,
+    /// `1 / focus - 1 / z` of the nearest and farthest corner.
+    near: f32,
+    far: f32,
+}
+
+impl ThroughLens {
+    /// Whether a sample at `place` through the lens point `lens` surely misses.
+    fn misses(&self, place: Vec2, lens: Vec2) -> bool {
+        let shift = self.scale * lens;
+        let (a, b) = (place - shift * self.near, place - shift * self.far);
+        a.max(b).cmplt(self.lo).any() || a.min(b).cmpgt(self.hi).any()
     }
 }
 
