@@ -150,75 +150,85 @@ impl Raster<'_> {
         let any_rim = rim.contains(&true);
         let pad = self.widening(any_rim);
         let (b, _) = view.bound(corners.into_iter());
-        let rect = pixels_of([b[0] - pad, b[1] - pad, b[2] + pad, b[3] + pad], &self.window());
-        if rect.is_empty() {
+        let whole = pixels_of([b[0] - pad, b[1] - pad, b[2] + pad, b[3] + pad], &self.window());
+        if whole.is_empty() {
             return;
         }
         let pixel = Vec2::new(1.0 / view.scale.x, 1.0 / view.scale.y);
-        let through_lens = self.through_lens(corners, pad);
-        for y in rect.y0..rect.y1 {
-            for x in rect.x0..rect.x1 {
-                let first = samples.pixel(x, y) * samples.per_pixel;
-                for s in first..first + samples.per_pixel {
-                    let on_plane = (Vec2::new(samples.x[s], samples.y[s]) - view.center) * pixel;
-                    let (origin, direction) = if !view.perspective {
-                        (on_plane.extend(0.0), Vec3::Z)
-                    } else {
-                        match samples.lens.get(s).filter(|_| view.lens_radius > 0.0) {
-                            Some(lens) => {
-                                let o = Vec2::from(*lens);
-                                let place = Vec2::new(samples.x[s], samples.y[s]);
-                                if through_lens.as_ref().is_some_and(|quick| quick.misses(place, o)) {
-                                    continue;
-                                }
-                                (o.extend(0.0), (on_plane - o / view.focus).extend(1.0))
-                            }
-                            None => (Vec3::ZERO, on_plane.extend(1.0)),
+        // What moves far is in few places at any one time: each slice of the shutter looks only where it is then
+        // (Fatahalian et al., Data-Parallel Rasterization of Micropolygons with Defocus and Motion Blur, 2009).
+        for slice in 0..samples.slices() {
+            let outline = self.outline(corners, samples.slice_times(slice), pad);
+            let rect = match &outline {
+                Some(outline) => pixels_of(outline.reach(view.lens_radius), &whole),
+                None => whole,
+            };
+            for y in rect.y0..rect.y1 {
+                for x in rect.x0..rect.x1 {
+                    for s in samples.in_slice(samples.pixel(x, y), slice) {
+                        let place = Vec2::new(samples.x[s], samples.y[s]);
+                        let lens = match samples.lens.get(s) {
+                            Some(lens) if view.lens_radius > 0.0 && view.perspective => Vec2::from(*lens),
+                            _ => Vec2::ZERO,
+                        };
+                        if outline.as_ref().is_some_and(|outline| outline.misses(place, lens)) {
+                            continue;
                         }
-                    };
-                    let (key, next, alpha) = match samples.time.get(s) {
-                        Some(time) => crate::dicing::key_at(&view.times, *time),
-                        None => (0, 0, 0.0),
-                    };
-                    let p = corners.map(|i| {
-                        let a = view.p_cam[key][i];
-                        let p = if alpha == 0.0 { a } else { a.lerp(view.p_cam[next][i], alpha) };
-                        p - origin
-                    });
-                    if let Some((z, u, v)) = self.ray(p, direction, pixel, rim)
-                        && z >= near
-                        && z <= view.far
-                    {
-                        hit(s, z, at as u32, u, v, any_rim);
+                        let on_plane = (place - view.center) * pixel;
+                        let (origin, direction) = match (view.perspective, lens == Vec2::ZERO) {
+                            (false, _) => (on_plane.extend(0.0), Vec3::Z),
+                            (true, true) => (Vec3::ZERO, on_plane.extend(1.0)),
+                            (true, false) => (lens.extend(0.0), (on_plane - lens / view.focus).extend(1.0)),
+                        };
+                        let (key, next, alpha) = match samples.time.get(s) {
+                            Some(time) => crate::dicing::key_at(&view.times, *time),
+                            None => (0, 0, 0.0),
+                        };
+                        let p = corners.map(|i| view.between(key, next, alpha, i) - origin);
+                        if let Some((z, u, v)) = self.ray(p, direction, pixel, rim)
+                            && z >= near
+                            && z <= view.far
+                        {
+                            hit(s, z, at as u32, u, v, any_rim);
+                        }
                     }
                 }
             }
         }
     }
 
-    /// The quick test of a micropolygon; `None` when it is too close to the camera for one, or there is no lens.
-    fn through_lens(&self, corners: [usize; 4], pad: f32) -> Option<ThroughLens> {
+    /// Where a micropolygon is in some part of the shutter; `None` when it comes too close to the camera to tell.
+    fn outline(&self, corners: [usize; 4], [first, last]: [f32; 2], pad: f32) -> Option<Outline> {
         let view = &self.grid.view;
-        let mut quick = ThroughLens {
+        let mut outline = Outline {
             lo: Vec2::INFINITY,
             hi: Vec2::NEG_INFINITY,
             scale: view.scale,
             near: f32::INFINITY,
             far: f32::NEG_INFINITY,
         };
-        for p in view.p_cam.iter().flat_map(|key| corners.map(|i| key[i])) {
-            if view.lens_radius == 0.0 || p.z < view.near {
-                return None;
+        // Between keys points move along straight lines, which the projection keeps straight.
+        let inside = view.times.iter().copied().filter(|t| *t > first && *t < last);
+        for time in [first, last].into_iter().chain(inside) {
+            let (key, next, alpha) = crate::dicing::key_at(&view.times, time);
+            for i in corners {
+                let p = view.between(key, next, alpha, i);
+                if view.perspective && !(p.z >= view.near && p.z > 0.0) {
+                    return None;
+                }
+                let q = view.project(p);
+                (outline.lo, outline.hi) = (outline.lo.min(q - pad), outline.hi.max(q + pad));
+                (outline.near, outline.far) = (outline.near.min(p.z), outline.far.max(p.z));
             }
-            let q = view.project(p);
-            (quick.lo, quick.hi) = (quick.lo.min(q - pad), quick.hi.max(q + pad));
-            (quick.near, quick.far) = (quick.near.min(p.z), quick.far.max(p.z));
         }
         // Room for rounding.
-        let room = 0.01 + 1e-5 * (quick.lo.abs().max(quick.hi.abs()).max_element());
-        (quick.lo, quick.hi) = (quick.lo - room, quick.hi + room);
-        (quick.near, quick.far) = (1.0 / view.focus - 1.0 / quick.near, 1.0 / view.focus - 1.0 / quick.far);
-        Some(quick)
+        let room = 0.01 + 1e-5 * (outline.lo.abs().max(outline.hi.abs()).max_element());
+        (outline.lo, outline.hi) = (outline.lo - room, outline.hi + room);
+        if view.lens_radius > 0.0 {
+            (outline.near, outline.far) =
+                (1.0 / view.focus - 1.0 / outline.near, 1.0 / view.focus - 1.0 / outline.far);
+        }
+        Some(outline)
     }
 
     /// A ray from the origin through the two triangles of a micropolygon; depth along z and place.
@@ -229,7 +239,13 @@ impl Raster<'_> {
         let sides = [plane(0, 1), plane(1, 2), plane(2, 3), plane(3, 0)];
         let pad: [f32; 4] = std::array::from_fn(|k| {
             if rim[k] && self.grid.rim_px > 0.0 {
-                self.grid.rim_px * (sides[k].truncate() * pixel).length()
+                // How much the edge function changes over one pixel.
+                let slope = if self.grid.view.perspective {
+                    sides[k].truncate()
+                } else {
+                    (p[(k + 1) % 4] - p[k]).truncate().perp()
+                };
+                self.grid.rim_px * (slope * pixel).length()
             } else {
                 0.0
             }
@@ -257,21 +273,35 @@ impl Raster<'_> {
     }
 }
 
-/// Tells most misses of a lens without intersecting: a point at depth `z`, seen through the lens point `l`, appears
+/// Where a micropolygon is seen: a point at depth `z`, seen through the lens point `l`, appears
 /// `scale * l * (1 / focus - 1 / z)` away from where a pinhole shows it.
-struct ThroughLens {
+struct Outline {
     /// Raster box as a pinhole shows it.
     lo: Vec2,
     hi: Vec2,
     scale: Vec2,
-    /// `1 / focus - 1 / z` of the nearest and farthest corner.
+    /// `1 / focus - 1 / z` of the nearest and farthest corner; not used without a lens.
     near: f32,
     far: f32,
 }
 
-impl ThroughLens {
+impl Outline {
+    /// Raster box as the whole lens shows it.
+    fn reach(&self, lens_radius: f32) -> [f32; 4] {
+        let shift = if lens_radius > 0.0 {
+            (self.scale * (lens_radius * self.near.abs().max(self.far.abs()))).abs()
+        } else {
+            Vec2::ZERO
+        };
+        let (lo, hi) = (self.lo - shift, self.hi + shift);
+        [lo.x, lo.y, hi.x, hi.y]
+    }
+
     /// Whether a sample at `place` through the lens point `lens` surely misses.
     fn misses(&self, place: Vec2, lens: Vec2) -> bool {
+        if lens == Vec2::ZERO {
+            return place.cmplt(self.lo).any() || place.cmpgt(self.hi).any();
+        }
         let shift = self.scale * lens;
         let (a, b) = (place - shift * self.near, place - shift * self.far);
         a.max(b).cmplt(self.lo).any() || a.min(b).cmpgt(self.hi).any()

@@ -67,6 +67,11 @@ pub(crate) struct SampleGrid {
     pub(crate) y: Vec<f32>,
     /// Time, from shutter open to close; empty without motion blur.
     pub(crate) time: Vec<f32>,
+    /// Shutter open and close.
+    pub(crate) shutter: [f32; 2],
+    /// The samples of a pixel in order of their times: sample `by_time[pixel * per_pixel + k]` of the pixel is in the
+    /// k-th of `per_pixel` equal parts of the shutter. Empty without motion blur.
+    pub(crate) by_time: Vec<u32>,
     /// Point on the lens in camera space; empty without depth of field.
     pub(crate) lens: Vec<[f32; 2]>,
 }
@@ -84,6 +89,8 @@ impl SampleGrid {
             x: Vec::with_capacity(total),
             y: Vec::with_capacity(total),
             time: Vec::new(),
+            shutter: camera.shutter,
+            by_time: Vec::new(),
             lens: Vec::new(),
         };
         let n = u32::try_from(per_pixel).unwrap_or(u32::MAX);
@@ -102,8 +109,11 @@ impl SampleGrid {
                 }
                 if pattern.blur {
                     let seed = seed(Dimension::Time);
+                    let first = grid.by_time.len();
+                    grid.by_time.resize(first + per_pixel, 0);
                     grid.time.extend((0..n).map(|s| {
                         let stratum = sample::permute(s, n, seed);
+                        grid.by_time[first + stratum as usize] = s;
                         let t = (stratum as f32 + hash::unit(hash::words(&[seed, s]))) / n as f32;
                         open + (close - open) * t
                     }));
@@ -129,6 +139,27 @@ impl SampleGrid {
     /// Number of pixels.
     pub(crate) fn pixels(&self) -> usize {
         self.rect.width() * self.rect.height()
+    }
+
+    /// Number of equal parts of the shutter, each with one sample of every pixel; 1 without motion blur, with all
+    /// samples in it.
+    pub(crate) fn slices(&self) -> usize {
+        if self.by_time.is_empty() { 1 } else { self.per_pixel }
+    }
+
+    /// First and last time of a slice.
+    pub(crate) fn slice_times(&self, slice: usize) -> [f32; 2] {
+        let [open, close] = self.shutter;
+        [slice, slice + 1].map(|k| open + (close - open) * (k as f32 / self.slices() as f32))
+    }
+
+    /// Indices of the samples of a pixel that are in a slice.
+    pub(crate) fn in_slice(&self, pixel: usize, slice: usize) -> std::ops::Range<usize> {
+        let first = pixel * self.per_pixel;
+        match self.by_time.get(first + slice) {
+            Some(s) => first + *s as usize..first + *s as usize + 1,
+            None => first..first + self.per_pixel,
+        }
     }
 
     /// Index of a pixel inside the rectangle.

@@ -121,6 +121,12 @@ impl ViewedGrid {
         grid
     }
 
+    /// A point between two keys, as [`crate::dicing::key_at`] names them.
+    pub(crate) fn between(&self, key: usize, next: usize, alpha: f32, i: usize) -> Vec3 {
+        let a = self.p_cam[key][i];
+        if alpha == 0.0 { a } else { a.lerp(self.p_cam[next][i], alpha) }
+    }
+
     /// Raster place of a point; in a perspective only for positive depths.
     pub(crate) fn project(&self, p: Vec3) -> Vec2 {
         let scale = if self.perspective { self.scale / p.z } else { self.scale };
