@@ -313,6 +313,9 @@ impl Parser {
             "True" => Ok(Value::Int(1)),
             "False" => Ok(Value::Int(0)),
             "None" => Ok(Value::None),
+            // What C's printf makes of such numbers; whoever takes them says where they are.
+            "nan" | "NaN" => Ok(Value::Float(f64::NAN)),
+            "inf" | "Inf" => Ok(Value::Float(f64::INFINITY)),
             _ => self.fail(format!("the name \"{word}\"")),
         }
     }
