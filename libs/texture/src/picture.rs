@@ -25,13 +25,13 @@ pub(crate) fn half(n: usize) -> usize {
 }
 
 /// Source texels and weights of one destination texel.
-struct Taps {
-    /// Index and normalised weight.
+pub(crate) struct Taps {
+    /// Index and normalised weight, the heaviest first.
     taps: Vec<(usize, f32)>,
 }
 
 /// For each of `to` texels, what it is made of among `from` texels.
-fn taps(from: usize, to: usize, filter: Filter, wrap: Wrap) -> Vec<Taps> {
+pub(crate) fn taps(from: usize, to: usize, filter: Filter, wrap: Wrap) -> Vec<Taps> {
     let scale = from as f64 / to as f64;
     (0..to)
         .map(|o| {
@@ -66,10 +66,27 @@ fn taps(from: usize, to: usize, filter: Filter, wrap: Wrap) -> Vec<Taps> {
             if taps.is_empty() || !total.is_normal() {
                 taps = vec![(((centre_of(o, scale)) as usize).min(from - 1), 1.0)];
             }
-            // The heaviest first: it is the base that the others are added to.
-            let heaviest = (0..taps.len()).rev().max_by(|&a, &b| taps[a].1.total_cmp(&taps[b].1));
-            taps.swap(0, heaviest.unwrap_or(0));
-            Taps { taps }
+            Taps::sorted(taps)
+        })
+        .collect()
+}
+
+/// The same for the rows of a latitude-longitude map of all directions: the box, in which rows weigh as
+/// much as their part of the sphere. Row `i` of `n` lies between the polar angles `pi i / n` and
+/// `pi (i + 1) / n`, so that part is proportional to the difference of their cosines; the mean over the
+/// sphere is kept exactly, for any two sizes.
+pub(crate) fn solid_taps(from: usize, to: usize) -> Vec<Taps> {
+    let scale = from as f64 / to as f64;
+    // 1 - cos t without cancellation near the pole.
+    let cap = |row: f64| 2.0 * (row / from as f64 * std::f64::consts::FRAC_PI_2).sin().powi(2);
+    (0..to)
+        .map(|o| {
+            let (begin, end) = (o as f64 * scale, (o + 1) as f64 * scale);
+            let part = |i: usize| cap(end.min((i + 1) as f64)) - cap(begin.max(i as f64));
+            let rows = begin.floor() as usize..(end.ceil() as usize).min(from);
+            let list: Vec<(usize, f64)> = rows.map(|i| (i, part(i))).filter(|t| t.1 > 1e-15).collect();
+            let total: f64 = list.iter().map(|t| t.1).sum();
+            Taps::sorted(list.into_iter().map(|(i, w)| (i, (w / total) as f32)).collect())
         })
         .collect()
 }
@@ -79,19 +96,52 @@ fn centre_of(o: usize, scale: f64) -> f64 {
 }
 
 impl Taps {
-    /// The weighted sum, exact for constants, and kept within the range of what it is made of: filters
-    /// with negative lobes do not ring.
+    /// The heaviest first: it is the base that the others are added to.
+    fn sorted(mut taps: Vec<(usize, f32)>) -> Self {
+        let heaviest = (0..taps.len()).rev().max_by(|&a, &b| taps[a].1.total_cmp(&taps[b].1));
+        taps.swap(0, heaviest.unwrap_or(0));
+        Self { taps }
+    }
+
+    /// One texel as it is.
+    pub(crate) fn one(i: usize) -> Self {
+        Self { taps: vec![(i, 1.0)] }
+    }
+
+    /// Indices and weights, the heaviest first.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (usize, f32)> {
+        self.taps.iter().copied()
+    }
+
+    /// The lowest index.
+    pub(crate) fn first(&self) -> usize {
+        self.taps.iter().map(|t| t.0).min().unwrap_or(0)
+    }
+
+    /// The highest index.
+    pub(crate) fn last(&self) -> usize {
+        self.taps.iter().map(|t| t.0).max().unwrap_or(0)
+    }
+
+    /// As [`Taps::apply`], of values by their place among the taps.
     #[inline]
-    fn apply(&self, value: impl Fn(usize) -> f32) -> f32 {
-        let base = value(self.taps[0].0);
+    pub(crate) fn apply_to(&self, count: usize, value: impl Fn(usize) -> f32) -> f32 {
+        let base = value(0);
         let (mut sum, mut low, mut high) = (base, base, base);
-        for &(i, w) in &self.taps[1..] {
+        for (i, t) in self.taps[..count].iter().enumerate().skip(1) {
             let v = value(i);
-            sum += w * (v - base);
+            sum += t.1 * (v - base);
             low = low.min(v);
             high = high.max(v);
         }
         sum.clamp(low, high)
+    }
+
+    /// The weighted sum, exact for constants, and kept within the range of what it is made of: filters
+    /// with negative lobes do not ring.
+    #[inline]
+    pub(crate) fn apply(&self, value: impl Fn(usize) -> f32) -> f32 {
+        self.apply_to(self.taps.len(), |i| value(self.taps[i].0))
     }
 }
 
@@ -189,6 +239,22 @@ impl Picture {
         out.data.par_chunks_mut(width * n).zip(&down).for_each(|(to, t)| {
             for (x, to) in to.iter_mut().enumerate() {
                 *to = t.apply(|i| wide.data[i * width * n + x]);
+            }
+        });
+        out
+    }
+
+    /// The same rows of a latitude-longitude map, fewer of them, each by its part of the sphere.
+    pub(crate) fn rows_by_solid_angle(&self, height: usize) -> Self {
+        if height == self.height {
+            return self.clone();
+        }
+        let row = self.width * self.channels;
+        let mut out = Self::new(self.width, height, self.channels);
+        let down = solid_taps(self.height, height);
+        out.data.par_chunks_mut(row).zip(&down).for_each(|(to, t)| {
+            for (x, to) in to.iter_mut().enumerate() {
+                *to = t.apply(|i| self.data[i * row + x]);
             }
         });
         out

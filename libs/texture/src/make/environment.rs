@@ -2,11 +2,12 @@
 
 use super::input::Input;
 use super::output::{Body, Texture};
-use super::{MakeOptions, notes_of, power_of_two};
+use super::sphere::{cube_pyramid, latlong_pyramid};
+use super::{MakeOptions, convert, notes_of, power_of_two};
 use crate::cube::{self, CubeLayout, FACE_NAMES};
 use crate::error::{Result, TextureError};
 use crate::picture::Picture;
-use crate::{TextureKind, Wrap};
+use crate::{TextureKind, Up, Wrap};
 use granita_base::{Filter, Vec3};
 use rayon::prelude::*;
 
@@ -39,20 +40,6 @@ pub(crate) fn check_faces(inputs: &[Input], places: &[usize]) -> Result<usize> {
     Ok(first.picture.width)
 }
 
-/// Pyramids of six faces, level by level.
-pub(crate) fn cube_pyramid(faces: Vec<Picture>, filter: Filter) -> Vec<[Picture; 6]> {
-    let mut pyramids: Vec<_> =
-        faces.into_par_iter().map(|face| face.pyramid(filter, CLAMP).into_iter()).collect();
-    let mut levels = Vec::new();
-    loop {
-        let level: Vec<Picture> = pyramids.iter_mut().filter_map(Iterator::next).collect();
-        match <[Picture; 6]>::try_from(level) {
-            Ok(level) => levels.push(level),
-            Err(_) => return levels,
-        }
-    }
-}
-
 /// A square picture with `fov_deg`, as one with 90 degrees and `n` pixels: cut or extended by its border.
 fn refit(face: &Picture, fov_deg: f32, n: usize) -> Picture {
     let scale = 1.0 / (fov_deg.to_radians() * 0.5).tan();
@@ -73,18 +60,124 @@ fn refit(face: &Picture, fov_deg: f32, n: usize) -> Picture {
     out
 }
 
-fn finish(mut inputs: Vec<Input>, faces: Vec<Picture>, options: &MakeOptions) -> Texture {
+/// What all environments have in common.
+fn texture(mut inputs: Vec<Input>, kind: TextureKind, body: Body) -> Texture {
     let notes = notes_of(&inputs);
     let pixel_type = inputs.iter().map(|i| i.pixel_type).max().unwrap_or(granita_image::PixelType::Float);
     let main = inputs.swap_remove(if inputs.len() == 6 { 4 } else { 0 });
-    Texture {
-        kind: TextureKind::CubeFaceEnvironment,
-        body: Body::Cube(cube_pyramid(faces, options.filter)),
-        channels: main.channels,
-        pixel_type,
-        attributes: main.attributes,
-        notes,
+    let (channels, attributes) = (main.channels, main.attributes);
+    Texture { kind, body, channels, pixel_type, attributes, conversion: Some(main.conversion), notes }
+}
+
+fn finish(inputs: Vec<Input>, faces: [Picture; 6], options: &MakeOptions) -> Texture {
+    let body = Body::Cube(cube_pyramid(faces, options.filter));
+    texture(inputs, TextureKind::CubeFaceEnvironment, body)
+}
+
+fn finish_latlong(inputs: Vec<Input>, mut picture: Picture, options: &MakeOptions) -> Texture {
+    let size = (face_size(picture.width, options), face_size(picture.height, options));
+    if size != (picture.width, picture.height) {
+        picture = picture.resized(size.0, size.1, Filter::CatmullRom, (Wrap::Periodic, Wrap::Clamp));
     }
+    let body = Body::Flat(latlong_pyramid(picture, options.filter));
+    texture(inputs, TextureKind::LatLongEnvironment, body)
+}
+
+/// The convention of latitude-longitude maps in a file.
+fn up(exr: bool) -> Up {
+    if exr { Up::Y } else { Up::Z }
+}
+
+/// Whether a file says that it is a cube-face environment.
+pub(crate) fn is_cube(spec: &granita_image::ImageSpec) -> bool {
+    let says = |name: &str| spec.string(name).unwrap_or_default().to_ascii_lowercase();
+    says("textureformat") == "cubeface environment" || says("envmap").starts_with("cube")
+}
+
+/// The six faces of a file that holds a cube.
+fn faces_of(input: &Input) -> Result<[Picture; 6]> {
+    let (p, spec) = (&input.picture, &input.spec);
+    let layout = if input.exr { CubeLayout::Column } else { CubeLayout::Mosaic };
+    let (columns, rows) = layout.cells();
+    let (step_x, step_y) = (p.width / columns as usize, p.height / rows as usize);
+    let n = match layout {
+        CubeLayout::Mosaic if (1..=step_x).contains(&(spec.full_width as usize)) => spec.full_width as usize,
+        _ => step_x,
+    };
+    if n == 0 || n > step_y || (input.exr && step_y != n) {
+        return Err(malformed(
+            input,
+            format!("a picture of {} x {} pixels cannot hold six square faces", p.width, p.height),
+        ));
+    }
+    let cell = |face: usize| {
+        let (column, row) = layout.cell(face);
+        p.cropped(column as usize * step_x, row as usize * step_y, n, n)
+    };
+    let stored: [Picture; 6] = std::array::from_fn(cell);
+    if !input.exr {
+        return Ok(stored);
+    }
+    // Right handed faces show the same directions from the other side.
+    Ok(std::array::from_fn(|face| {
+        let mut out = Picture::new(n, n, p.channels);
+        let place = |i: usize| (i as f32 + 0.5) / n as f32;
+        let index = |v: f32| ((v * n as f32) as usize).min(n - 1);
+        for y in 0..n {
+            for x in 0..n {
+                let d = cube::direction(CubeLayout::Mosaic, face, place(x), place(y));
+                let at = cube::project(CubeLayout::Column, d);
+                out.texel_mut(x, y).copy_from_slice(stored[at.face].texel(index(at.s), index(at.t)));
+            }
+        }
+        out
+    }))
+}
+
+/// `-envcube` of one picture: a latitude-longitude map, or a cube.
+pub(crate) fn cube_of_one(input: Input, options: &MakeOptions) -> Result<Texture> {
+    if is_cube(&input.spec) {
+        let faces = faces_of(&input)?;
+        let n = face_size(faces[0].width, options);
+        let faces = faces.map(|f| f.resized(n, n, Filter::CatmullRom, CLAMP));
+        return Ok(finish(vec![input], faces, options));
+    }
+    let p = &input.picture;
+    if p.width != 2 * p.height {
+        let what = format!(
+            "one input of a cube is a latitude-longitude map, twice as wide as high; this has {} x {} pixels",
+            p.width, p.height
+        );
+        return Err(malformed(&input, what));
+    }
+    let n = face_size((p.width / 4).max(1), options);
+    let faces = convert::to_cube(p, up(input.exr), n);
+    Ok(finish(vec![input], faces, options))
+}
+
+/// `-envlatl` of six faces, or of one file that holds them; `exr`: the map will be an OpenEXR file.
+pub(crate) fn latlong_of_faces(inputs: Vec<Input>, exr: bool, options: &MakeOptions) -> Result<Texture> {
+    let faces = match &inputs[..] {
+        [one] => faces_of(one)?,
+        _ => {
+            let n = check_faces(&inputs, &[0, 1, 2, 3, 4, 5])?;
+            six(&inputs, |i| refit(&i.picture, options.fov_deg, n))
+        }
+    };
+    let n = faces[0].width;
+    let picture = convert::to_latlong(&faces, up(exr), (4 * n, 2 * n));
+    Ok(finish_latlong(inputs, picture, options))
+}
+
+/// `-envlatl` of one picture that is needed as a whole.
+pub(crate) fn latlong(mut input: Input, options: &MakeOptions) -> Texture {
+    let picture = std::mem::replace(&mut input.picture, Picture::new(0, 0, 1));
+    finish_latlong(vec![input], picture, options)
+}
+
+/// One picture for each of six inputs.
+fn six(inputs: &[Input], f: impl Fn(&Input) -> Picture) -> [Picture; 6] {
+    std::array::from_fn(|i| f(&inputs[i]))
 }
 
 fn face_size(n: usize, options: &MakeOptions) -> usize {
@@ -94,7 +187,7 @@ fn face_size(n: usize, options: &MakeOptions) -> usize {
 /// `-envcube`.
 pub(crate) fn cube(inputs: Vec<Input>, options: &MakeOptions) -> Result<Texture> {
     let n = face_size(check_faces(&inputs, &[0, 1, 2, 3, 4, 5])?, options);
-    let faces = inputs.iter().map(|i| refit(&i.picture, options.fov_deg, n)).collect();
+    let faces = six(&inputs, |i| refit(&i.picture, options.fov_deg, n));
     Ok(finish(inputs, faces, options))
 }
 
@@ -110,7 +203,7 @@ pub(crate) fn vertical_cross(input: Input, options: &MakeOptions) -> Result<Text
     let cell = |column: usize, row: usize| p.cropped(column * n, row * n, n, n);
     let faces = [cell(2, 1), cell(0, 1), cell(1, 0), cell(1, 2), cell(1, 1), cell(1, 3).turned()];
     let size = face_size(n, options);
-    let faces = faces.iter().map(|f| f.resized(size, size, Filter::CatmullRom, CLAMP)).collect();
+    let faces = faces.map(|f| f.resized(size, size, Filter::CatmullRom, CLAMP));
     Ok(finish(vec![input], faces, options))
 }
 
@@ -135,7 +228,7 @@ pub(crate) fn light_probe(input: Input, options: &MakeOptions) -> Result<Texture
     }
     // As many pixels per degree at the centre of a face as at the centre of the probe.
     let n = face_size(((p.width as f32 / std::f32::consts::PI).round() as usize).max(1), options);
-    let faces = (0..6).map(|face| probe_face(p, face, n)).collect();
+    let faces = std::array::from_fn(|face| probe_face(p, face, n));
     Ok(finish(vec![input], faces, options))
 }
 

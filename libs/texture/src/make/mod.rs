@@ -1,34 +1,50 @@
 //! Making textures: everything that `maketx` does (reference 9.1).
 
+mod color;
+mod convert;
 mod environment;
 mod input;
 mod options;
 mod output;
+mod scan;
 mod shadow;
+mod source;
+mod sphere;
+mod stage;
+mod stream;
+mod writer;
 
-pub use options::{Made, MakeOptions, Mode};
+pub use color::ColorSpace;
+pub use options::{BrokenValues, Costs, Made, MakeOptions, Mode};
 
 use crate::TextureKind;
 use crate::Wrap;
 use crate::error::{Result, TextureError};
+use crate::picture::half;
 use granita_base::Filter;
 use granita_image::FormatRegistry;
 use input::Input;
-use output::{Body, Texture};
+use output::Texture;
+use source::Source;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+use std::time::{Instant, SystemTime};
 
 /// Told how many steps of how many are done, in order.
 pub type Progress<'a> = &'a (dyn Fn(u64, u64) + Sync);
 
-/// Makes the texture `output` of `inputs`: as many as [`Mode::inputs`] says. For [`Mode::ShadCube`] an
-/// input called "-" is an empty face.
+/// Makes the texture `output` of `inputs`: as many as [`Mode::inputs`] or [`Mode::other_inputs`] says. For
+/// [`Mode::ShadCube`] an input called "-" is an empty face.
+///
+/// Plain textures, and latitude-longitude maps of one picture with the box filter, are made while their
+/// rows are read, in memory for some hundred rows. Others are made in memory as a whole: see
+/// [`MakeOptions::memory_bytes`].
 ///
 /// The result does not depend on the number of threads. The file appears complete or not at all.
 ///
 /// # Errors
 /// When an input cannot be read or does not fit the mode, when options contradict each other, when the
-/// format cannot store tiles and MIP levels, when the output cannot be written.
+/// format cannot store tiles and MIP levels, when the output cannot be written, when more memory is needed than
+/// is allowed.
 pub fn make(
     inputs: &[PathBuf],
     output: &Path,
@@ -36,15 +52,38 @@ pub fn make(
     registry: &FormatRegistry,
     progress: Progress<'_>,
 ) -> Result<Made> {
+    make_measured(inputs, output, options, registry, progress).map(|(made, _)| made)
+}
+
+/// The same, and what it took.
+///
+/// # Errors
+/// As [`make`].
+pub fn make_measured(
+    inputs: &[PathBuf],
+    output: &Path,
+    options: &MakeOptions,
+    registry: &FormatRegistry,
+    progress: Progress<'_>,
+) -> Result<(Made, Costs)> {
     check(inputs, options)?;
     let stamp = if options.update { Some(newest(inputs)?) } else { None };
     if let Some(stamp) = stamp
         && std::fs::metadata(output).and_then(|m| m.modified()).is_ok_and(|time| time == stamp)
     {
-        return Ok(Made::UpToDate);
+        return Ok((Made::UpToDate, Costs::default()));
     }
-    let texture = read(inputs, options, registry)?;
-    let made = output::write(texture, output, options, registry, progress)?;
+    let made = match streamed(inputs, options, registry, progress)? {
+        Some(stream) => stream.make(output)?,
+        None => {
+            check_memory(inputs, options, registry)?;
+            let start = Instant::now();
+            let texture = read(inputs, options, registry)?;
+            let read = start.elapsed();
+            let (made, costs) = output::write(texture, output, options, registry, progress)?;
+            (made, Costs { read, ..costs })
+        }
+    };
     if let Some(stamp) = stamp {
         std::fs::File::options()
             .append(true)
@@ -55,11 +94,66 @@ pub fn make(
     Ok(made)
 }
 
+/// What can be made row by row.
+fn streamed<'a>(
+    inputs: &[PathBuf],
+    options: &'a MakeOptions,
+    registry: &'a FormatRegistry,
+    progress: Progress<'a>,
+) -> Result<Option<stream::Stream<'a>>> {
+    let (kind, wrap) = match options.mode {
+        Mode::Plain => (TextureKind::Plain, (options.swrap, options.twrap)),
+        Mode::EnvLatLong if inputs.len() == 1 && options.filter == Filter::Box => {
+            (TextureKind::LatLongEnvironment, (Wrap::Periodic, Wrap::Clamp))
+        }
+        _ => return Ok(None),
+    };
+    let source = Source::open(&inputs[0], options, registry)?;
+    if kind == TextureKind::LatLongEnvironment && environment::is_cube(&source.spec) {
+        return Ok(None);
+    }
+    Ok(Some(stream::Stream { source, kind, wrap, options, registry, progress }))
+}
+
+/// Whether what is made as a whole fits into the memory allowed: the inputs in floats, all levels (a third
+/// more), and the level that is being written.
+fn check_memory(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegistry) -> Result<()> {
+    let mut bytes = 0_u64;
+    for path in inputs.iter().filter(|p| !is_empty_face(p)) {
+        let file = registry.open(path)?;
+        if let Some(spec) = file.spec(0, 0) {
+            let side = |n: u32| u64::from(if options.resize { n.next_power_of_two() } else { n });
+            let texels =
+                u64::from(spec.width) * u64::from(spec.height) + side(spec.width) * side(spec.height) * 3 / 2;
+            bytes = bytes.saturating_add(texels.saturating_mul(4 * spec.nchannels() as u64));
+        }
+    }
+    if bytes > options.memory_bytes {
+        let mib = |b: u64| b >> 20;
+        return Err(TextureError::Limit {
+            path: inputs[0].clone(),
+            what: "memory needed, in MiB, which the option -memory allows,",
+            asked: mib(bytes),
+            max: mib(options.memory_bytes),
+        });
+    }
+    Ok(())
+}
+
+/// Sizes of a picture and all its smaller levels.
+pub(crate) fn level_sizes(width: usize, height: usize) -> Vec<(usize, usize)> {
+    let mut sizes = vec![(width, height)];
+    while let Some(&(w, h)) = sizes.last().filter(|(w, h)| *w > 1 || *h > 1) {
+        sizes.push((half(w), half(h)));
+    }
+    sizes
+}
+
 /// Whether the options make sense, before anything is read.
 fn check(inputs: &[PathBuf], options: &MakeOptions) -> Result<()> {
     let misuse = |what: String| Err(TextureError::Misuse { what });
     let (needed, given) = (options.mode.inputs(), inputs.len());
-    if needed != given {
+    if needed != given && options.mode.other_inputs() != Some(given) {
         return misuse(format!(
             "{needed} input {} needed, {given} given",
             if needed == 1 { "file is" } else { "files are" }
@@ -105,17 +199,21 @@ fn is_empty_face(path: &Path) -> bool {
 /// Reads the inputs and makes all levels.
 fn read(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegistry) -> Result<Texture> {
     let picture = |path: &PathBuf| Input::read(path, options, registry);
-    let depth = |path: &PathBuf| Input::read_raw(path, registry);
+    let depth = |path: &PathBuf| Input::read_raw(path, options, registry);
+    let pictures = || inputs.iter().map(picture).collect::<Result<Vec<_>>>();
     match options.mode {
-        Mode::Plain => {
-            let wrap = (options.swrap, options.twrap);
-            Ok(flat(TextureKind::Plain, picture(&inputs[0])?, wrap, options))
-        }
+        Mode::Plain => Err(TextureError::Misuse { what: "a plain texture is streamed".to_owned() }),
         Mode::EnvLatLong => {
-            let wrap = (Wrap::Periodic, Wrap::Clamp);
-            Ok(flat(TextureKind::LatLongEnvironment, picture(&inputs[0])?, wrap, options))
+            let exr = registry.by_name(&options.format).is_some_and(|f| f.name() == "exr");
+            let mut all = pictures()?;
+            if all.len() == 6 || environment::is_cube(&all[0].spec) {
+                environment::latlong_of_faces(all, exr, options)
+            } else {
+                Ok(environment::latlong(all.swap_remove(0), options))
+            }
         }
-        Mode::EnvCube => environment::cube(inputs.iter().map(picture).collect::<Result<_>>()?, options),
+        Mode::EnvCube if inputs.len() == 1 => environment::cube_of_one(picture(&inputs[0])?, options),
+        Mode::EnvCube => environment::cube(pictures()?, options),
         Mode::LightProbe => environment::light_probe(picture(&inputs[0])?, options),
         Mode::VertCross => environment::vertical_cross(picture(&inputs[0])?, options),
         Mode::Shadow => shadow::shadow(depth(&inputs[0])?, options),
@@ -127,26 +225,6 @@ fn read(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegistry) ->
     }
 }
 
-/// A texture, or a latitude-longitude map, of one picture.
-fn flat(kind: TextureKind, input: Input, wrap: (Wrap, Wrap), options: &MakeOptions) -> Texture {
-    let notes = notes_of(std::slice::from_ref(&input));
-    let mut picture = input.picture;
-    if options.resize {
-        let (w, h) = (power_of_two(picture.width), power_of_two(picture.height));
-        if (w, h) != (picture.width, picture.height) {
-            picture = picture.resized(w, h, Filter::CatmullRom, wrap);
-        }
-    }
-    Texture {
-        kind,
-        body: Body::Flat(picture.pyramid(options.filter, wrap)),
-        channels: input.channels,
-        pixel_type: input.pixel_type,
-        attributes: input.attributes,
-        notes,
-    }
-}
-
 /// The next power of two, itself included.
 fn power_of_two(n: usize) -> usize {
     n.next_power_of_two()
@@ -154,6 +232,5 @@ fn power_of_two(n: usize) -> usize {
 
 /// What the user should know about the inputs.
 fn notes_of(inputs: &[Input]) -> Vec<String> {
-    let line = |i: &Input| format!("{}: {} values are not numbers and count as 0", i.path.display(), i.nans);
-    inputs.iter().filter(|i| i.nans > 0).map(line).collect()
+    inputs.iter().filter_map(|i| i.note.clone()).collect()
 }

@@ -1,8 +1,10 @@
 //! What to make, and how.
 
+use super::color::ColorSpace;
 use crate::Wrap;
 use granita_base::Filter;
 use granita_image::PixelType;
+use std::time::Duration;
 
 /// What to make (reference 9.1.2 to 9.1.4).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
@@ -10,9 +12,10 @@ pub enum Mode {
     /// A texture of one picture.
     #[default]
     Plain,
-    /// A cube-face environment of six pictures: px nx py ny pz nz.
+    /// A cube-face environment of six pictures: px nx py ny pz nz; or of one latitude-longitude map.
     EnvCube,
-    /// A latitude-longitude environment of one picture.
+    /// A latitude-longitude environment of one picture; or of six faces, or of one file that says that it
+    /// is a cube-face environment.
     EnvLatLong,
     /// A cube-face environment of one angular map.
     LightProbe,
@@ -27,13 +30,39 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// How many inputs it takes.
+    /// How many inputs it takes; environments also take [`Mode::other_inputs`].
     pub fn inputs(self) -> usize {
         match self {
             Self::EnvCube | Self::ShadCube => 6,
             _ => 1,
         }
     }
+
+    /// The other number of inputs that it takes, if there is one: then it converts.
+    pub fn other_inputs(self) -> Option<usize> {
+        match self {
+            Self::EnvCube => Some(1),
+            Self::EnvLatLong => Some(6),
+            _ => None,
+        }
+    }
+
+    /// Whether it can be given one input.
+    pub fn takes_one(self) -> bool {
+        self.inputs() == 1 || self.other_inputs() == Some(1)
+    }
+}
+
+/// What becomes of values of the inputs that are not finite numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum BrokenValues {
+    /// What is not a number becomes 0, what is infinite the largest number of its type (at most 1e30). A note tells.
+    #[default]
+    Replace,
+    /// Nothing is made; the error says where the first one is.
+    Refuse,
+    /// They become the mean of the finite ones among the eight pixels around, or 0. A note tells.
+    Fix,
 }
 
 /// Options of [`make`](super::make).
@@ -73,6 +102,20 @@ pub struct MakeOptions {
     pub compression: Option<String>,
     /// Storage of the texture; `None` for that of the input, or the nearest that the format can store.
     pub pixel_type: Option<PixelType>,
+    /// Colour space of the inputs and of the texture. MIP levels are made in linear light, in the primaries of
+    /// the texture's. After `ingamma`, before `outgamma`.
+    pub color_convert: Option<(ColorSpace, ColorSpace)>,
+    /// What becomes of values that are not finite.
+    pub broken_values: BrokenValues,
+    /// Writes a hash of the pixels (SHA-1) and their mean into the metadata: `oiio:SHA-1` and
+    /// `oiio:AverageColor`, which other texture systems know.
+    pub hash: bool,
+    /// Stores a picture whose pixels are all alike as one tile. For plain textures and
+    /// latitude-longitude maps.
+    pub constant_color: bool,
+    /// What one texture may take of memory, in bytes, where it depends on the size of the picture: all
+    /// kinds but plain textures and latitude-longitude maps, which are streamed.
+    pub memory_bytes: u64,
 }
 
 impl Default for MakeOptions {
@@ -96,6 +139,11 @@ impl Default for MakeOptions {
             filter: Filter::Box,
             compression: None,
             pixel_type: None,
+            color_convert: None,
+            broken_values: BrokenValues::Replace,
+            hash: false,
+            constant_color: false,
+            memory_bytes: 4 << 30,
         }
     }
 }
@@ -116,4 +164,19 @@ pub enum Made {
     },
     /// Nothing to do: the output was up to date.
     UpToDate,
+}
+
+/// What making a texture took, of wall time; reading goes on while the rest is done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Costs {
+    /// Looking at the whole input before, for hash and constant colour.
+    pub scan: Duration,
+    /// Reading and decoding, and making the rows of level 0.
+    pub read: Duration,
+    /// Making smaller levels.
+    pub filter: Duration,
+    /// Compressing and writing tiles.
+    pub write: Duration,
+    /// Completing the file.
+    pub close: Duration,
 }

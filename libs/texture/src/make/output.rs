@@ -1,14 +1,16 @@
 //! Writing the levels of a texture.
 
-use super::input::gamma;
-use super::{Made, MakeOptions, Progress};
+use super::color::Conversion;
+use super::scan::Scan;
+use super::source::{Units, pixels};
+use super::writer::{Shelf, Writer};
+use super::{Costs, Made, MakeOptions, Progress};
 use crate::TextureKind;
 use crate::cube::{self, CubeLayout};
 use crate::error::{Result, TextureError};
 use crate::picture::{Picture, half};
 use granita_base::{BaseType, Param, ParamData, ParamType, Params};
-use granita_image::{CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Pixels};
-use rayon::prelude::*;
+use granita_image::{Format, FormatRegistry, ImageSpec, PixelType, Pixels};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -20,6 +22,8 @@ pub(crate) struct Texture {
     /// Storage of the inputs.
     pub(crate) pixel_type: PixelType,
     pub(crate) attributes: Params,
+    /// Of the colours, which are linear here.
+    pub(crate) conversion: Option<Conversion>,
     pub(crate) notes: Vec<String>,
 }
 
@@ -31,12 +35,31 @@ pub(crate) enum Body {
     Cube(Vec<[Picture; 6]>),
 }
 
-/// How the chosen format stores things.
-struct Target {
-    format: Arc<dyn Format>,
+/// Attributes that describe how the input is stored, not what it shows.
+const STORAGE: [&str; 9] = [
+    "compression",
+    "planarconfig",
+    "rowsperstrip",
+    "textureformat",
+    "wrapmodes",
+    "envmap",
+    "orientation",
+    "software",
+    "unassociatedalpha",
+];
+
+/// How a texture is stored: all that is the same for its levels.
+pub(crate) struct Plan {
     /// OpenEXR: all levels have the same tiles, and cubes are columns.
     exr: bool,
-    tile: (u32, u32),
+    /// Of the largest level.
+    pub(crate) tile: (u32, u32),
+    pub(crate) pixel_type: PixelType,
+    channels: Vec<String>,
+    attributes: Params,
+    /// What the user should know.
+    pub(crate) notes: Vec<String>,
+    pub(crate) costs: Costs,
 }
 
 /// One level as it is stored.
@@ -52,58 +75,147 @@ fn word(name: &str, value: &str) -> Param {
     Param { name: name.into(), ty: ParamType::of(BaseType::String), data: value.into() }
 }
 
-impl Target {
-    fn new(texture: &mut Texture, options: &MakeOptions, registry: &FormatRegistry) -> Result<Self> {
-        let unsupported = |what: String| TextureError::Unsupported { what };
-        let format = registry
-            .by_name(&options.format)
-            .ok_or_else(|| {
-                let known = registry.names().join(", ");
-                unsupported(format!("unknown image format \"{}\" (known: {known})", options.format))
-            })?
-            .clone();
-        for feature in ["write", "tiles", "levels"] {
-            if !format.supports(feature) {
-                let able: Vec<&str> = (registry.names().into_iter())
-                    .filter(|n| {
-                        registry.by_name(n).is_some_and(|f| f.supports("tiles") && f.supports("levels"))
-                    })
-                    .collect();
-                return Err(unsupported(format!(
-                    "format \"{}\" cannot store textures, which need tiles and MIP levels (able: {})",
-                    format.name(),
-                    able.join(", ")
-                )));
-            }
+/// The format, if it can store textures.
+fn texture_format(registry: &FormatRegistry, name: &str) -> Result<Arc<dyn Format>> {
+    let unsupported = |what: String| TextureError::Unsupported { what };
+    let Some(format) = registry.by_name(name) else {
+        let known = registry.names().join(", ");
+        return Err(unsupported(format!("unknown image format \"{name}\" (known: {known})")));
+    };
+    for feature in ["write", "tiles", "levels"] {
+        if !format.supports(feature) {
+            let able: Vec<&str> = (registry.names().into_iter())
+                .filter(|n| registry.by_name(n).is_some_and(|f| f.supports("tiles") && f.supports("levels")))
+                .collect();
+            return Err(unsupported(format!(
+                "format \"{}\" cannot store textures, which need tiles and MIP levels (able: {})",
+                format.name(),
+                able.join(", ")
+            )));
         }
+    }
+    Ok(format.clone())
+}
+
+/// The word of `-d`.
+fn type_word(pixel_type: PixelType) -> &'static str {
+    match pixel_type {
+        PixelType::U8 => "uint8",
+        PixelType::U16 => "uint16",
+        PixelType::U32 => "uint32",
+        PixelType::Half => "half",
+        PixelType::Float => "float",
+    }
+}
+
+/// The nearest storage that the format has. A type that was asked for by name is used wherever the format has
+/// it; else TIFF textures hold bytes, shorts and floats (reference 9.2.1), halves are OpenEXR's.
+fn nearest_type(format: &dyn Format, exr: bool, input: PixelType, asked: Option<PixelType>) -> PixelType {
+    let has = |feature| format.supports(feature);
+    if asked == Some(PixelType::Half) && has("half") {
+        return PixelType::Half;
+    }
+    match asked.unwrap_or(input) {
+        PixelType::U8 if !exr => PixelType::U8,
+        PixelType::U16 if !exr && has("u16") => PixelType::U16,
+        PixelType::U8 | PixelType::Half if exr && has("half") => PixelType::Half,
+        _ => PixelType::Float,
+    }
+}
+
+impl Plan {
+    /// For a texture of this kind of an input with these channels, this type and these attributes.
+    pub(crate) fn new(
+        kind: TextureKind,
+        input: &ImageSpec,
+        options: &MakeOptions,
+        registry: &FormatRegistry,
+    ) -> Result<Self> {
+        let format = texture_format(registry, &options.format)?;
         let exr = matches!(format.name(), "exr" | "OpenEXR");
+        let mut notes = Vec::new();
         let (mut w, mut h) = (options.tile_size.0.max(1), options.tile_size.1.max(1));
         if !exr && (w % 16 != 0 || h % 16 != 0) {
             (w, h) = (w.next_multiple_of(16), h.next_multiple_of(16));
-            texture.notes.push(format!(
+            notes.push(format!(
                 "tiles of {} x {} texels became {w} x {h}: the format needs multiples of 16",
                 options.tile_size.0, options.tile_size.1
             ));
         }
-        Ok(Self { format, exr, tile: (w, h) })
+        let asked = options.pixel_type.filter(|_| !kind.is_shadow());
+        let pixel_type = match kind.is_shadow() {
+            true => PixelType::Float,
+            false => nearest_type(&*format, exr, input.pixel_type, asked),
+        };
+        if let Some(asked) = options.pixel_type.filter(|asked| *asked != pixel_type) {
+            let reason = if kind.is_shadow() { "depths need it" } else { "the format has no other" };
+            let (asked, got) = (type_word(asked), type_word(pixel_type));
+            notes.push(format!("texels are {got}, not {asked}: {reason}"));
+        }
+        let mut attributes = input.attributes.clone();
+        attributes.0.retain(|p| !STORAGE.iter().any(|s| p.name.eq_ignore_ascii_case(s)));
+        attributes.set(word("textureformat", kind.word()));
+        match kind {
+            TextureKind::Plain => {
+                let (s, t) = (options.swrap.word(), options.twrap.word());
+                attributes.set(word("wrapmodes", &if s == t { s.to_owned() } else { format!("{s},{t}") }));
+            }
+            TextureKind::LatLongEnvironment => attributes.set(word("wrapmodes", "periodic,clamp")),
+            _ => {}
+        }
+        if options.separate {
+            attributes.set(word("planarconfig", "separate"));
+        }
+        if let Some(compression) = &options.compression {
+            attributes.set(word("compression", compression));
+        }
+        for (name, matrix) in [("worldtocamera", options.mcamera), ("worldtoscreen", options.mscreen)] {
+            if let Some(m) = matrix {
+                let ty = ParamType::of(BaseType::Matrix);
+                attributes.set(Param { name: name.into(), ty, data: ParamData::from(&m[..]) });
+            }
+        }
+        let channels = input.channels.clone();
+        Ok(Self { exr, tile: (w, h), pixel_type, channels, attributes, notes, costs: Costs::default() })
     }
 
-    /// The nearest storage that the format has.
-    fn pixel_type(&self, wanted: PixelType) -> PixelType {
-        let has = |feature| self.format.supports(feature);
-        // TIFF textures hold bytes, shorts and floats (reference 9.2.1); half floats are OpenEXR's.
-        let half = has("half") && self.exr;
-        let integers = !self.exr;
-        match wanted {
-            PixelType::U8 if integers => PixelType::U8,
-            PixelType::U16 if integers && has("u16") => PixelType::U16,
-            PixelType::U8 | PixelType::Half if half => PixelType::Half,
-            _ => PixelType::Float,
+    /// One level: its size, that of its display window, and of its tiles.
+    pub(crate) fn spec(&self, size: (usize, usize), full: (u32, u32), tile: (u32, u32)) -> ImageSpec {
+        let mut spec = ImageSpec::new(size.0 as u32, size.1 as u32, self.channels.len(), self.pixel_type)
+            .tiled(tile.0, tile.1);
+        spec.channels.clone_from(&self.channels);
+        if !self.exr {
+            (spec.full_width, spec.full_height) = full;
         }
+        spec.attributes.clone_from(&self.attributes);
+        spec
+    }
+
+    /// Puts hash and mean into the metadata, where other texture systems look for them: attributes where
+    /// the format has a place for any, else words in the description.
+    pub(crate) fn describe_content(&mut self, scan: &Scan, options: &MakeOptions) {
+        let Some((hash, mean)) = scan.content().filter(|_| options.hash) else { return };
+        let mean = mean.iter().map(f32::to_string).collect::<Vec<_>>().join(",");
+        if self.exr {
+            self.attributes.set(word("oiio:SHA-1", &hash));
+            self.attributes.set(word("oiio:AverageColor", &mean));
+            return;
+        }
+        // What an earlier run wrote there is no longer true.
+        let name = "ImageDescription";
+        let old = self.attributes.iter().rev().find(|p| p.name.eq_ignore_ascii_case(name));
+        let old =
+            old.and_then(|p| self.attributes.string(&p.name)).map(|s| s.to_string()).unwrap_or_default();
+        let stale = |w: &&str| !w.starts_with("oiio:SHA-1=") && !w.starts_with("oiio:AverageColor=");
+        let mut text: Vec<String> =
+            old.split(' ').filter(stale).filter(|w| !w.is_empty()).map(str::to_owned).collect();
+        text.extend([format!("oiio:SHA-1={hash}"), format!("oiio:AverageColor={mean}")]);
+        self.attributes.0.retain(|p| !p.name.eq_ignore_ascii_case(name));
+        self.attributes.set(word(name, &text.join(" ")));
     }
 
     /// Tiles of a level whose picture, or face, is `width x height`: smaller levels may have smaller tiles.
-    fn tile(&self, width: usize, height: usize) -> (u32, u32) {
+    pub(crate) fn tile(&self, width: usize, height: usize) -> (u32, u32) {
         if self.exr {
             return self.tile;
         }
@@ -182,104 +294,49 @@ fn column(faces: &[Picture; 6]) -> Picture {
     out
 }
 
-/// Tile (tx, ty) of a picture in the type of the file; black outside.
-fn tile_of(picture: &Picture, tile: (u32, u32), tx: u32, ty: u32, pixel_type: PixelType) -> Pixels {
-    let (w, h, n) = (tile.0 as usize, tile.1 as usize, picture.channels);
-    let (x, y) = (tx as usize * w, ty as usize * h);
-    let mut values = vec![0.0; w * h * n];
-    let across = w.min(picture.width - x) * n;
-    for row in 0..h.min(picture.height - y) {
-        let from = ((y + row) * picture.width + x) * n;
-        values[row * w * n..][..across].copy_from_slice(&picture.data[from..][..across]);
-    }
-    match pixel_type {
-        PixelType::Float => Pixels::Float(values),
-        // Large values stay large: infinity would spread through every filter.
-        PixelType::Half => {
-            values.iter_mut().for_each(|v| *v = v.clamp(-65504.0, 65504.0));
-            Pixels::from_floats(pixel_type, &values)
-        }
-        _ => Pixels::from_floats(pixel_type, &values),
-    }
-}
-
 /// Writes a texture under its final name, complete or not at all.
 pub(crate) fn write(
-    mut texture: Texture,
+    texture: Texture,
     path: &Path,
     options: &MakeOptions,
     registry: &FormatRegistry,
     progress: Progress<'_>,
-) -> Result<Made> {
-    let target = Target::new(&mut texture, options, registry)?;
-    let pixel_type = if texture.kind.is_shadow() {
-        PixelType::Float
-    } else {
-        target.pixel_type(options.pixel_type.unwrap_or(texture.pixel_type))
+) -> Result<(Made, Costs)> {
+    let described = ImageSpec {
+        channels: texture.channels,
+        attributes: texture.attributes,
+        ..ImageSpec::new(1, 1, 1, texture.pixel_type)
     };
-    let mut attributes = texture.attributes;
-    attributes.set(word("textureformat", texture.kind.word()));
-    match texture.kind {
-        TextureKind::Plain => {
-            let (s, t) = (options.swrap.word(), options.twrap.word());
-            attributes.set(word("wrapmodes", &if s == t { s.to_owned() } else { format!("{s},{t}") }));
-        }
-        TextureKind::LatLongEnvironment => attributes.set(word("wrapmodes", "periodic,clamp")),
-        _ => {}
+    let mut plan = Plan::new(texture.kind, &described, options, registry)?;
+    let levels = plan.levels(texture.body, path)?;
+    let size = |p: &Picture| (p.width, p.height);
+    let conversion = texture.conversion.filter(|_| !texture.kind.is_shadow());
+    let store = |p: Picture| pixels(p.data, p.channels, plan.pixel_type, Units::Fractions, conversion);
+    if options.hash {
+        let first = levels[0].picture.clone();
+        let mut scan = Scan::new(size(&first), first.channels, plan.pixel_type, true);
+        scan.push(&store(first));
+        plan.describe_content(&scan, options);
     }
-    if options.separate {
-        attributes.set(word("planarconfig", "separate"));
-    }
-    if let Some(compression) = &options.compression {
-        attributes.set(word("compression", compression));
-    }
-    for (name, matrix) in [("worldtocamera", options.mcamera), ("worldtoscreen", options.mscreen)] {
-        if let Some(m) = matrix {
-            let ty = ParamType::of(BaseType::Matrix);
-            attributes.set(Param { name: name.into(), ty, data: ParamData::from(&m[..]) });
-        }
-    }
-    let levels = target.levels(texture.body, path)?;
-    let spec = |Stored { picture, full, tile }: &Stored| {
-        let size = (picture.width as u32, picture.height as u32);
-        let mut spec = ImageSpec::new(size.0, size.1, picture.channels, pixel_type).tiled(tile.0, tile.1);
-        spec.channels.clone_from(&texture.channels);
-        if !target.exr {
-            (spec.full_width, spec.full_height) = *full;
-        }
-        spec.attributes.clone_from(&attributes);
-        spec
-    };
-    let specs: Vec<ImageSpec> = levels.iter().map(spec).collect();
-    let total: u64 = specs.iter().map(|s| u64::from(s.tiles().0) * u64::from(s.tiles().1)).sum();
-    let mut done = 0;
-    progress(done, total);
-    let create = CreateOptions { spec: &specs[0], levels: levels.len() };
-    let mut output = registry.create(path, &options.format, &create)?;
+    let specs: Vec<ImageSpec> =
+        levels.iter().map(|level| plan.spec(size(&level.picture), level.full, level.tile)).collect();
+    let mut writer = Writer::create(path, specs.clone(), options, registry, progress)?;
     for (i, (level, spec)) in levels.into_iter().zip(&specs).enumerate() {
-        if i > 0 {
-            output.next_level(spec)?;
-        }
-        let (mut picture, tile) = (level.picture, level.tile);
-        if !texture.kind.is_shadow() {
-            gamma(&mut picture, 1.0 / options.outgamma);
-        }
-        let (across, down) = spec.tiles();
-        for ty in 0..down {
-            let row: Vec<Pixels> =
-                (0..across).into_par_iter().map(|tx| tile_of(&picture, tile, tx, ty, pixel_type)).collect();
-            for (tx, pixels) in row.iter().enumerate() {
-                output.write_tile(tx as u32, ty, pixels)?;
-            }
-            done += u64::from(across);
-            progress(done, total);
+        let stored =
+            pixels(level.picture.data, spec.nchannels(), plan.pixel_type, Units::Fractions, conversion);
+        let row = spec.width as usize * spec.nchannels() * spec.tile_height as usize;
+        let mut shelf = Shelf::new(spec);
+        // By rows of tiles: the tiles of a large level need not all be there beside it.
+        for at in (0..stored.len()).step_by(row) {
+            let mut rows = Pixels::zeros(plan.pixel_type, row.min(stored.len() - at));
+            let count = rows.len();
+            rows.copy_from(0, &stored, at, count);
+            writer.write(i, shelf.push(&rows))?;
         }
     }
-    output.close()?;
-    Ok(Made::Written {
-        width: specs[0].width,
-        height: specs[0].height,
-        levels: specs.len() as u32,
-        notes: texture.notes,
-    })
+    let costs = writer.finish()?;
+    let mut notes = texture.notes;
+    notes.append(&mut plan.notes);
+    let (width, height, levels) = (specs[0].width, specs[0].height, specs.len() as u32);
+    Ok((Made::Written { width, height, levels, notes }, costs))
 }

@@ -29,7 +29,8 @@ fn check_matrices(input: &Input, options: &MakeOptions) -> Result<()> {
 
 fn texture(kind: TextureKind, body: Body, channels: Vec<String>, input: Input) -> Texture {
     let notes = super::notes_of(std::slice::from_ref(&input));
-    Texture { kind, body, channels, pixel_type: PixelType::Float, attributes: input.attributes, notes }
+    let (pixel_type, attributes) = (PixelType::Float, input.attributes);
+    Texture { kind, body, channels, pixel_type, attributes, conversion: None, notes }
 }
 
 /// `-shadow`.

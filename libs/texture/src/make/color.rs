@@ -1,0 +1,284 @@
+//! Colour: gamma and the common colour spaces, into linear light before MIP levels are made and out of it after.
+
+use super::MakeOptions;
+
+/// A colour space of `-colorconvert`. All have Rec. 709 primaries but ACEScg.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ColorSpace {
+    /// Linear light.
+    Linear,
+    /// IEC 61966-2-1.
+    Srgb,
+    /// The transfer of ITU-R BT.709.
+    Rec709,
+    /// A power of 1.8.
+    Gamma18,
+    /// A power of 2.2.
+    Gamma22,
+    /// Linear light in the primaries AP1 with the white of ACES (S-2014-004).
+    AcesCg,
+}
+
+/// Linear Rec. 709 to ACEScg, with Bradford adaptation from D65.
+const TO_ACESCG: [[f32; 3]; 3] = [
+    [0.613_097_4, 0.339_523_1, 0.047_379_5],
+    [0.070_193_7, 0.916_353_9, 0.013_452_4],
+    [0.020_615_6, 0.109_569_8, 0.869_814_6],
+];
+
+/// Its inverse.
+const FROM_ACESCG: [[f32; 3]; 3] = [
+    [1.705_051, -0.621_792_1, -0.083_258_9],
+    [-0.130_256_4, 1.140_804_7, -0.010_548_3],
+    [-0.024_003_4, -0.128_969_0, 1.152_972_3],
+];
+
+impl ColorSpace {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::Linear, Self::Srgb, Self::Rec709, Self::Gamma18, Self::Gamma22, Self::AcesCg];
+
+    /// The word on the command line.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Srgb => "srgb",
+            Self::Rec709 => "rec709",
+            Self::Gamma18 => "g18",
+            Self::Gamma22 => "g22",
+            Self::AcesCg => "acescg",
+        }
+    }
+
+    /// By name, upper and lower case alike; the names that other tools have for the same are known too.
+    pub fn from_word(word: &str) -> Option<Self> {
+        let word = word.to_ascii_lowercase();
+        Some(match &*word {
+            "lin_srgb" | "lin_rec709" | "lin_rec709_scene" | "scene_linear" => Self::Linear,
+            "srgb_texture" | "srgb_rec709_scene" => Self::Srgb,
+            "lin_ap1" | "lin_ap1_scene" => Self::AcesCg,
+            "g22_rec709" | "gamma2.2" => Self::Gamma22,
+            "gamma1.8" => Self::Gamma18,
+            word => return Self::ALL.into_iter().find(|s| s.word() == word),
+        })
+    }
+
+    /// Linear light of a stored value; odd around 0, so that negative values keep their meaning.
+    pub fn decode(self, v: f32) -> f32 {
+        let a = v.abs();
+        let linear = match self {
+            Self::Linear | Self::AcesCg => return v,
+            Self::Srgb if a <= 0.040_45 => a / 12.92,
+            Self::Srgb => ((a + 0.055) / 1.055).powf(2.4),
+            Self::Rec709 if a < 0.081 => a / 4.5,
+            Self::Rec709 => ((a + 0.099) / 1.099).powf(1.0 / 0.45),
+            Self::Gamma18 => a.powf(1.8),
+            Self::Gamma22 => a.powf(2.2),
+        };
+        linear.min(1e30).copysign(v)
+    }
+
+    /// The stored value of linear light, the inverse of [`ColorSpace::decode`].
+    pub fn encode(self, v: f32) -> f32 {
+        let a = v.abs();
+        let stored = match self {
+            Self::Linear | Self::AcesCg => return v,
+            Self::Srgb if a <= 0.003_130_8 => a * 12.92,
+            Self::Srgb => 1.055 * a.powf(1.0 / 2.4) - 0.055,
+            Self::Rec709 if a < 0.018 => a * 4.5,
+            Self::Rec709 => 1.099 * a.powf(0.45) - 0.099,
+            Self::Gamma18 => a.powf(1.0 / 1.8),
+            Self::Gamma22 => a.powf(1.0 / 2.2),
+        };
+        stored.copysign(v)
+    }
+
+    /// From the linear light of one space to that of another; `None` where they are the same.
+    fn matrix(from: Self, to: Self) -> Option<&'static [[f32; 3]; 3]> {
+        match (from == Self::AcesCg, to == Self::AcesCg) {
+            (false, true) => Some(&TO_ACESCG),
+            (true, false) => Some(&FROM_ACESCG),
+            _ => None,
+        }
+    }
+}
+
+/// Raises to a power; negative values keep their sign.
+fn power(v: f32, g: f32) -> f32 {
+    if g == 1.0 { v } else { v.abs().powf(g).min(1e30).copysign(v) }
+}
+
+/// What happens to the colours of the inputs, and to those of the texture.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Conversion {
+    ingamma: f32,
+    outgamma: f32,
+    spaces: (ColorSpace, ColorSpace),
+    /// Alpha, which has no colour.
+    alpha: Option<usize>,
+    /// Colours are still to be multiplied by it.
+    multiply: bool,
+}
+
+impl Conversion {
+    /// As the options say, for pixels with alpha in this channel, not yet multiplied in if `straight`.
+    pub(crate) fn new(options: &MakeOptions, alpha: Option<usize>, straight: bool) -> Self {
+        Self {
+            ingamma: options.ingamma,
+            outgamma: options.outgamma,
+            spaces: options.color_convert.unwrap_or((ColorSpace::Linear, ColorSpace::Linear)),
+            alpha,
+            multiply: straight && alpha.is_some(),
+        }
+    }
+
+    /// Whether inputs stay as they are.
+    pub(crate) fn keeps_inputs(&self) -> bool {
+        let (from, to) = self.spaces;
+        self.ingamma == 1.0
+            && !self.multiply
+            && matches!(from, ColorSpace::Linear | ColorSpace::AcesCg)
+            && ColorSpace::matrix(from, to).is_none()
+    }
+
+    /// Whether the texture holds what the MIP levels are computed in.
+    pub(crate) fn keeps_outputs(&self) -> bool {
+        self.outgamma == 1.0 && matches!(self.spaces.1, ColorSpace::Linear | ColorSpace::AcesCg)
+    }
+
+    /// Whether channel `c` is a colour: one of the first three, and not alpha.
+    fn is_color(&self, c: usize) -> bool {
+        c < 3 && self.alpha != Some(c)
+    }
+
+    /// A value of an input as linear light, before matrices and alpha.
+    fn decode(&self, v: f32) -> f32 {
+        self.spaces.0.decode(power(v, self.ingamma))
+    }
+
+    /// Whole pixels of `n` channels of an input become linear light.
+    pub(crate) fn to_linear(self, values: &mut [f32], n: usize) {
+        if self.keeps_inputs() {
+            return;
+        }
+        if self.ingamma != 1.0 || !matches!(self.spaces.0, ColorSpace::Linear | ColorSpace::AcesCg) {
+            self.each(values, n, |v| self.decode(v));
+        }
+        self.finish_linear(values, n);
+    }
+
+    /// The same for 8-bit pixels, whose colours are looked up.
+    pub(crate) fn bytes_to_linear(self, bytes: &[u8], n: usize, out: &mut [f32]) {
+        let plain: [f32; 256] = std::array::from_fn(|i| i as f32 / 255.0);
+        let table = plain.map(|v| self.decode(v));
+        for (texel, bytes) in out.chunks_exact_mut(n).zip(bytes.chunks_exact(n)) {
+            for (c, (v, byte)) in texel.iter_mut().zip(bytes).enumerate() {
+                *v = if self.is_color(c) { table[usize::from(*byte)] } else { plain[usize::from(*byte)] };
+            }
+        }
+        self.finish_linear(out, n);
+    }
+
+    /// Primaries and alpha.
+    fn finish_linear(self, values: &mut [f32], n: usize) {
+        if let Some(m) = ColorSpace::matrix(self.spaces.0, self.spaces.1).filter(|_| n >= 3) {
+            for texel in values.chunks_exact_mut(n) {
+                let [r, g, b] = [texel[0], texel[1], texel[2]];
+                for (c, row) in m.iter().enumerate() {
+                    texel[c] = row[0] * r + row[1] * g + row[2] * b;
+                }
+            }
+        }
+        if let Some(alpha) = self.alpha.filter(|_| self.multiply) {
+            for texel in values.chunks_exact_mut(n) {
+                let a = texel[alpha];
+                for (c, v) in texel.iter_mut().enumerate() {
+                    if self.is_color(c) {
+                        *v *= a;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Whole pixels of linear light become what the texture stores.
+    pub(crate) fn to_stored(self, values: &mut [f32], n: usize) {
+        if !self.keeps_outputs() {
+            self.each(values, n, |v| power(self.spaces.1.encode(v), 1.0 / self.outgamma));
+        }
+    }
+
+    fn each(&self, values: &mut [f32], n: usize, change: impl Fn(f32) -> f32) {
+        for texel in values.chunks_exact_mut(n) {
+            for (c, v) in texel.iter_mut().enumerate() {
+                if self.is_color(c) {
+                    *v = change(*v);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spaces_come_back() {
+        for space in ColorSpace::ALL {
+            assert_eq!(ColorSpace::from_word(&space.word().to_uppercase()), Some(space));
+            for i in -20..=40 {
+                let v = i as f32 / 20.0;
+                assert!((space.encode(space.decode(v)) - v).abs() < 2e-6, "{space:?} {v}");
+            }
+            assert!((space.decode(1.0) - 1.0).abs() < 1e-6);
+        }
+        assert!((ColorSpace::Srgb.decode(0.5) - 0.214_041).abs() < 1e-6);
+        assert_eq!(ColorSpace::from_word("prophoto"), None);
+    }
+
+    #[test]
+    fn white_stays_white_in_acescg() {
+        for m in [TO_ACESCG, FROM_ACESCG] {
+            for row in m {
+                assert!((row.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+            }
+        }
+        for (i, row) in TO_ACESCG.iter().enumerate() {
+            for j in 0..3 {
+                let product: f32 = (0..3).map(|k| row[k] * FROM_ACESCG[k][j]).sum();
+                assert!((product - f32::from(u8::from(i == j))).abs() < 2e-6, "{i} {j} {product}");
+            }
+        }
+    }
+
+    #[test]
+    fn conversion_spares_alpha_and_signs() {
+        let options = MakeOptions { ingamma: 2.0, outgamma: 2.0, ..MakeOptions::default() };
+        let c = Conversion::new(&options, Some(3), false);
+        let mut v = [0.5, -0.5, 1.0, 0.5];
+        c.to_linear(&mut v, 4);
+        assert_eq!(v, [0.25, -0.25, 1.0, 0.5]);
+        c.to_stored(&mut v, 4);
+        assert_eq!(v, [0.5, -0.5, 1.0, 0.5]);
+        // Grey with alpha: the second channel is no colour.
+        let mut v = [0.5, 0.5];
+        Conversion::new(&options, Some(1), true).to_linear(&mut v, 2);
+        assert_eq!(v, [0.125, 0.5]);
+    }
+
+    #[test]
+    fn bytes_and_floats_agree() {
+        let options = MakeOptions {
+            color_convert: Some((ColorSpace::Srgb, ColorSpace::AcesCg)),
+            ..MakeOptions::default()
+        };
+        let c = Conversion::new(&options, Some(3), true);
+        let bytes: Vec<u8> = (0..=255).collect();
+        let mut a = vec![0.0; 256];
+        c.bytes_to_linear(&bytes, 4, &mut a);
+        let mut b: Vec<f32> = bytes.iter().map(|v| f32::from(*v) / 255.0).collect();
+        c.to_linear(&mut b, 4);
+        assert_eq!(a, b);
+    }
+}

@@ -1,0 +1,410 @@
+//! The rows of an input, as they come from its file and as they are computed with.
+
+use super::color::Conversion;
+use super::options::{BrokenValues, MakeOptions};
+use super::stage::Stage;
+use crate::error::{Result, TextureError};
+use crate::picture::Picture;
+use granita_image::{BlockCopy, FormatRegistry, ImageInput, ImageSpec, PixelType, Pixels};
+use half::f16;
+use half::slice::HalfFloatSliceExt;
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Values converted by one task.
+const CHUNK: usize = 1 << 16;
+
+/// The first image of a file, as its display window shows it: cut where it is larger, black where
+/// there is no data.
+pub(crate) struct Source {
+    pub(crate) path: PathBuf,
+    file: Box<dyn ImageInput>,
+    /// Of the file.
+    pub(crate) spec: ImageSpec,
+    /// Of the display window.
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    pub(crate) channels: usize,
+    broken: BrokenValues,
+    nans: AtomicU64,
+    infinities: AtomicU64,
+}
+
+impl Source {
+    /// Opens a file.
+    pub(crate) fn open(path: &Path, options: &MakeOptions, registry: &FormatRegistry) -> Result<Self> {
+        let file = registry.open(path)?;
+        let malformed = |what: &str| TextureError::Malformed { path: path.to_owned(), what: what.to_owned() };
+        let spec = file.spec(0, 0).ok_or_else(|| malformed("there is no image in it"))?.clone();
+        if spec.width == 0 || spec.height == 0 || spec.nchannels() == 0 {
+            return Err(malformed("there are no pixels in it"));
+        }
+        let shown = spec.full_width > 0 && spec.full_height > 0;
+        // A mosaic of faces says how large one face is where others say how large the whole is.
+        let cube = spec.string("textureformat").is_some_and(|t| t.starts_with("CubeFace"));
+        let (width, height) = if shown && !cube {
+            (spec.full_width as usize, spec.full_height as usize)
+        } else {
+            (spec.width as usize, spec.height as usize)
+        };
+        let (texels, max) = (width as u64 * height as u64, registry.limits().pixels);
+        if texels > max {
+            let what = "number of pixels of the display window";
+            return Err(TextureError::Limit { path: path.to_owned(), what, asked: texels, max });
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            channels: spec.nchannels(),
+            file,
+            spec,
+            width,
+            height,
+            broken: options.broken_values,
+            nans: AtomicU64::new(0),
+            infinities: AtomicU64::new(0),
+        })
+    }
+
+    /// Name of the file's format.
+    pub(crate) fn format_name(&self) -> &'static str {
+        self.file.format_name()
+    }
+
+    /// What its colours go through.
+    pub(crate) fn conversion(&self, options: &MakeOptions) -> Conversion {
+        let straight = self.spec.attributes.int("unassociatedalpha").unwrap_or(0) != 0;
+        Conversion::new(options, self.spec.alpha_channel(), straight)
+    }
+
+    /// What the user should know.
+    pub(crate) fn notes(&self) -> Option<String> {
+        let (nans, infinities) = (self.nans.load(Ordering::Relaxed), self.infinities.load(Ordering::Relaxed));
+        let path = self.path.display();
+        match self.broken {
+            BrokenValues::Fix if nans + infinities > 0 => Some(format!(
+                "{path}: {} values that are not finite became means of those around",
+                nans + infinities
+            )),
+            _ if nans > 0 => Some(format!("{path}: {nans} values are not numbers and count as 0")),
+            _ => None,
+        }
+    }
+
+    /// Rows `y0..y1` of the display window as the file has them.
+    fn window(&self, y0: usize, y1: usize) -> Result<Pixels> {
+        let spec = &self.spec;
+        let same = (self.width, self.height) == (spec.width as usize, spec.height as usize);
+        let cube = spec.string("textureformat").is_some_and(|t| t.starts_with("CubeFace"));
+        if same && (cube || (spec.x, spec.y) == (spec.full_x, spec.full_y)) {
+            return Ok(self.file.read_rows(0, 0, y0 as u32, y1 as u32)?);
+        }
+        let (dx, dy) =
+            (i64::from(spec.x) - i64::from(spec.full_x), i64::from(spec.y) - i64::from(spec.full_y));
+        let mut out = Pixels::zeros(spec.pixel_type, self.width * (y1 - y0) * self.channels);
+        let inside = |v: i64, n: u32| v.clamp(0, i64::from(n)) as u32;
+        let (from, to) = (inside(y0 as i64 - dy, spec.height), inside(y1 as i64 - dy, spec.height));
+        let (left, right) = (inside(-dx, spec.width), inside(self.width as i64 - dx, spec.width));
+        if from < to && left < right {
+            let data = self.file.read_rows(0, 0, from, to)?;
+            BlockCopy {
+                from_width: spec.width as usize,
+                from: (left as usize, 0),
+                to_width: self.width,
+                to: ((i64::from(left) + dx) as usize, (i64::from(from) + dy - y0 as i64) as usize),
+                size: ((right - left) as usize, (to - from) as usize),
+                nchannels: self.channels,
+            }
+            .run(&data, &mut out);
+        }
+        Ok(out)
+    }
+
+    /// Rows `y0..y1` of the display window, all values finite.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or holds a value that is not finite and that is to be refused.
+    pub(crate) fn rows(&self, y0: usize, y1: usize) -> Result<Pixels> {
+        let mut pixels = self.window(y0, y1)?;
+        let (nans, infinities) = not_finite(&pixels);
+        if nans + infinities == 0 {
+            return Ok(pixels);
+        }
+        self.nans.fetch_add(nans, Ordering::Relaxed);
+        self.infinities.fetch_add(infinities, Ordering::Relaxed);
+        match self.broken {
+            BrokenValues::Refuse => {
+                let row = self.width * self.channels;
+                let floats = pixels.to_floats();
+                let first = floats.iter().position(|v| !v.is_finite()).unwrap_or(0);
+                let (x, y) = (first % row / self.channels, y0 + first / row);
+                let channel = &self.spec.channels[first % self.channels];
+                let what = format!(
+                    "channel {channel} of pixel ({x}, {y}) is {}, not a finite number",
+                    floats[first]
+                );
+                return Err(TextureError::Malformed { path: self.path.clone(), what });
+            }
+            BrokenValues::Fix => {
+                let (top, bottom) = (y0.saturating_sub(1), (y1 + 1).min(self.height));
+                let around = self.window(top, bottom)?.to_floats();
+                self.mend(&mut pixels, y0 - top, &around);
+            }
+            BrokenValues::Replace => replace(&mut pixels),
+        }
+        Ok(pixels)
+    }
+
+    /// Values that are not finite become the mean of the finite ones among the eight around them, or 0.
+    /// `around` has `above` more rows at its top than `pixels`.
+    fn mend(&self, pixels: &mut Pixels, above: usize, around: &[f32]) {
+        let (w, n) = (self.width, self.channels);
+        let height = around.len() / (w * n);
+        let mended = |i: usize| {
+            let (c, x, y) = (i % n, i / n % w, i / n / w + above);
+            let mut sum = (0.0_f64, 0);
+            for y in y.saturating_sub(1)..(y + 2).min(height) {
+                for x in x.saturating_sub(1)..(x + 2).min(w) {
+                    let v = around[(y * w + x) * n + c];
+                    if v.is_finite() {
+                        sum = (sum.0 + f64::from(v), sum.1 + 1);
+                    }
+                }
+            }
+            if sum.1 > 0 { (sum.0 / f64::from(sum.1)) as f32 } else { 0.0 }
+        };
+        match pixels {
+            Pixels::Half(v) => {
+                for i in (0..v.len()).filter(|i| !v[*i].is_finite()).collect::<Vec<_>>() {
+                    v[i] = f16::from_f32(mended(i));
+                }
+            }
+            Pixels::Float(v) => {
+                for i in (0..v.len()).filter(|i| !v[*i].is_finite()).collect::<Vec<_>>() {
+                    v[i] = mended(i);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// The whole display window in floats, integers as fractions of their range.
+    pub(crate) fn picture(&self, conversion: Option<Conversion>) -> Result<Picture> {
+        let mut data = Vec::with_capacity(self.width * self.height * self.channels);
+        // In portions: the stored values and the floats need not both be there whole.
+        for y in (0..self.height).step_by(256) {
+            let rows = self.rows(y, (y + 256).min(self.height))?;
+            data.extend(floats(&rows, self.channels, Units::Fractions, conversion));
+        }
+        Ok(Picture { width: self.width, height: self.height, channels: self.channels, data })
+    }
+}
+
+/// How many values are no numbers, and how many infinite.
+fn not_finite(pixels: &Pixels) -> (u64, u64) {
+    match pixels {
+        Pixels::Half(v) => {
+            let odd = v.par_chunks(CHUNK).any(|v| v.iter().any(|v| v.to_bits() & 0x7c00 == 0x7c00));
+            if !odd {
+                return (0, 0);
+            }
+            let nans = v.iter().filter(|v| v.is_nan()).count() as u64;
+            (nans, v.iter().filter(|v| !v.is_finite()).count() as u64 - nans)
+        }
+        Pixels::Float(v) => {
+            if v.par_chunks(CHUNK).all(|v| v.iter().all(|v| v.abs() <= 1e30)) {
+                return (0, 0);
+            }
+            let nans = v.iter().filter(|v| v.is_nan()).count() as u64;
+            (nans, v.iter().filter(|v| v.abs() > 1e30).count() as u64)
+        }
+        _ => (0, 0),
+    }
+}
+
+/// NaN becomes 0, infinity a large number that filters survive.
+fn replace(pixels: &mut Pixels) {
+    match pixels {
+        Pixels::Half(v) => v.iter_mut().for_each(|v| {
+            *v = if v.is_nan() { f16::ZERO } else { v.max(f16::MIN).min(f16::MAX) };
+        }),
+        Pixels::Float(v) => v.iter_mut().for_each(|v| {
+            *v = if v.is_nan() { 0.0 } else { v.clamp(-1e30, 1e30) };
+        }),
+        _ => {}
+    }
+}
+
+/// What 1 stands for in the floats of integer pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Units {
+    /// The largest integer: values are fractions.
+    Fractions,
+    /// 1: values are the integers. Means of up to 2^16 bytes are then exact.
+    Stored,
+}
+
+/// Pixels of `n` channels as floats, linear when there is a conversion.
+pub(crate) fn floats(pixels: &Pixels, n: usize, units: Units, conversion: Option<Conversion>) -> Vec<f32> {
+    let mut out = vec![0.0; pixels.len()];
+    let chunk = (CHUNK / n).max(1) * n;
+    let conversion = conversion.filter(|c| !c.keeps_inputs());
+    let stored = units == Units::Stored;
+    out.par_chunks_mut(chunk).enumerate().for_each(|(i, out)| {
+        let range = i * chunk..i * chunk + out.len();
+        match pixels {
+            Pixels::U8(v) => {
+                let v = &v[range];
+                match conversion {
+                    Some(conversion) => return conversion.bytes_to_linear(v, n, out),
+                    None if stored => out.iter_mut().zip(v).for_each(|(o, v)| *o = f32::from(*v)),
+                    None => out.iter_mut().zip(v).for_each(|(o, v)| *o = f32::from(*v) / 255.0),
+                }
+            }
+            Pixels::U16(v) => {
+                let unit = if stored { 1.0 } else { 65535.0 };
+                out.iter_mut().zip(&v[range]).for_each(|(o, v)| *o = f32::from(*v) / unit);
+            }
+            Pixels::U32(v) => out.iter_mut().zip(&v[range]).for_each(|(o, v)| *o = *v as f32),
+            Pixels::Half(v) => v[range].convert_to_f32_slice(out),
+            Pixels::Float(v) => out.copy_from_slice(&v[range]),
+        }
+        if let Some(conversion) = conversion {
+            conversion.to_linear(out, n);
+        }
+    });
+    out
+}
+
+/// The inverse of [`floats`], rounded to nearest and clamped; colours are encoded when there is a conversion.
+pub(crate) fn pixels(
+    mut values: Vec<f32>,
+    n: usize,
+    pixel_type: PixelType,
+    units: Units,
+    conversion: Option<Conversion>,
+) -> Pixels {
+    let chunk = (CHUNK / n).max(1) * n;
+    if let Some(conversion) = conversion.filter(|c| !c.keeps_outputs()) {
+        values.par_chunks_mut(chunk).for_each(|values| conversion.to_stored(values, n));
+    }
+    let each = |max: f32| if units == Units::Stored { 1.0 } else { max };
+    let len = values.len();
+    match pixel_type {
+        PixelType::U8 => {
+            let (mut out, unit) = (vec![0_u8; len], each(255.0));
+            out.par_chunks_mut(chunk).zip(values.par_chunks(chunk)).for_each(|(out, values)| {
+                out.iter_mut().zip(values).for_each(|(o, v)| *o = (v * unit + 0.5) as u8);
+            });
+            Pixels::U8(out)
+        }
+        PixelType::U16 => {
+            let (mut out, unit) = (vec![0_u16; len], each(65535.0));
+            out.par_chunks_mut(chunk).zip(values.par_chunks(chunk)).for_each(|(out, values)| {
+                out.iter_mut().zip(values).for_each(|(o, v)| *o = (v * unit + 0.5) as u16);
+            });
+            Pixels::U16(out)
+        }
+        PixelType::Half => {
+            let mut out = vec![f16::ZERO; len];
+            out.par_chunks_mut(chunk).zip(values.par_chunks_mut(chunk)).for_each(|(out, values)| {
+                // Large values stay large: infinity would spread through every filter.
+                values.iter_mut().for_each(|v| *v = v.clamp(-65504.0, 65504.0));
+                out.convert_from_f32_slice(values);
+            });
+            Pixels::Half(out)
+        }
+        PixelType::Float => Pixels::Float(values),
+        PixelType::U32 => Pixels::from_floats(pixel_type, &values),
+    }
+}
+
+/// Rows on their way into level 0.
+pub(crate) struct Band {
+    /// As the texture stores them.
+    pub(crate) stored: Pixels,
+    /// As the next level is made of them.
+    pub(crate) floats: Vec<f32>,
+}
+
+/// Reads an input from its top.
+pub(crate) struct Reader<'a> {
+    source: &'a Source,
+    conversion: Conversion,
+    resize: Option<Stage>,
+    pixel_type: PixelType,
+    pub(crate) units: Units,
+    next: usize,
+}
+
+impl<'a> Reader<'a> {
+    /// `resize` is the stage that makes level 0 of the input, when they differ in size.
+    pub(crate) fn new(
+        source: &'a Source,
+        conversion: Conversion,
+        pixel_type: PixelType,
+        resize: Option<Stage>,
+    ) -> Self {
+        let same = pixel_type == source.spec.pixel_type
+            && matches!(pixel_type, PixelType::U8 | PixelType::U16)
+            && conversion.keeps_inputs()
+            && conversion.keeps_outputs();
+        let units = if same { Units::Stored } else { Units::Fractions };
+        Self { source, conversion, resize, pixel_type, units, next: 0 }
+    }
+
+    /// The rows that come of the next `rows` rows of the input; `None` behind the last.
+    pub(crate) fn next(&mut self, rows: usize) -> Result<Option<Band>> {
+        let (from, to) = (self.next, (self.next + rows).min(self.source.height));
+        if from == to {
+            return Ok(None);
+        }
+        self.next = to;
+        let n = self.source.channels;
+        let raw = self.source.rows(from, to)?;
+        let mut floats = floats(&raw, n, self.units, Some(self.conversion));
+        let untouched = self.resize.is_none()
+            && self.pixel_type == raw.pixel_type()
+            && self.conversion.keeps_inputs()
+            && self.conversion.keeps_outputs();
+        if untouched {
+            return Ok(Some(Band { stored: raw, floats }));
+        }
+        drop(raw);
+        if let Some(stage) = &mut self.resize {
+            floats = stage.push(&floats);
+        }
+        let stored = pixels(floats.clone(), n, self.pixel_type, self.units, Some(self.conversion));
+        Ok(Some(Band { stored, floats }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn integers_come_back_in_either_unit() {
+        for units in [Units::Fractions, Units::Stored] {
+            let bytes = Pixels::U8((0..=255).collect());
+            assert_eq!(pixels(floats(&bytes, 1, units, None), 1, PixelType::U8, units, None), bytes);
+            let shorts = Pixels::U16((0..=65535).collect());
+            assert_eq!(pixels(floats(&shorts, 1, units, None), 1, PixelType::U16, units, None), shorts);
+        }
+        let odd = vec![-1.0, 2.0, f32::NAN, 0.5];
+        let got = pixels(odd, 1, PixelType::U8, Units::Fractions, None);
+        assert_eq!(got, Pixels::U8(vec![0, 255, 0, 128]));
+    }
+
+    #[test]
+    fn broken_values_are_counted_and_replaced() {
+        let mut p = Pixels::Half(vec![f16::NAN, f16::INFINITY, f16::ONE, f16::NEG_INFINITY]);
+        assert_eq!(not_finite(&p), (1, 2));
+        replace(&mut p);
+        assert_eq!(p, Pixels::Half(vec![f16::ZERO, f16::MAX, f16::ONE, f16::MIN]));
+        let mut p = Pixels::Float(vec![f32::NAN, f32::MAX, 1.0, f32::NEG_INFINITY]);
+        assert_eq!(not_finite(&p), (1, 2));
+        replace(&mut p);
+        assert_eq!(p, Pixels::Float(vec![0.0, 1e30, 1.0, -1e30]));
+    }
+}

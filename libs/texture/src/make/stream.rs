@@ -1,0 +1,199 @@
+//! Textures of one picture, made while its rows are read: the picture is never in memory as a whole.
+
+use super::output::Plan;
+use super::scan::Scan;
+use super::source::{Band, Reader, Source, Units, pixels};
+use super::stage::{Measure, Resample, Stage};
+use super::writer::{Shelf, Writer};
+use super::{Costs, Made, MakeOptions, Progress, level_sizes, power_of_two};
+use crate::error::Result;
+use crate::{TextureKind, Wrap};
+use granita_base::Filter;
+use granita_image::{FormatRegistry, ImageSpec};
+use std::path::Path;
+use std::time::Instant;
+
+/// A flat texture of one picture.
+pub(crate) struct Stream<'a> {
+    pub(crate) source: Source,
+    pub(crate) kind: TextureKind,
+    pub(crate) wrap: (Wrap, Wrap),
+    pub(crate) options: &'a MakeOptions,
+    pub(crate) registry: &'a FormatRegistry,
+    pub(crate) progress: Progress<'a>,
+}
+
+impl Stream<'_> {
+    /// Size of level 0.
+    fn size(&self) -> (usize, usize) {
+        let (w, h) = (self.source.width, self.source.height);
+        if self.options.resize { (power_of_two(w), power_of_two(h)) } else { (w, h) }
+    }
+
+    /// From row to row of the input; all that is done depends on the picture and the options alone, so that
+    /// the file does, too.
+    fn rows_at_once(tile_height: u32) -> usize {
+        if (16..=128).contains(&tile_height) { tile_height as usize } else { 64 }
+    }
+
+    fn reader<'a>(&'a self, plan: &Plan, size: (usize, usize)) -> Reader<'a> {
+        let s = &self.source;
+        let resize = (size != (s.width, s.height)).then(|| {
+            Stage::new(Resample {
+                from: (s.width, s.height),
+                to: size,
+                channels: s.channels,
+                filter: Filter::CatmullRom,
+                wrap: self.wrap,
+                measure: Measure::Plane,
+            })
+        });
+        Reader::new(s, s.conversion(self.options), plan.pixel_type, resize)
+    }
+
+    /// Makes it.
+    pub(crate) fn make(self, path: &Path) -> Result<(Made, Costs)> {
+        let mut plan = Plan::new(self.kind, &self.source.spec, self.options, self.registry)?;
+        let mut size = self.size();
+        let rows = Self::rows_at_once(plan.tile.1);
+        let mut constant = false;
+        if self.options.hash || self.options.constant_color {
+            let start = Instant::now();
+            let mut reader = self.reader(&plan, size);
+            let mut scan = Scan::new(size, self.source.channels, plan.pixel_type, self.options.hash);
+            while let Some(band) = reader.next(rows)? {
+                if !scan.push(&band.stored) {
+                    break;
+                }
+            }
+            plan.costs.scan = start.elapsed();
+            if self.options.constant_color && scan.constant {
+                constant = true;
+                let tile = plan.tile(size.0, size.1);
+                size = (size.0.min(tile.0 as usize), size.1.min(tile.1 as usize));
+                plan.notes.push(format!(
+                    "{}: all pixels are alike: one tile holds them",
+                    self.source.path.display()
+                ));
+            }
+            plan.describe_content(&scan, self.options);
+        }
+        let sizes = level_sizes(size.0, size.1);
+        let specs: Vec<ImageSpec> =
+            sizes.iter().map(|&(w, h)| plan.spec((w, h), (w as u32, h as u32), plan.tile(w, h))).collect();
+        let writer = Writer::create(path, specs.clone(), self.options, self.registry, self.progress)?;
+        let costs = if constant {
+            self.constant(&plan, &specs, writer)?
+        } else {
+            self.levels(&plan, &sizes, &specs, writer)?
+        };
+        let mut notes: Vec<String> = self.source.notes().into_iter().collect();
+        notes.append(&mut plan.notes);
+        let made = Made::Written {
+            width: specs[0].width,
+            height: specs[0].height,
+            levels: specs.len() as u32,
+            notes,
+        };
+        let scan = plan.costs.scan;
+        Ok((made, Costs { scan, ..costs }))
+    }
+
+    /// All levels of a picture whose pixels are all like the first.
+    fn constant(&self, plan: &Plan, specs: &[ImageSpec], mut writer: Writer<'_>) -> Result<Costs> {
+        let n = self.source.channels;
+        let mut reader = self.reader(plan, (self.source.width, self.source.height));
+        let first = reader.next(1)?.map(|band| band.stored);
+        for (level, spec) in specs.iter().enumerate() {
+            let count = spec.width as usize * spec.height as usize;
+            let mut all = granita_image::Pixels::zeros(spec.pixel_type, count * n);
+            if let Some(first) = &first {
+                (0..count).for_each(|i| all.copy_from(i * n, first, 0, n));
+            }
+            writer.write(level, Shelf::new(spec).push(&all))?;
+        }
+        writer.finish()
+    }
+
+    /// All levels, from row to row: while rows are filtered, compressed and written, the next are read.
+    fn levels(
+        &self,
+        plan: &Plan,
+        sizes: &[(usize, usize)],
+        specs: &[ImageSpec],
+        mut writer: Writer<'_>,
+    ) -> Result<Costs> {
+        let n = self.source.channels;
+        let rows = Self::rows_at_once(plan.tile.1);
+        let measure =
+            if self.kind == TextureKind::LatLongEnvironment { Measure::LatLong } else { Measure::Plane };
+        let stage = |pair: &[(usize, usize)]| {
+            Stage::new(Resample {
+                from: pair[0],
+                to: pair[1],
+                channels: n,
+                filter: self.options.filter,
+                wrap: self.wrap,
+                measure,
+            })
+        };
+        let mut pyramid = Pyramid {
+            stages: sizes.windows(2).map(stage).collect(),
+            shelves: specs.iter().map(Shelf::new).collect(),
+            channels: n,
+            units: Units::Fractions,
+            conversion: self.source.conversion(self.options),
+        };
+        let mut reader = self.reader(plan, sizes[0]);
+        pyramid.units = reader.units;
+        let mut read = |costs: &mut std::time::Duration| {
+            let start = Instant::now();
+            let band = reader.next(rows);
+            *costs += start.elapsed();
+            band
+        };
+        let mut reading = std::time::Duration::ZERO;
+        let mut band = read(&mut reading)?;
+        while let Some(current) = band {
+            let (next, written) = rayon::join(|| read(&mut reading), || pyramid.push(current, &mut writer));
+            written?;
+            band = next?;
+        }
+        writer.costs.read = reading;
+        writer.finish()
+    }
+}
+
+/// The levels of a picture that comes row by row.
+struct Pyramid {
+    /// From level to level.
+    stages: Vec<Stage>,
+    /// One per level.
+    shelves: Vec<Shelf>,
+    channels: usize,
+    units: Units,
+    conversion: super::color::Conversion,
+}
+
+impl Pyramid {
+    fn push(&mut self, band: Band, writer: &mut Writer<'_>) -> Result<()> {
+        let tiles = self.shelves[0].push(&band.stored);
+        drop(band.stored);
+        writer.write(0, tiles)?;
+        let mut floats = band.floats;
+        for level in 1..self.shelves.len() {
+            let start = Instant::now();
+            floats = self.stages[level - 1].push(&floats);
+            if floats.is_empty() {
+                break;
+            }
+            let shelf = &mut self.shelves[level];
+            let stored =
+                pixels(floats.clone(), self.channels, shelf.pixel_type(), self.units, Some(self.conversion));
+            let tiles = shelf.push(&stored);
+            writer.costs.filter += start.elapsed();
+            writer.write(level, tiles)?;
+        }
+        Ok(())
+    }
+}
