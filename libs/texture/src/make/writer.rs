@@ -59,9 +59,7 @@ impl<'a> Writer<'a> {
 
     fn put(&mut self, tiles: &[Tile]) -> Result<()> {
         let start = Instant::now();
-        for (tx, ty, pixels) in tiles {
-            self.output.write_tile(*tx, *ty, pixels)?;
-        }
+        self.output.write_tiles(tiles)?;
         self.costs.write += start.elapsed();
         self.done += tiles.len() as u64;
         (self.progress)(self.done, self.total);

@@ -1,0 +1,329 @@
+//! The options.
+
+use clap::Parser;
+use granita_base::Filter;
+use granita_image::PixelType;
+use granita_texture::Wrap;
+use granita_texture::make::{BrokenValues, ColorSpace, MakeOptions, Mode};
+use std::path::PathBuf;
+
+/// Turns pictures into tiled, MIP-mapped textures, environment maps and shadow maps.
+///
+/// Without a mode option, one picture becomes a plain texture.
+#[derive(Parser, Debug)]
+#[command(name = "maketx")]
+pub(crate) struct Args {
+    /// Input files: one; six (px nx py ny pz nz) for -envcube and -shadcube. Or any number of which each
+    /// becomes a texture: then -o is a folder, or absent
+    #[arg(required = true, value_name = "FILE")]
+    pub(crate) inputs: Vec<String>,
+
+    /// The texture to write, or the folder to write textures to [default: the input's name with .tx]
+    #[arg(short = 'o', value_name = "FILE", allow_hyphen_values = true)]
+    pub(crate) output: Option<PathBuf>,
+
+    #[command(flatten)]
+    mode: ModeArgs,
+
+    /// Format of the texture; it must store tiles and MIP levels
+    #[arg(long, default_value = "tiff", value_name = "NAME")]
+    format: String,
+
+    /// Keep the resolution of the input, do not round it up to powers of two
+    #[arg(long)]
+    noresize: bool,
+
+    /// Update: do nothing when the output has the time stamp of the newest input, else give it that stamp
+    #[arg(short = 'u')]
+    update: bool,
+
+    /// Folders to look for inputs in, separated by colons
+    #[arg(short = 'p', value_name = "SEARCHPATH", allow_hyphen_values = true)]
+    pub(crate) path: Option<String>,
+
+    /// Store channels one after the other instead of interleaved
+    #[arg(long)]
+    separate: bool,
+
+    /// Width and height of tiles in texels
+    #[arg(long, default_value_t = 64, value_name = "T", value_parser = clap::value_parser!(u32).range(1..=8192))]
+    tilesize: u32,
+
+    /// The inputs are gamma corrected: raised to the power 1/G
+    #[arg(long, default_value_t = 1.0, value_name = "G")]
+    ingamma: f32,
+
+    /// Gamma correct the texture: raise it to the power 1/G
+    #[arg(long, default_value_t = 1.0, value_name = "G")]
+    outgamma: f32,
+
+    /// World-to-camera matrix, 16 numbers row by row
+    #[arg(long = "Mcamera", num_args = 16, value_name = "M", allow_negative_numbers = true)]
+    mcamera: Option<Vec<f32>>,
+
+    /// World-to-screen matrix, 16 numbers row by row
+    #[arg(long = "Mscreen", num_args = 16, value_name = "M", allow_negative_numbers = true)]
+    mscreen: Option<Vec<f32>>,
+
+    /// Default wrap mode in s: periodic, black, clamp or mirror
+    #[arg(long, value_parser = wrap, value_name = "WRAPMODE")]
+    smode: Option<Wrap>,
+
+    /// Default wrap mode in t
+    #[arg(long, value_parser = wrap, value_name = "WRAPMODE")]
+    tmode: Option<Wrap>,
+
+    /// Default wrap mode in both directions [default: black]
+    #[arg(long = "mode", value_parser = wrap, value_name = "WRAPMODE")]
+    both: Option<Wrap>,
+
+    /// Field of view of the faces of -envcube, in degrees
+    #[arg(long, default_value_t = 90.0, value_name = "ANGLE")]
+    fov: f32,
+
+    /// Depth range within which opaque depths of -volshad are one surface
+    #[arg(long, default_value_t = 0.05, value_name = "F")]
+    opaquewidth: f32,
+
+    /// Filter that makes MIP levels: gaussian, box, triangle, catmull-rom, sinc, blackman-harris, mitchell
+    /// or b-spline
+    #[arg(long, value_parser = filter, default_value = "box", value_name = "NAME")]
+    filter: Filter,
+
+    /// Compression, by the format's name for it
+    #[arg(long, value_name = "NAME")]
+    compression: Option<String>,
+
+    /// Type of the texels: uint8, uint16, half or float [default: that of the input]
+    #[arg(short = 'd', value_name = "TYPE", value_parser = pixel_type)]
+    pixel_type: Option<PixelType>,
+
+    /// Convert colours: from a space, to a space. Spaces are linear, srgb, rec709, g18, g22 and acescg
+    #[arg(long, num_args = 2, value_names = ["FROM", "TO"], value_parser = color_space)]
+    colorconvert: Vec<ColorSpace>,
+
+    /// Refuse inputs with values that are not finite numbers
+    #[arg(long, conflicts_with = "fixnan")]
+    checknan: bool,
+
+    /// Replace values that are not finite numbers by the mean of those around them
+    #[arg(long)]
+    fixnan: bool,
+
+    /// Store a hash of the pixels and their mean in the metadata
+    #[arg(long)]
+    hash: bool,
+
+    /// Store a picture whose pixels are all alike as one tile
+    #[arg(long = "constant-color-detect", visible_alias = "constant")]
+    constant: bool,
+
+    /// Threads to work with [default: one per core]
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) threads: Option<usize>,
+
+    /// Memory that one texture may take, in MiB, where it grows with the picture [default: a quarter of
+    /// what is installed]
+    #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..))]
+    memory: Option<u64>,
+
+    /// Say what each texture took of time and memory
+    #[arg(long)]
+    pub(crate) stats: bool,
+
+    /// Say which image formats are there and where they come from
+    #[arg(long)]
+    pub(crate) debugdso: bool,
+
+    /// 0: errors only, 1: also warnings, 2: also what was done
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    verbosity: u8,
+
+    /// Say also what was done, as -verbosity 2
+    #[arg(short = 'v')]
+    verbose: bool,
+}
+
+/// What to make; at most one.
+#[derive(clap::Args, Debug)]
+#[group(multiple = false)]
+struct ModeArgs {
+    /// Cube-face environment map of six pictures, or of one latitude-longitude map
+    #[arg(long)]
+    envcube: bool,
+
+    /// Latitude-longitude environment map of one, of six faces, or of a cube-face environment
+    #[arg(long)]
+    envlatl: bool,
+
+    /// Cube-face environment map of a light probe (angular map)
+    #[arg(long)]
+    lightprobe: bool,
+
+    /// Cube-face environment map of a vertical cross
+    #[arg(long)]
+    vertcross: bool,
+
+    /// Shadow map of a depth map
+    #[arg(long)]
+    shadow: bool,
+
+    /// Cube-face shadow map of six depth maps; - is an empty one
+    #[arg(long)]
+    shadcube: bool,
+
+    /// Volume shadow map of a volume depth map
+    #[arg(long)]
+    volshad: bool,
+}
+
+impl ModeArgs {
+    fn mode(&self) -> Mode {
+        let given = [
+            (self.envcube, Mode::EnvCube),
+            (self.envlatl, Mode::EnvLatLong),
+            (self.lightprobe, Mode::LightProbe),
+            (self.vertcross, Mode::VertCross),
+            (self.shadow, Mode::Shadow),
+            (self.shadcube, Mode::ShadCube),
+            (self.volshad, Mode::VolShad),
+        ];
+        given.into_iter().find(|(set, _)| *set).map_or(Mode::Plain, |(_, mode)| mode)
+    }
+}
+
+fn wrap(text: &str) -> Result<Wrap, String> {
+    Wrap::from_word(text).ok_or_else(|| "a wrap mode is periodic, black, clamp or mirror".to_owned())
+}
+
+fn filter(text: &str) -> Result<Filter, String> {
+    Filter::from_word(text)
+        .ok_or_else(|| format!("a filter is one of {}", Filter::ALL.map(Filter::word).join(", ")))
+}
+
+fn pixel_type(text: &str) -> Result<PixelType, String> {
+    Ok(match text.to_ascii_lowercase().as_str() {
+        "uint8" | "byte" => PixelType::U8,
+        "uint16" | "short" => PixelType::U16,
+        "half" => PixelType::Half,
+        "float" => PixelType::Float,
+        _ => return Err("a type is uint8, uint16, half or float".to_owned()),
+    })
+}
+
+fn color_space(text: &str) -> Result<ColorSpace, String> {
+    ColorSpace::from_word(text).ok_or_else(|| {
+        format!("a colour space is one of {}", ColorSpace::ALL.map(ColorSpace::word).join(", "))
+    })
+}
+
+fn threads(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n @ 1..=1024) => Ok(n),
+        _ => Err("1 to 1024 threads are possible".to_owned()),
+    }
+}
+
+impl Args {
+    /// What is said: `-v` is `-verbosity 2`.
+    pub(crate) fn verbosity(&self) -> u8 {
+        if self.verbose { self.verbosity.max(2) } else { self.verbosity }
+    }
+
+    /// The options of the library, on a machine with so much memory.
+    ///
+    /// # Errors
+    /// What does not go together.
+    pub(crate) fn options(&self, installed_bytes: Option<u64>) -> Result<MakeOptions, String> {
+        let color_convert = match self.colorconvert[..] {
+            [] => None,
+            [from, to] => Some((from, to)),
+            _ => return Err("-colorconvert takes two colour spaces".to_owned()),
+        };
+        let default = MakeOptions::default();
+        let matrix = |m: &Option<Vec<f32>>| m.as_deref().and_then(|m| m.try_into().ok());
+        let black = self.both.unwrap_or_default();
+        Ok(MakeOptions {
+            mode: self.mode.mode(),
+            format: self.format.clone(),
+            resize: !self.noresize,
+            update: self.update,
+            separate: self.separate,
+            tile_size: (self.tilesize, self.tilesize),
+            ingamma: self.ingamma,
+            outgamma: self.outgamma,
+            mcamera: matrix(&self.mcamera),
+            mscreen: matrix(&self.mscreen),
+            swrap: self.smode.unwrap_or(black),
+            twrap: self.tmode.unwrap_or(black),
+            fov_deg: self.fov,
+            opaque_width: self.opaquewidth,
+            filter: self.filter,
+            compression: self.compression.clone(),
+            pixel_type: self.pixel_type,
+            color_convert,
+            broken_values: match (self.checknan, self.fixnan) {
+                (true, _) => BrokenValues::Refuse,
+                (_, true) => BrokenValues::Fix,
+                _ => BrokenValues::Replace,
+            },
+            hash: self.hash,
+            constant_color: self.constant,
+            memory_bytes: match (self.memory, installed_bytes) {
+                (Some(mib), _) => mib.saturating_mul(1 << 20),
+                (None, Some(installed)) => installed / 4,
+                (None, None) => default.memory_bytes,
+            },
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn args(line: &str) -> Args {
+        Args::try_parse_from(line.split(' ')).unwrap()
+    }
+
+    #[test]
+    fn options_of_the_reference() {
+        let a = args("maketx --envcube --fov 100 a b c d e f -o x --mode clamp --tmode mirror --tilesize 32");
+        let o = a.options(None).unwrap();
+        assert_eq!((o.mode, o.fov_deg, a.inputs.len()), (Mode::EnvCube, 100.0, 6));
+        assert_eq!((o.swrap, o.twrap, o.tile_size), (Wrap::Clamp, Wrap::Mirror, (32, 32)));
+        assert!(o.resize && !o.update && !o.separate);
+        let a = args(
+            "maketx --shadcube - - b - e - -o x -u --separate --noresize --Mcamera 1 0 0 0 0 1 0 0 0 0 1 0 0 0 -5 1",
+        );
+        let o = a.options(None).unwrap();
+        assert_eq!(a.inputs, ["-", "-", "b", "-", "e", "-"]);
+        assert_eq!(o.mcamera.unwrap()[14], -5.0);
+        assert!(!o.resize && o.update && o.separate && o.mscreen.is_none());
+        assert_eq!(args("maketx a.tif -o a.tx").options(None).unwrap(), MakeOptions::default());
+    }
+
+    #[test]
+    fn two_modes_are_a_mistake() {
+        assert!(Args::try_parse_from("maketx --shadow --envlatl a -o b".split(' ')).is_err());
+        assert!(Args::try_parse_from("maketx --mode round a -o b".split(' ')).is_err());
+        assert!(Args::try_parse_from("maketx --checknan --fixnan a -o b".split(' ')).is_err());
+        assert!(Args::try_parse_from("maketx".split(' ')).is_err());
+    }
+
+    #[test]
+    fn options_of_today() {
+        let a = args(
+            "maketx -d half --colorconvert sRGB acescg --fixnan --hash --threads 3 --memory 100 -v --stats a -o b",
+        );
+        assert_eq!((a.threads, a.verbosity(), a.stats), (Some(3), 2, true));
+        let o = a.options(Some(1 << 40)).unwrap();
+        assert_eq!((o.pixel_type, o.memory_bytes), (Some(PixelType::Half), 100 << 20));
+        assert_eq!(o.color_convert, Some((ColorSpace::Srgb, ColorSpace::AcesCg)));
+        assert!(o.hash && o.broken_values == BrokenValues::Fix && !o.constant_color);
+        assert_eq!(args("maketx a -o b").options(Some(8 << 30)).unwrap().memory_bytes, 2 << 30);
+        for wrong in ["-d int8", "--threads 0", "--colorconvert srgb pink", "--memory 0"] {
+            assert!(Args::try_parse_from(format!("maketx {wrong} a -o b").split(' ')).is_err(), "{wrong}");
+        }
+    }
+}

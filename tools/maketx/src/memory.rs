@@ -1,0 +1,30 @@
+//! How much memory there is, and how much was taken.
+
+/// A line of a file of the system, in bytes.
+fn line(file: &str, name: &str) -> Option<u64> {
+    let text = std::fs::read_to_string(file).ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':'))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
+}
+
+/// What the machine has; `None` where the system does not tell.
+pub(crate) fn installed_bytes() -> Option<u64> {
+    line("/proc/meminfo", "MemTotal")
+}
+
+/// The most that this process had at one time; `None` where the system does not tell.
+pub(crate) fn peak_bytes() -> Option<u64> {
+    line("/proc/self/status", "VmHWM")
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn there_is_some() {
+        let (installed, peak) = (installed_bytes().unwrap(), peak_bytes().unwrap());
+        assert!(peak > 100_000 && installed > peak);
+        assert_eq!(line("/proc/nothing", "X"), None);
+    }
+}
