@@ -30,7 +30,7 @@ const TO_ACESCG: [[f32; 3]; 3] = [
 const FROM_ACESCG: [[f32; 3]; 3] = [
     [1.705_051, -0.621_792_1, -0.083_258_9],
     [-0.130_256_4, 1.140_804_7, -0.010_548_3],
-    [-0.024_003_4, -0.128_969_0, 1.152_972_3],
+    [-0.024_003_4, -0.128_969, 1.152_972_3],
 ];
 
 impl ColorSpace {
@@ -245,8 +245,8 @@ mod tests {
             }
         }
         for (i, row) in TO_ACESCG.iter().enumerate() {
-            for j in 0..3 {
-                let product: f32 = (0..3).map(|k| row[k] * FROM_ACESCG[k][j]).sum();
+            for j in [0, 1, 2] {
+                let product: f32 = row.iter().zip(FROM_ACESCG).map(|(a, b)| a * b[j]).sum();
                 assert!((product - f32::from(u8::from(i == j))).abs() < 2e-6, "{i} {j} {product}");
             }
         }

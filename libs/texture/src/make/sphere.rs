@@ -381,11 +381,10 @@ mod tests {
                     assert!((cube_mean(&level)[0] / energy - 1.0).abs() < 1e-6);
                     let m = level[0].width;
                     let mut centre = Vec3::ZERO;
-                    for f in 0..6 {
+                    for (f, shown) in level.iter().enumerate() {
                         for y in 0..m {
                             for x in 0..m {
-                                centre +=
-                                    to(f, x, y, m) * level[f].texel(x, y)[0] * row_angles(m, y)[x] as f32;
+                                centre += to(f, x, y, m) * shown.texel(x, y)[0] * row_angles(m, y)[x] as f32;
                             }
                         }
                     }
