@@ -1,9 +1,10 @@
 //! Kernels: dice, closest hit, texture lookup.
 
 #![allow(missing_docs, reason = "criterion's macros")]
+#![allow(clippy::unwrap_used, reason = "a bench that cannot go on ends")]
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use granita_base::{Params, ShapeDesc, Vec3};
+use granita_base::{Params, Reporter, ShapeDesc, Vec3};
 use granita_geom::{Piece, ShapeKey};
 use granita_image::{FormatRegistry, Limits};
 use granita_texture::make::{MakeOptions, make};
@@ -64,7 +65,7 @@ fn closest(c: &mut Criterion) {
     group.throughput(Throughput::Elements(rays.len() as u64));
     group.bench_function("204800 triangles, incoherent", |b| {
         b.iter_batched_ref(
-            || vec![Hit::default(); rays.len()],
+            || vec![Hit::MISS; rays.len()],
             |hits| tracer.closest(&rays, hits),
             BatchSize::SmallInput,
         );
@@ -78,8 +79,8 @@ fn lookup(c: &mut Criterion) {
     let texture = folder.path().join("brick.tx");
     let picture = granita_benches::repository().join("examples/first/brick.png");
     make(&[picture], &texture, &MakeOptions::default(), &registry, &mut |_, _| {}).unwrap();
-    let cache = TextureCache::new(registry, Default::default(), CacheOptions::default(), Default::default());
-    let id = cache.find(&texture.to_string_lossy(), Use::Texture).unwrap();
+    let cache = TextureCache::new(registry, Default::default(), CacheOptions::default(), Reporter::silent());
+    let id = cache.find_for(&texture.to_string_lossy(), Use::Texture).unwrap();
     let mut group = c.benchmark_group("texture");
     for (name, dsdx, dtdy) in [("one texel", 1.0 / 512.0, 1.0 / 512.0), ("8:1", 8.0 / 512.0, 1.0 / 512.0)] {
         group.throughput(Throughput::Elements(64 * 64));

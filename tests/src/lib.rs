@@ -32,10 +32,10 @@ mod case;
 mod check;
 pub mod fuzz;
 mod picture;
+mod programs;
 mod report;
-mod tools;
 
 pub use case::{Case, Line, Outcome, cases, run};
 pub use picture::Picture;
+pub use programs::{Ran, Tools, has_program, repository};
 pub use report::write_report;
-pub use tools::{Ran, Tools, has_program, repository};

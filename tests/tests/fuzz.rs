@@ -1,5 +1,7 @@
 //! Every reader over its corpus and mutations of it.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
 use granita_tests::fuzz::{TARGETS, mutated};
 use granita_tests::repository;
 

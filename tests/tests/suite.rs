@@ -1,5 +1,6 @@
 //! Runs every case of `tests/suite`.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stdout, reason = "a test speaks to the person who runs it")]
 
 use granita_tests::{Outcome, Tools, cases, repository, run, write_report};

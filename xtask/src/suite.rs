@@ -3,9 +3,13 @@
 use crate::workspace::{Workspace, cargo};
 use std::process::Command;
 
-/// Runs the suite so that it replaces references.
+/// Runs the suite so that it replaces references; `manual` means the pages that are made from tables.
 pub(crate) fn bless(name: Option<&str>) -> Result<(), String> {
-    suite(&[("GRANITA_BLESS", name.unwrap_or("all"))])
+    let variables = [("GRANITA_BLESS", name.unwrap_or("all"))];
+    if name.is_none_or(|name| name == "manual") {
+        tests("manual", &variables)?;
+    }
+    if name == Some("manual") { Ok(()) } else { tests("suite", &variables) }
 }
 
 /// Runs the suite so that it leaves a page of pictures.
@@ -13,16 +17,16 @@ pub(crate) fn report() -> Result<(), String> {
     let root = Workspace::load()?.root;
     let folder = root.join("target").join("suite-report");
     std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    let outcome = suite(&[("GRANITA_REPORT", &folder.to_string_lossy())]);
+    let outcome = tests("suite", &[("GRANITA_REPORT", &folder.to_string_lossy())]);
     println!("{}", folder.join("index.html").display());
     outcome
 }
 
-fn suite(variables: &[(&str, &str)]) -> Result<(), String> {
+fn tests(target: &str, variables: &[(&str, &str)]) -> Result<(), String> {
     let status = Command::new(cargo())
-        .args(["test", "--package", "granita-tests", "--test", "suite", "--", "--nocapture"])
+        .args(["test", "--package", "granita-tests", "--test", target, "--", "--nocapture"])
         .envs(variables.iter().copied())
         .status()
         .map_err(|e| format!("cargo: {e}"))?;
-    if status.success() { Ok(()) } else { Err("the suite failed".to_owned()) }
+    if status.success() { Ok(()) } else { Err(format!("the tests of {target} failed")) }
 }

@@ -3,6 +3,8 @@
 //! Sources only: whoever wants a shader compiles it. `$GELATOHOME` and search paths come first; this
 //! is where a search ends.
 
+#![forbid(unsafe_code)]
+
 /// `name.gsl` of every bundled shader, by name.
 const SHADERS: &[(&str, &str)] = &[
     ("ambientlight", include_str!("../../../shaders/ambientlight.gsl")),

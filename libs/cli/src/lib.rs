@@ -6,6 +6,8 @@
 //!
 //! Exit codes: 0 done, 1 ran with errors, 2 could not run ([`Status`]). A closed pipe is no failure.
 
+#![forbid(unsafe_code)]
+
 mod args;
 mod progress;
 

@@ -18,6 +18,8 @@
 //! assert_eq!(mistake[0].at.to_string(), "red.gsl:1:22");
 //! ```
 
+#![forbid(unsafe_code)]
+
 mod access;
 mod args;
 mod ast;

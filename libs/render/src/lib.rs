@@ -21,6 +21,8 @@
 //!
 //! File formats, scene parsing, the shading language; those are handed in.
 
+#![forbid(unsafe_code)]
+
 mod arealight;
 mod bucket;
 mod camera;

@@ -75,6 +75,8 @@
 //! # Ok::<(), ShadeError>(())
 //! ```
 
+#![forbid(unsafe_code)]
+
 mod error;
 mod grid;
 mod link;

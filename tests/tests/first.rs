@@ -1,0 +1,76 @@
+//! The README's main job, at a quarter of its size: it runs, and its picture is the same to the bit whatever the
+//! threads, the order and size of buckets, and the crops.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use granita_tests::{Picture, Tools, repository};
+use std::path::Path;
+
+/// Copies `examples/first` below `place`, its pictures smaller.
+fn copy_example(place: &Path) {
+    let (from, to) = (repository().join("examples/first"), place.join("examples/first"));
+    std::fs::create_dir_all(&to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_file() {
+            std::fs::copy(&path, to.join(path.file_name().unwrap())).unwrap();
+        }
+    }
+    for (file, large, small) in
+        [("first.pyg", "(640, 400)", "(160, 100)"), ("shadow.pyg", "(1024, 1024)", "(256, 256)")]
+    {
+        let text = std::fs::read_to_string(to.join(file)).unwrap();
+        assert!(text.contains(large), "{file} has another resolution");
+        std::fs::write(to.join(file), text.replace(large, small)).unwrap();
+    }
+}
+
+#[test]
+fn the_first_picture_is_the_same_to_the_bit() {
+    let tools = Tools::build().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path();
+    copy_example(place);
+    let gelato = |arguments: &[&str]| {
+        let ran = tools.run(place, "gelato", arguments).unwrap();
+        assert!(ran.status == 0 && ran.stderr.is_empty(), "{arguments:?}: {}\n{}", ran.status, ran.stderr);
+    };
+    let scene = "examples/first/first.pyg";
+    gelato(&[scene, "-o", "whole.exr"]);
+    assert!(Picture::read(&place.join("examples/first/out/first.png")).unwrap().is_varied());
+    let whole = Picture::read(&place.join("whole.exr")).unwrap();
+
+    // Only the frame again, with settings before it.
+    let text = std::fs::read_to_string(place.join(scene)).unwrap();
+    let frame: String =
+        text.lines().filter(|l| !l.starts_with("Command")).map(|l| format!("{l}\n")).collect();
+    std::fs::write(place.join("frame.pyg"), frame).unwrap();
+    let render = |name: &str, settings: &str, threads: &str| {
+        let before = format!("{name}.pyg");
+        std::fs::write(place.join(&before), settings).unwrap();
+        let image = format!("{name}.exr");
+        gelato(&["-threads", threads, &before, "frame.pyg", "-o", &image]);
+        Picture::read(&place.join(image)).unwrap()
+    };
+    let variants = [
+        ("two-threads", "", "2"),
+        ("horizontal", "Attribute (\"string bucketorder\", \"horizontal\")\n", "2"),
+        ("vertical", "Attribute (\"string bucketorder\", \"vertical\")\n", "1"),
+        ("spiral", "Attribute (\"string bucketorder\", \"spiral\")\n", "2"),
+        ("small-buckets", "Attribute (\"int[2] limits:bucketsize\", (16, 16))\n", "1"),
+        ("large-buckets", "Attribute (\"int[2] limits:bucketsize\", (64, 64))\n", "2"),
+    ];
+    for (name, settings, threads) in variants {
+        let same = whole.identical(&render(name, settings, threads));
+        assert_eq!(same, Ok(()), "{name}");
+    }
+    let crops = ["0, 0.37, 0, 0.41", "0.37, 1, 0, 0.41", "0, 0.37, 0.41, 1", "0.37, 1, 0.41, 1"];
+    let parts: Vec<Picture> = crops
+        .iter()
+        .enumerate()
+        .map(|(i, crop)| {
+            render(&format!("crop{i}"), &format!("Attribute (\"float[4] crop\", ({crop}))\n"), "1")
+        })
+        .collect();
+    assert_eq!(whole.is_assembled_of(&parts), Ok(()));
+}

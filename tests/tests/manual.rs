@@ -1,0 +1,52 @@
+//! Pages of the manual that are made from tables in the code.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use granita_scene::attribute::{DefaultValue, Scope, TABLE};
+use granita_tests::repository;
+use std::fmt::Write;
+
+/// Compares a page with what it should be, or replaces it under `cargo xtask bless manual`.
+fn page(name: &str, text: &str) {
+    let path = repository().join("docs").join(name);
+    if std::env::var("GRANITA_BLESS").is_ok_and(|what| what == "manual" || what == "all") {
+        std::fs::write(&path, text).unwrap();
+    }
+    let kept = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(kept == text, "{} is not what the table says: cargo xtask bless manual", path.display());
+}
+
+fn numbers<T: Copy + Into<f64>>(list: &[T]) -> String {
+    let shown = |v: f64| if v.abs() >= 1e7 { format!("{:e}", v as f32) } else { format!("{}", v as f32) };
+    list.iter().map(|v| shown((*v).into())).collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn attributes() {
+    let mut text = String::from(
+        "# Attributes\n\nOne row for each attribute, from the table that the programs themselves use. `Attribute (\"TYPE \
+         NAME\", VALUE)` sets one, `GetAttribute (\"NAME\")` asks for it. The sections are those of the reference.\n",
+    );
+    for (scope, title) in [
+        (Scope::Camera, "Of cameras"),
+        (Scope::Output, "Of outputs"),
+        (Scope::Global, "Of the scene, before `World`"),
+        (Scope::Object, "Of objects and lights"),
+        (Scope::Writer, "Of writers of scene files"),
+        (Scope::ReadOnly, "To be asked for only"),
+    ] {
+        let _ =
+            write!(text, "\n## {title}\n\n| attribute | default | section | meaning |\n|---|---|---|---|\n");
+        for row in TABLE.iter().filter(|row| row.scope == scope) {
+            let shown = match row.default {
+                DefaultValue::Unset => String::new(),
+                DefaultValue::Floats(v) => format!("`{}`", numbers(v)),
+                DefaultValue::Ints(v) => format!("`{}`", numbers(v)),
+                DefaultValue::Text(v) => format!("`\"{v}\"`"),
+            };
+            let help = row.help.replace('|', "\\|");
+            let _ = writeln!(text, "| `{}` | {shown} | {} | {help} |", row.declaration(), row.section);
+        }
+    }
+    page("attributes.md", &text);
+}
