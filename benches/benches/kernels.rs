@@ -17,7 +17,7 @@ fn sphere() -> Piece {
     let shape = ShapeDesc::Sphere { radius: 1.0, zmin: -1.0, zmax: 1.0, thetamax_deg: 360.0 };
     let params = Params::new();
     let keys = [ShapeKey { time: 0.0, params: &params }];
-    granita_geom::build(&shape, &keys, None, &mut |_, _| {}).unwrap().remove(0)
+    granita_geom::build(&shape, &keys, None, &|_, _| {}).unwrap().remove(0)
 }
 
 fn dice(c: &mut Criterion) {
@@ -78,7 +78,7 @@ fn lookup(c: &mut Criterion) {
     let folder = tempfile::tempdir().unwrap();
     let texture = folder.path().join("brick.tx");
     let picture = granita_benches::repository().join("examples/first/brick.png");
-    make(&[picture], &texture, &MakeOptions::default(), &registry, &mut |_, _| {}).unwrap();
+    make(&[picture], &texture, &MakeOptions::default(), &registry, &|_, _| {}).unwrap();
     let cache = TextureCache::new(registry, Default::default(), CacheOptions::default(), Reporter::silent());
     let id = cache.find_for(&texture.to_string_lossy(), Use::Texture).unwrap();
     let mut group = c.benchmark_group("texture");

@@ -13,7 +13,7 @@ pub struct Cost {
     pub peak_bytes: Option<u64>,
 }
 
-/// Runs `command` with its output thrown away, `times` times, and keeps the quickest run.
+/// Runs `command` with its standard output thrown away, `times` times, and keeps the quickest run.
 ///
 /// # Errors
 /// When it cannot be started or fails; what it said.
@@ -30,7 +30,6 @@ fn once(mut command: Command) -> Result<Cost, String> {
     let start = Instant::now();
     let mut child = command
         .stdout(Stdio::null())
-        .stderr(Stdio::null())
         .spawn()
         .map_err(|e| format!("{}: {e}", command.get_program().to_string_lossy()))?;
     let status_file = PathBuf::from(format!("/proc/{}/status", child.id()));

@@ -9,7 +9,7 @@ use std::process::{Command, ExitCode};
 
 /// Scene files under `benches/frames` (the last one is made here), and what each is about.
 const FRAMES: [(&str, &str); 3] = [
-    ("teapot.pyg", "32 patches, a floor, traced shadows"),
+    ("pot.pyg", "32 patches, a floor, traced shadows"),
     ("displaced.pyg", "a displaced sphere that fills the frame"),
     ("many.pyg", "8000 moving spheres"),
 ];
