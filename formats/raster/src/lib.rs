@@ -1,4 +1,4 @@
-//! Plain pictures: one image per file, no tiles, no levels.
+//! Plain pictures: rows, no tiles; levels and several images only in DDS.
 //!
 //! | format | read | written |
 //! |---|---|---|
@@ -9,32 +9,53 @@
 //! | "pnm" | PBM, PGM, PPM, PAM | 8 and 16 bits, 1 to 4 channels |
 //! | "pfm" | grey, RGB | floats, grey and RGB |
 //! | "hdr" | RGBE | RGBE (9 bits of each colour), alpha is left out |
+//! | "sgi" | every kind without a colour map | 8 and 16 bits, any number of channels |
+//! | "iff" (Maya) | 8 and 16 bits, floats, RGB, RGBA, depth | the same; floats with depth |
+//! | "dds" | BC1 to BC7 and uncompressed, levels, cubes, arrays | uncompressed, levels |
 //! | "qoi", "webp" | every kind | 8 bits, RGB and RGBA |
 //! | "gif" | first picture | no |
 //!
 //! Invariants: nothing is converted silently (a type or a number of channels that a format cannot hold is
-//! an error at `create`, only alpha may be left out, and then `supports("alpha")` is false); pictures are
-//! decoded whole at the first touch, and encoded whole at `close`.
+//! an error at `create`, only alpha may be left out, and then `supports("alpha")` is false).
 //!
-//! Deliberately absent: colour profiles, animation, writing of GIF, and the formats SGI, Maya IFF and DDS.
+//! **What a reader keeps in memory.** SGI, IFF, DDS, PFM and binary PNM of 8 and 16 bits find any rows by their
+//! place in the file. PNG that is not interlaced is decoded row after row, and nothing is kept; asking for rows
+//! before the last ones begins again. The others (JPEG, TGA, BMP, HDR, GIF, QOI, WebP, interlaced PNG, text PNM)
+//! are decoded whole at the first touch and kept. Pictures are encoded whole at `close`; DDS as rows come.
+//!
+//! Deliberately absent: colour profiles, animation, writing of GIF, compressing to BC1 to BC7, volumes in DDS.
 
 #![forbid(unsafe_code)]
 
+mod dds;
+mod iff;
 mod pfm;
 mod plain;
 mod png;
+mod pnm;
+mod rows;
+mod sgi;
 mod whole;
 
+pub use self::dds::DdsFormat;
+pub use self::iff::IffFormat;
 pub use self::pfm::PfmFormat;
 pub use self::plain::{FORMATS, PlainFormat};
 pub use self::png::PngFormat;
+pub use self::sgi::SgiFormat;
 
 use granita_image::Format;
 use std::sync::Arc;
 
 /// All formats of this crate, in the order in which files should be tried.
 pub fn formats() -> Vec<Arc<dyn Format>> {
-    let mut all: Vec<Arc<dyn Format>> = vec![Arc::new(PngFormat), Arc::new(PfmFormat)];
+    let mut all: Vec<Arc<dyn Format>> = vec![
+        Arc::new(PngFormat),
+        Arc::new(PfmFormat),
+        Arc::new(SgiFormat),
+        Arc::new(IffFormat),
+        Arc::new(DdsFormat),
+    ];
     all.extend(FORMATS.iter().map(|f| Arc::new(*f) as Arc<dyn Format>));
     all
 }

@@ -1,11 +1,12 @@
 //! PFM: floats, grey or RGB, rows from the bottom (Debevec, "PFM Portable FloatMap Image Format").
 
-use crate::whole::{Place, WholeInput, WholeOutput};
+use crate::rows::{PlainRows, RowsInput};
+use crate::whole::WholeOutput;
 use granita_image::{
-    AtomicFile, CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType,
-    Pixels, Result,
+    AtomicFile, CreateOptions, FileSource, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits,
+    PixelType, Pixels, Result,
 };
-use std::io::{Read, Write};
+use std::io::Write;
 use std::path::Path;
 
 /// The format "pfm".
@@ -26,10 +27,19 @@ impl Format for PfmFormat {
     }
 
     fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>> {
-        let place = Place::new(path, "PFM", limits);
-        let header = Header::read(&place, &mut place.source()?)?;
+        let source = FileSource::open(path, "PFM")?;
+        // Four words of no more than 32 bytes, with blanks in between.
+        let head = source.read_vec(0, source.len().min(256), "the header")?;
+        let (header, at) = Header::read(&source, &head)?;
         let spec = ImageSpec::new(header.width, header.height, header.channels, PixelType::Float);
-        Ok(Box::new(WholeInput::new("pfm", place, spec, decode)?))
+        let end = spec.bytes().and_then(|b| b.checked_add(at));
+        if end.is_none_or(|end| end > source.len()) {
+            limits.check(path, "PFM", &spec)?;
+            let what = format!("{:?} bytes of pixels, but the file has {}", spec.bytes(), source.len());
+            return Err(source.malformed(what));
+        }
+        let rows = PlainRows { at, big_endian: header.big_endian, upward: true };
+        Ok(Box::new(RowsInput::new("pfm", "PFM", source, limits, vec![vec![spec]], rows)?))
     }
 
     fn supports(&self, feature: &str) -> bool {
@@ -58,67 +68,34 @@ struct Header {
 }
 
 impl Header {
-    /// Reads the header and leaves the source at the first row.
-    fn read(place: &Place, source: &mut impl Read) -> Result<Self> {
-        let mut words = Vec::with_capacity(4);
-        for what in ["the mark", "the width", "the height", "the scale"] {
-            words.push(
-                word(source)
-                    .map_err(|e| place.io(e))?
-                    .ok_or_else(|| place.malformed(format!("{what} is longer than any number")))?,
-            );
+    /// The header, and where it ends.
+    fn read(source: &FileSource, head: &[u8]) -> Result<(Self, u64)> {
+        let mut words: [&str; 4] = [""; 4];
+        let mut at = 0;
+        for (word, what) in words.iter_mut().zip(["the mark", "the width", "the height", "the scale"]) {
+            at += head[at..].iter().take_while(|b| b.is_ascii_whitespace()).count();
+            let len = head[at..].iter().take_while(|b| !b.is_ascii_whitespace()).count();
+            let text = std::str::from_utf8(&head[at..at + len]).ok().filter(|t| (1..=32).contains(&t.len()));
+            *word = text.ok_or_else(|| source.malformed(format!("{what} is no word")))?;
+            at += len;
         }
         let side = |text: &str| -> Result<u32> {
-            text.parse().map_err(|_| place.malformed(format!("\"{text}\" is no size")))
+            text.parse().map_err(|_| source.malformed(format!("\"{text}\" is no size")))
         };
         let scale: f32 = words[3]
             .parse()
             .ok()
             .filter(|s: &f32| s.is_finite() && *s != 0.0)
-            .ok_or_else(|| place.malformed(format!("\"{}\" is no scale", words[3])))?;
-        Ok(Self {
-            width: side(&words[1])?,
-            height: side(&words[2])?,
+            .ok_or_else(|| source.malformed(format!("\"{}\" is no scale", words[3])))?;
+        let header = Self {
+            width: side(words[1])?,
+            height: side(words[2])?,
             channels: if words[0] == "PF" { 3 } else { 1 },
             big_endian: scale > 0.0,
-        })
+        };
+        // One blank behind the scale.
+        Ok((header, at as u64 + 1))
     }
-}
-
-/// The next word, and the one blank behind it; `None` when it is longer than 32 bytes.
-fn word(source: &mut impl Read) -> std::io::Result<Option<String>> {
-    let mut word = String::new();
-    loop {
-        let mut byte = [0];
-        source.read_exact(&mut byte)?;
-        match byte[0] {
-            b if b.is_ascii_whitespace() => {
-                if !word.is_empty() {
-                    return Ok(Some(word));
-                }
-            }
-            _ if word.len() >= 32 => return Ok(None),
-            b => word.push(char::from(b)),
-        }
-    }
-}
-
-fn decode(place: &Place, spec: &ImageSpec) -> Result<Pixels> {
-    let mut source = place.source()?;
-    let header = Header::read(place, &mut source)?;
-    let row = spec.width as usize * spec.nchannels();
-    let n = row * spec.height as usize;
-    let mut bytes = Vec::new();
-    source.take(n as u64 * 4).read_to_end(&mut bytes).map_err(|e| place.io(e))?;
-    if bytes.len() < n * 4 {
-        return Err(place.malformed(format!("{} of {} bytes of pixels", bytes.len(), n * 4)));
-    }
-    let upward = Pixels::from_bytes(PixelType::Float, bytes, header.big_endian);
-    let mut pixels = Pixels::zeros(PixelType::Float, n);
-    for y in 0..spec.height as usize {
-        pixels.copy_from(y * row, &upward, (spec.height as usize - 1 - y) * row, row);
-    }
-    Ok(pixels)
 }
 
 fn encode(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result<()> {

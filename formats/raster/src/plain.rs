@@ -2,8 +2,8 @@
 
 use crate::whole::{Place, WholeInput, WholeOutput};
 use granita_image::{
-    AtomicFile, CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType,
-    Pixels, Result, contained,
+    AtomicFile, CreateOptions, FileSource, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits,
+    PixelType, Pixels, Result, contained,
 };
 use image::{ColorType, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat};
 use std::io::Write;
@@ -156,6 +156,11 @@ impl Format for PlainFormat {
     }
 
     fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>> {
+        if self.image == ImageFormat::Pnm
+            && let Some(input) = crate::pnm::open(FileSource::open(path, "PNM")?, limits)?
+        {
+            return Ok(input);
+        }
         let place = Place::new(path, self.title, limits);
         let decoder = decoder(&place, self.image)?;
         let (width, height) = decoder.dimensions();

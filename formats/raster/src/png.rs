@@ -1,6 +1,6 @@
 //! PNG, through the `png` crate.
 
-use crate::whole::{Place, WholeInput, WholeOutput};
+use crate::whole::{Place, Source, WholeInput, WholeOutput, divide_by_alpha};
 use granita_base::{BaseType, Param, ParamType};
 use granita_image::{
     AtomicFile, CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType,
@@ -8,6 +8,7 @@ use granita_image::{
 };
 use png::{BitDepth, ColorType, DecodingError, EncodingError};
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
 /// The format "png": 8 and 16 bits, grey or RGB, with or without alpha.
 ///
@@ -45,8 +46,12 @@ impl Format for PngFormat {
 
     fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>> {
         let place = Place::new(path, "PNG", limits);
-        let spec = read_spec(&place)?;
-        Ok(Box::new(WholeInput::new("png", place, spec, decode)?))
+        let (spec, interlaced) = read_spec(&place)?;
+        if interlaced {
+            return Ok(Box::new(WholeInput::new("png", place, spec, decode)?));
+        }
+        limits.check(path, "PNG", &spec)?;
+        Ok(Box::new(PngRows { place, spec, state: Mutex::new(None) }))
     }
 
     fn supports(&self, feature: &str) -> bool {
@@ -66,8 +71,75 @@ impl Format for PngFormat {
     }
 }
 
+/// An open PNG that is not interlaced. Rows are decoded in their order and not kept: going back begins again.
+struct PngRows {
+    place: Place,
+    spec: ImageSpec,
+    /// The decoder, and the row that it gives next.
+    state: Mutex<Option<(png::Reader<Source>, u32)>>,
+}
+
+impl ImageInput for PngRows {
+    fn format_name(&self) -> &'static str {
+        "png"
+    }
+
+    fn levels(&self, image: usize) -> usize {
+        usize::from(image == 0)
+    }
+
+    fn spec(&self, image: usize, level: usize) -> Option<&ImageSpec> {
+        (image == 0 && level == 0).then_some(&self.spec)
+    }
+
+    fn read_rows(&self, image: usize, level: usize, y0: u32, y1: u32) -> Result<Pixels> {
+        let (place, spec) = (&self.place, &self.spec);
+        if image != 0 || level != 0 || y0 > y1 || y1 > spec.height {
+            let height = spec.height;
+            return Err(
+                place.misuse(format!("rows {y0} to {y1} of {height} of level {level} of image {image}"))
+            );
+        }
+        let bytes = place.limits.check_read(&place.path, spec, spec.width, y1 - y0)?;
+        // Taken out while it works: after a fault there is none, and the next call begins again.
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let (mut reader, mut y) = match state.take() {
+            Some((reader, next)) if next <= y0 => (reader, next),
+            _ => (reader(place)?, 0),
+        };
+        let row = bytes / (y1 - y0).max(1) as usize;
+        let whole = || place.malformed("the file changed while it was read");
+        let size = reader.output_line_size(spec.width);
+        if y1 > y0 && size != Some(row) {
+            return Err(whole());
+        }
+        while y < y0 {
+            reader.next_row().map_err(|e| fault(place, e))?.ok_or_else(whole)?;
+            y += 1;
+        }
+        // Grown as rows come, so that a short file with a tall header does not cost its height.
+        let mut out = Vec::new();
+        while y < y1 {
+            let at = out.len();
+            out.resize(at + row, 0);
+            reader.read_row(&mut out[at..]).map_err(|e| fault(place, e))?.ok_or_else(whole)?;
+            y += 1;
+        }
+        *state = Some((reader, y));
+        Ok(Pixels::from_bytes(spec.pixel_type, out, true))
+    }
+
+    fn read_tile(&self, _image: usize, _level: usize, _tx: u32, _ty: u32) -> Result<Pixels> {
+        Err(self.place.misuse("a tile of an image stored in rows".to_owned()))
+    }
+
+    fn bytes_read(&self) -> u64 {
+        self.place.bytes_read()
+    }
+}
+
 /// Opens the decoder behind the header.
-fn reader(place: &Place) -> Result<png::Reader<crate::whole::Source>> {
+fn reader(place: &Place) -> Result<png::Reader<Source>> {
     let bytes = usize::try_from(place.limits.bytes).unwrap_or(usize::MAX);
     let mut decoder = png::Decoder::new_with_limits(place.source()?, png::Limits { bytes });
     decoder.set_transformations(png::Transformations::EXPAND);
@@ -82,7 +154,8 @@ fn fault(place: &Place, error: DecodingError) -> ImageError {
     }
 }
 
-fn read_spec(place: &Place) -> Result<ImageSpec> {
+/// What the header says, and whether rows come in another order.
+fn read_spec(place: &Place) -> Result<(ImageSpec, bool)> {
     let reader = reader(place)?;
     let info = reader.info();
     let (color, depth) = reader.output_color_type();
@@ -107,7 +180,7 @@ fn read_spec(place: &Place) -> Result<ImageSpec> {
             spec.attributes.set(Param { name: name.into(), ty, data: text.as_str().into() });
         }
     }
-    Ok(spec)
+    Ok((spec, info.interlaced))
 }
 
 fn decode(place: &Place, spec: &ImageSpec) -> Result<Pixels> {
@@ -165,41 +238,4 @@ fn encode(spec: &ImageSpec, mut pixels: Pixels, file: &mut AtomicFile) -> Result
     let mut writer = encoder.write_header().map_err(fault)?;
     writer.write_image_data(&bytes).map_err(fault)?;
     writer.finish().map_err(fault)
-}
-
-/// Turns colours with alpha multiplied in into colours without; the last of `n` channels is alpha.
-fn divide_by_alpha(pixels: &mut Pixels, n: usize) {
-    macro_rules! divide {
-        ($v:expr, $t:ty) => {
-            for pixel in $v.chunks_exact_mut(n) {
-                let (alpha, colors) = pixel.split_last_mut().expect("invariant: pixels have channels");
-                let (a, max) = (u64::from(*alpha), u64::from(<$t>::MAX));
-                if a > 0 {
-                    for c in colors {
-                        *c = ((u64::from(*c) * max + a / 2) / a).min(max) as $t;
-                    }
-                }
-            }
-        };
-    }
-    match pixels {
-        Pixels::U8(v) => divide!(v, u8),
-        Pixels::U16(v) => divide!(v, u16),
-        Pixels::U32(_) | Pixels::Half(_) | Pixels::Float(_) => {}
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn division_by_alpha() {
-        let mut p = Pixels::U8(vec![10, 20, 0, 20, 7, 0, 100, 255]);
-        divide_by_alpha(&mut p, 2);
-        assert_eq!(p, Pixels::U8(vec![128, 20, 0, 20, 7, 0, 100, 255]));
-        let mut p = Pixels::U8(vec![30, 20]);
-        divide_by_alpha(&mut p, 2);
-        assert_eq!(p, Pixels::U8(vec![255, 20]));
-    }
 }

@@ -73,7 +73,12 @@ impl Place {
         ImageError::Unsupported { path: self.path.clone(), what: what.into() }
     }
 
-    fn misuse(&self, what: String) -> ImageError {
+    /// Bytes read so far.
+    pub(crate) fn bytes_read(&self) -> u64 {
+        self.count.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn misuse(&self, what: String) -> ImageError {
         ImageError::Misuse { path: self.path.clone(), what }
     }
 }
@@ -151,7 +156,7 @@ impl ImageInput for WholeInput {
     }
 
     fn bytes_read(&self) -> u64 {
-        self.place.count.load(Ordering::Relaxed)
+        self.place.bytes_read()
     }
 }
 
@@ -228,5 +233,42 @@ impl ImageOutput for WholeOutput {
         let Self { mut file, spec, pixels, encode, .. } = *self;
         encode(&spec, pixels, &mut file)?;
         file.commit()
+    }
+}
+
+/// Turns colours with alpha multiplied in into colours without; the last of `n` channels is alpha.
+pub(crate) fn divide_by_alpha(pixels: &mut Pixels, n: usize) {
+    macro_rules! divide {
+        ($v:expr, $t:ty) => {
+            for pixel in $v.chunks_exact_mut(n) {
+                let (alpha, colors) = pixel.split_last_mut().expect("invariant: pixels have channels");
+                let (a, max) = (u64::from(*alpha), u64::from(<$t>::MAX));
+                if a > 0 {
+                    for c in colors {
+                        *c = ((u64::from(*c) * max + a / 2) / a).min(max) as $t;
+                    }
+                }
+            }
+        };
+    }
+    match pixels {
+        Pixels::U8(v) => divide!(v, u8),
+        Pixels::U16(v) => divide!(v, u16),
+        Pixels::U32(_) | Pixels::Half(_) | Pixels::Float(_) => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn division_by_alpha() {
+        let mut p = Pixels::U8(vec![10, 20, 0, 20, 7, 0, 100, 255]);
+        divide_by_alpha(&mut p, 2);
+        assert_eq!(p, Pixels::U8(vec![128, 20, 0, 20, 7, 0, 100, 255]));
+        let mut p = Pixels::U8(vec![30, 20]);
+        divide_by_alpha(&mut p, 2);
+        assert_eq!(p, Pixels::U8(vec![255, 20]));
     }
 }

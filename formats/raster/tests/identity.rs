@@ -18,6 +18,7 @@ fn noise(pixel_type: PixelType, n: usize, seed: u32) -> Pixels {
     match pixel_type {
         PixelType::U8 => Pixels::U8((0..n).map(|i| word(i) as u8).collect()),
         PixelType::U16 => Pixels::U16((0..n).map(|i| word(i) as u16).collect()),
+        PixelType::Half => Pixels::Half((0..n).map(|i| half::f16::from_f32(word(i) as u16 as f32)).collect()),
         _ => Pixels::Float((0..n).map(|i| word(i) as f32 - 1e9).collect()),
     }
 }
@@ -35,7 +36,7 @@ fn write(path: &Path, format: &dyn Format, spec: &ImageSpec, pixels: &Pixels, ro
 }
 
 /// Formats that keep every value, their types and numbers of channels.
-const LOSSLESS: [(&str, &[PixelType], &[usize]); 7] = [
+const LOSSLESS: [(&str, &[PixelType], &[usize]); 10] = [
     ("png", &[PixelType::U8, PixelType::U16], &[1, 2, 3, 4]),
     ("pnm", &[PixelType::U8, PixelType::U16], &[1, 2, 3, 4]),
     ("pfm", &[PixelType::Float], &[1, 3]),
@@ -43,6 +44,9 @@ const LOSSLESS: [(&str, &[PixelType], &[usize]); 7] = [
     ("bmp", &[PixelType::U8], &[3, 4]),
     ("qoi", &[PixelType::U8], &[3, 4]),
     ("webp", &[PixelType::U8], &[3, 4]),
+    ("sgi", &[PixelType::U8, PixelType::U16], &[1, 2, 3, 4, 7]),
+    ("iff", &[PixelType::U8, PixelType::U16], &[3, 4]),
+    ("dds", &[PixelType::U8], &[1, 2, 3, 4]),
 ];
 
 proptest! {

@@ -1,0 +1,120 @@
+//! Files in which any row can be found: read by position, a few rows at a time.
+
+use granita_image::{FileSource, ImageInput, ImageSpec, Limits, Pixels, Result};
+
+/// What a format knows about its rows.
+pub(crate) trait Rows: Send + Sync {
+    /// Rows `y0..y1` of a level, which exist and which the limits allow.
+    fn rows(
+        &self,
+        source: &FileSource,
+        spec: &ImageSpec,
+        at: (usize, usize),
+        y0: u32,
+        y1: u32,
+    ) -> Result<Pixels>;
+}
+
+/// An open file of such a format: nothing is read that was not asked for, and from any thread.
+pub(crate) struct RowsInput<R> {
+    name: &'static str,
+    source: FileSource,
+    limits: Limits,
+    images: Vec<Vec<ImageSpec>>,
+    rows: R,
+}
+
+impl<R: Rows> RowsInput<R> {
+    /// `images` are the images of the file with their levels, at least one of each; all are checked.
+    pub(crate) fn new(
+        name: &'static str,
+        format: &'static str,
+        source: FileSource,
+        limits: &Limits,
+        images: Vec<Vec<ImageSpec>>,
+        rows: R,
+    ) -> Result<Self> {
+        let path = source.path();
+        limits.within(path, "number of images", images.len() as u64, u64::from(limits.images))?;
+        for spec in images.iter().flatten() {
+            limits.check(path, format, spec)?;
+        }
+        Ok(Self { name, source, limits: *limits, images, rows })
+    }
+}
+
+impl<R: Rows> ImageInput for RowsInput<R> {
+    fn format_name(&self) -> &'static str {
+        self.name
+    }
+
+    fn images(&self) -> usize {
+        self.images.len()
+    }
+
+    fn levels(&self, image: usize) -> usize {
+        self.images.get(image).map_or(0, Vec::len)
+    }
+
+    fn spec(&self, image: usize, level: usize) -> Option<&ImageSpec> {
+        self.images.get(image)?.get(level)
+    }
+
+    fn read_rows(&self, image: usize, level: usize, y0: u32, y1: u32) -> Result<Pixels> {
+        let Some(spec) = self.spec(image, level) else {
+            return Err(self.source.misuse(format!("there is no level {level} of image {image}")));
+        };
+        if y0 > y1 || y1 > spec.height {
+            return Err(self.source.misuse(format!("rows {y0} to {y1} of an image with {}", spec.height)));
+        }
+        self.limits.check_read(self.source.path(), spec, spec.width, y1 - y0)?;
+        if y0 == y1 {
+            return Ok(Pixels::zeros(spec.pixel_type, 0));
+        }
+        self.rows.rows(&self.source, spec, (image, level), y0, y1)
+    }
+
+    fn read_tile(&self, _image: usize, _level: usize, _tx: u32, _ty: u32) -> Result<Pixels> {
+        Err(self.source.misuse("a tile of an image stored in rows"))
+    }
+
+    fn bytes_read(&self) -> u64 {
+        self.source.bytes_read()
+    }
+}
+
+/// Rows of equal length one after the other, the plainest of files.
+pub(crate) struct PlainRows {
+    /// Where the first stored row is.
+    pub(crate) at: u64,
+    pub(crate) big_endian: bool,
+    /// The first stored row is the lowest of the picture.
+    pub(crate) upward: bool,
+}
+
+impl Rows for PlainRows {
+    fn rows(
+        &self,
+        source: &FileSource,
+        spec: &ImageSpec,
+        _at: (usize, usize),
+        y0: u32,
+        y1: u32,
+    ) -> Result<Pixels> {
+        let values = spec.width as usize * spec.nchannels();
+        let row = (values * spec.pixel_type.bytes()) as u64;
+        let first = if self.upward { spec.height - y1 } else { y0 };
+        let bytes =
+            source.read_vec(self.at + u64::from(first) * row, row * u64::from(y1 - y0), "the pixels")?;
+        let stored = Pixels::from_bytes(spec.pixel_type, bytes, self.big_endian);
+        if !self.upward {
+            return Ok(stored);
+        }
+        let mut pixels = Pixels::zeros(spec.pixel_type, stored.len());
+        let count = (y1 - y0) as usize;
+        for y in 0..count {
+            pixels.copy_from(y * values, &stored, (count - 1 - y) * values, values);
+        }
+        Ok(pixels)
+    }
+}
