@@ -13,8 +13,26 @@ use granita_scene::{Call, SceneSink, Stop};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 7] =
-    [("pyg", pyg), ("gsl", gsl), ("gso", gso), ("tiff", tiff), ("exr", exr), ("png", png), ("hdr", hdr)];
+pub const TARGETS: [(&str, Target); 18] = [
+    ("pyg", pyg),
+    ("gsl", gsl),
+    ("gso", gso),
+    ("tiff", tiff),
+    ("exr", exr),
+    ("png", png),
+    ("hdr", hdr),
+    ("jpeg", jpeg),
+    ("tga", tga),
+    ("bmp", bmp),
+    ("pnm", pnm),
+    ("pfm", pfm),
+    ("gif", gif),
+    ("qoi", qoi),
+    ("webp", webp),
+    ("sgi", sgi),
+    ("iff", iff),
+    ("dds", dds),
+];
 
 /// Limits that keep a hostile file from asking for much.
 const LIMITS: Limits =
@@ -70,6 +88,61 @@ pub fn png(bytes: &[u8]) {
 /// Radiance HDR.
 pub fn hdr(bytes: &[u8]) {
     picture(bytes, "hdr");
+}
+
+/// JPEG.
+pub fn jpeg(bytes: &[u8]) {
+    picture(bytes, "jpg");
+}
+
+/// Targa.
+pub fn tga(bytes: &[u8]) {
+    picture(bytes, "tga");
+}
+
+/// BMP.
+pub fn bmp(bytes: &[u8]) {
+    picture(bytes, "bmp");
+}
+
+/// PBM, PGM, PPM and PAM.
+pub fn pnm(bytes: &[u8]) {
+    picture(bytes, "ppm");
+}
+
+/// PFM.
+pub fn pfm(bytes: &[u8]) {
+    picture(bytes, "pfm");
+}
+
+/// GIF.
+pub fn gif(bytes: &[u8]) {
+    picture(bytes, "gif");
+}
+
+/// QOI.
+pub fn qoi(bytes: &[u8]) {
+    picture(bytes, "qoi");
+}
+
+/// WebP.
+pub fn webp(bytes: &[u8]) {
+    picture(bytes, "webp");
+}
+
+/// SGI.
+pub fn sgi(bytes: &[u8]) {
+    picture(bytes, "sgi");
+}
+
+/// Maya IFF.
+pub fn iff(bytes: &[u8]) {
+    picture(bytes, "iff");
+}
+
+/// DDS.
+pub fn dds(bytes: &[u8]) {
+    picture(bytes, "dds");
 }
 
 /// Reads everything that a file offers: rows, tiles, levels.
