@@ -86,7 +86,8 @@ impl Place {
 /// Decodes all pixels of a file.
 pub(crate) type Decode = fn(&Place, &ImageSpec) -> Result<Pixels>;
 
-/// An open picture. Its pixels are decoded all at once when the first are asked for, and kept.
+/// An open picture. Its pixels are decoded all at once when the first are asked for, and kept; asking for all of
+/// them gives them away instead.
 pub(crate) struct WholeInput {
     name: &'static str,
     place: Place,
@@ -112,6 +113,12 @@ impl WholeInput {
         if let Some(pixels) = self.pixels.get() {
             return Ok(pixels);
         }
+        let pixels = self.decoded()?;
+        Ok(self.pixels.get_or_init(|| pixels))
+    }
+
+    /// Decodes the file.
+    fn decoded(&self) -> Result<Pixels> {
         let spec = &self.spec;
         let bytes = self.place.limits.check_read(&self.place.path, spec, spec.width, spec.height)?;
         let pixels = (self.decode)(&self.place, spec)?;
@@ -119,7 +126,7 @@ impl WholeInput {
             let what = format!("its pixels are {} values, not {bytes} bytes", pixels.len());
             return Err(self.place.malformed(what));
         }
-        Ok(self.pixels.get_or_init(|| pixels))
+        Ok(pixels)
     }
 }
 
@@ -146,8 +153,16 @@ impl ImageInput for WholeInput {
         }
         let row = self.spec.width as usize * self.spec.nchannels();
         let n = (y1 - y0) as usize * row;
+        if n == 0 {
+            return Ok(Pixels::zeros(self.spec.pixel_type, 0));
+        }
+        if y1 - y0 == self.spec.height && self.pixels.get().is_none() {
+            return self.decoded();
+        }
+        // Decoded, and with it checked, before the result is allocated.
+        let pixels = self.pixels()?;
         let mut out = Pixels::zeros(self.spec.pixel_type, n);
-        out.copy_from(0, self.pixels()?, y0 as usize * row, n);
+        out.copy_from(0, pixels, y0 as usize * row, n);
         Ok(out)
     }
 
