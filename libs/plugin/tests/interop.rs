@@ -176,9 +176,11 @@ fn blocks(folder: &Path, list: &mut String) {
         std::fs::write(&path, bytes).unwrap();
         let input = bundled_formats(Limits::default()).open(&path).unwrap();
         let n = input.spec(0, 0).unwrap().nchannels();
+        // Decoders round what lies between two end points one way or the other; BC7 leaves no choice.
+        let tolerance = if name == "bc7" { 1e-6 } else { 1.01 / 255.0 };
         let raw = folder.join(format!("{name}.f32"));
         floats(&raw, &input.read_level(0, 0).unwrap().to_floats());
-        writeln!(list, "{}\t0\t85\t61\t{n}\t{}\t1e-6", path.display(), raw.display()).unwrap();
+        writeln!(list, "{}\t0\t85\t61\t{n}\t{}\t{tolerance}", path.display(), raw.display()).unwrap();
     }
 }
 
