@@ -86,7 +86,7 @@ mod services;
 
 pub use error::ShadeError;
 pub use grid::{Grid, Lanes3, Message, Primvar, PrimvarData, RayKind, Topology};
-pub use link::{ConnectionSource, Group, LayerSource};
+pub use link::{ConnectionSource, Group, LayerSource, LinkOptions};
 pub use run::executor::Executor;
 pub use services::{
     Batch, EnvironmentQuery, IlluminateQuery, Lane, Lane3, LightInfo, LightResult, LightSample,

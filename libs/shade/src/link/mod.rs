@@ -7,5 +7,5 @@ mod wires;
 
 pub(crate) use analyse::usage_word;
 pub(crate) use group::{At, Layer, ParamPlan, Place};
-pub use group::{ConnectionSource, Group, LayerSource};
+pub use group::{ConnectionSource, Group, LayerSource, LinkOptions};
 pub(crate) use wires::{Tap, Wire};

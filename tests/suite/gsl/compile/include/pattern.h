@@ -1,0 +1,1 @@
+float stripes (float x, float n) { return mod (floor (x * n), 2); }

@@ -1,0 +1,126 @@
+//! What a shader finds around it when it runs without a renderer: one space, units that scale by their
+//! definition, lights by name, no textures and no rays.
+
+use granita_base::{Param, Reporter, Severity, Transform};
+use granita_shade::{
+    EnvironmentQuery, Executor, Grid, Group, IlluminateQuery, Lanes3, LightInfo, LightResult, LookupResult,
+    Services, ShadowQuery, TextureQuery,
+};
+use std::sync::Arc;
+
+/// The outside world of a run.
+pub(crate) struct Surroundings<'a> {
+    /// Lights, in the order they were given.
+    pub(crate) lights: &'a [Group],
+    /// Runs the lights.
+    pub(crate) executor: Executor,
+    /// The grid that is being shaded.
+    pub(crate) grid: Option<Grid>,
+    /// Takes messages; text of `printf` goes to `printed`.
+    pub(crate) reporter: &'a Reporter,
+    /// What `printf` printed.
+    pub(crate) printed: String,
+}
+
+impl Surroundings<'_> {
+    fn absent(&mut self, what: &str, lanes: usize, channels: usize, fill: f32, out: &mut LookupResult) {
+        self.unsupported(what);
+        out.value.resize(channels, Vec::new());
+        for channel in &mut out.value {
+            channel.clear();
+            channel.resize(lanes, fill);
+        }
+        out.alpha.clear();
+        out.alpha.resize(lanes, 0.0);
+    }
+}
+
+impl Services for Surroundings<'_> {
+    fn to_common(&mut self, space: &str, _: usize) -> Option<Transform> {
+        let known = ["shader", "object", "world", "common", "camera", "screen", "NDC", "raster"];
+        known.contains(&space).then_some(Transform::IDENTITY)
+    }
+
+    fn unit_scale(&mut self, from: &str, to: &str) -> Option<f32> {
+        // Common space measures centimetres and seconds.
+        let known = |name: &str| {
+            let length = |metres: f64| Some((metres, true));
+            let time = |seconds: f64| Some((seconds, false));
+            match name {
+                "common" | "world" | "object" | "shader" | "camera" | "cm" => length(0.01),
+                "um" => length(1e-6),
+                "mm" => length(1e-3),
+                "dm" => length(0.1),
+                "m" => length(1.0),
+                "km" => length(1e3),
+                "in" => length(0.0254),
+                "ft" => length(0.3048),
+                "yd" => length(0.9144),
+                "mi" => length(1609.344),
+                "ms" => time(1e-3),
+                "s" => time(1.0),
+                "min" => time(60.0),
+                "hr" => time(3600.0),
+                "frame" => time(1.0 / 24.0),
+                _ => None,
+            }
+        };
+        let (from, to) = (known(from)?, known(to)?);
+        (from.1 == to.1).then_some((from.0 / to.0) as f32)
+    }
+
+    fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult) {
+        let fill = query.options.fill.map_or(0.0, |f| f.get(0));
+        self.absent("texture without a renderer", query.batch.lanes, query.channels, fill, out);
+    }
+
+    fn environment(&mut self, query: &EnvironmentQuery<'_>, out: &mut LookupResult) {
+        let fill = query.options.fill.map_or(0.0, |f| f.get(0));
+        self.absent("environment without a renderer", query.batch.lanes, query.channels, fill, out);
+    }
+
+    fn shadow(&mut self, query: &ShadowQuery<'_>, out: &mut Lanes3) {
+        self.unsupported("shadow without a renderer");
+        for &i in query.batch.active {
+            out.set(i as usize, granita_base::Vec3::ZERO);
+        }
+    }
+
+    fn light_count(&mut self) -> usize {
+        self.lights.len()
+    }
+
+    fn light_info(&mut self, index: usize) -> LightInfo {
+        let light = &self.lights[index];
+        LightInfo {
+            ambient: !light.has_emit(),
+            category: light.param_string("__category").unwrap_or_default(),
+        }
+    }
+
+    fn illuminate(&mut self, index: usize, query: &IlluminateQuery<'_>) -> Arc<LightResult> {
+        let lights = self.lights;
+        let Some(grid) = self.grid.take() else { return Arc::default() };
+        let mut executor = std::mem::take(&mut self.executor);
+        let result = executor.run_light(&lights[index], &grid, query, self);
+        self.executor = executor;
+        self.grid = Some(grid);
+        Arc::new(result)
+    }
+
+    fn attribute(&mut self, _: &str) -> Option<Param> {
+        None
+    }
+
+    fn texture_info(&mut self, _: &str, _: &str) -> Option<Param> {
+        None
+    }
+
+    fn say(&mut self, severity: Severity, text: &str) {
+        if severity == Severity::Message {
+            self.printed.push_str(text);
+        } else {
+            self.reporter.once(text, severity, &granita_base::Location::default(), text);
+        }
+    }
+}
