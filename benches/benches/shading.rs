@@ -153,10 +153,8 @@ fn main() {
 
 fn speed() {
     println!("{N}-point grids, ns per point      unoptimised  optimised  Rust   ratio");
-    let cases: [(&str, &str, fn(&Grid, &mut Lanes3)); 2] = [
-        ("procedural", PROCEDURAL, by_hand::procedural),
-        ("arithmetic", ARITHMETIC, by_hand::arithmetic),
-    ];
+    let cases: [(&str, &str, fn(&Grid, &mut Lanes3)); 2] =
+        [("procedural", PROCEDURAL, by_hand::procedural), ("arithmetic", ARITHMETIC, by_hand::arithmetic)];
     for (name, source, by_hand) in cases {
         let (plain, _) = shader_cost(source, false);
         let (better, colors) = shader_cost(source, true);
@@ -175,11 +173,33 @@ fn speed() {
 fn functions() {
     println!("\nfunction                ns per point and call");
     for call in [
-        "sin (x)", "cos (x)", "tan (x)", "asin (x)", "acos (x)", "atan (x)", "atan (x, v)", "exp (x)", "log (x)",
-        "pow (x, v)", "tanh (x)", "erf (x)", "sqrt (x)", "floor (x)", "mod (x, v)", "noise (x)", "noise (x, v)",
-        "noise (P)", "noise (P, x)", "cnoise (P)", "pnoise (P, point (3, 4, 5))",
-        "smoothstep (0, 1, x)", "spline (x, 0, 1, 2, 1, 0, 1)",
-        "length (P)", "length (normalize (N))", "luminance ((color) noise (P))", "filterwidth (x)",
+        "sin (x)",
+        "cos (x)",
+        "tan (x)",
+        "asin (x)",
+        "acos (x)",
+        "atan (x)",
+        "atan (x, v)",
+        "exp (x)",
+        "log (x)",
+        "pow (x, v)",
+        "tanh (x)",
+        "erf (x)",
+        "sqrt (x)",
+        "floor (x)",
+        "mod (x, v)",
+        "noise (x)",
+        "noise (x, v)",
+        "noise (P)",
+        "noise (P, x)",
+        "cnoise (P)",
+        "pnoise (P, point (3, 4, 5))",
+        "smoothstep (0, 1, x)",
+        "spline (x, 0, 1, 2, 1, 0, 1)",
+        "length (P)",
+        "length (normalize (N))",
+        "luminance ((color) noise (P))",
+        "filterwidth (x)",
     ] {
         let cost = |times: usize| {
             let body = format!("x = {call} * 0.5 + u;").repeat(times);
@@ -190,7 +210,8 @@ fn functions() {
 }
 
 fn compiling() {
-    let mut source = String::from("surface long (float a = 1, float b = 2) {\n    float x = u, y = v; color c = 0;\n");
+    let mut source =
+        String::from("surface long (float a = 1, float b = 2) {\n    float x = u, y = v; color c = 0;\n");
     for k in 0..62 {
         source += &format!(
             "    float f{k} (float q) {{\n        return q * {k} + noise (P * q);\n    }}\n    if (x > {k} / 62) {{\n        \
@@ -236,9 +257,18 @@ fn noise_statistics() {
         (0..200_000).map(|i| Vec3::new(random(i, 0), random(i, 1), random(i, 2)) * 1000.0).collect();
     println!("\nnoise                       mean   deviation       min       max");
     for expression in [
-        "noise (P[0])", "noise (P[0], P[1])", "noise (P)", "noise (P, P[0] * 7.3)",
-        "snoise (P[0])", "snoise (P[0], P[1])", "snoise (P)", "snoise (P, P[0] * 7.3)",
-        "cnoise (P)", "pnoise (P, point (7, 8, 9))", "psnoise (P, point (7, 8, 9))", "random (P)",
+        "noise (P[0])",
+        "noise (P[0], P[1])",
+        "noise (P)",
+        "noise (P, P[0] * 7.3)",
+        "snoise (P[0])",
+        "snoise (P[0], P[1])",
+        "snoise (P)",
+        "snoise (P, P[0] * 7.3)",
+        "cnoise (P)",
+        "pnoise (P, point (7, 8, 9))",
+        "psnoise (P, point (7, 8, 9))",
+        "random (P)",
     ] {
         let v = values(expression, &points);
         let mean = v.iter().map(|x| f64::from(*x)).sum::<f64>() / v.len() as f64;
@@ -250,8 +280,12 @@ fn noise_statistics() {
     println!("\nsnoise (P): mean square of the change over a step of 0.1, by direction");
     let base = values("snoise (P)", &points);
     for (name, direction) in [
-        ("x", Vec3::X), ("y", Vec3::Y), ("z", Vec3::Z),
-        ("x + y", Vec3::new(1.0, 1.0, 0.0)), ("x + y + z", Vec3::ONE), ("x - 2 y + z", Vec3::new(1.0, -2.0, 1.0)),
+        ("x", Vec3::X),
+        ("y", Vec3::Y),
+        ("z", Vec3::Z),
+        ("x + y", Vec3::new(1.0, 1.0, 0.0)),
+        ("x + y + z", Vec3::ONE),
+        ("x - 2 y + z", Vec3::new(1.0, -2.0, 1.0)),
     ] {
         let moved: Vec<Vec3> = points.iter().map(|p| *p + direction.normalize() * 0.1).collect();
         let other = values("snoise (P)", &moved);
@@ -269,7 +303,8 @@ fn spectrum() {
     let mut power = vec![0.0; M / 2];
     for line in 0..24 {
         let origin = Vec3::new(random(line, 0), random(line, 1), random(line, 2)) * 300.0;
-        let direction = Vec3::new(random(line, 3) - 0.5, random(line, 4) - 0.5, random(line, 5) - 0.5).normalize();
+        let direction =
+            Vec3::new(random(line, 3) - 0.5, random(line, 4) - 0.5, random(line, 5) - 0.5).normalize();
         // 32 units long, 16 samples a unit.
         let points: Vec<Vec3> = (0..M).map(|i| origin + direction * (i as f32 / 16.0)).collect();
         let v = values("snoise (P)", &points);

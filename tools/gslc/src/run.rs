@@ -81,7 +81,9 @@ fn try_run(options: &Options) -> Result<Status, String> {
     }
     let output = match &options.output {
         Some(name) => name.clone(),
-        None => format!("{}.exr", Path::new(&options.source).file_stem().unwrap_or_default().to_string_lossy()),
+        None => {
+            format!("{}.exr", Path::new(&options.source).file_stem().unwrap_or_default().to_string_lossy())
+        }
     };
     if output != "null" {
         write(&picture, Path::new(&output))?;
@@ -156,7 +158,9 @@ fn wanted(group: &Group, asked: Option<&str>) -> Result<(String, ValueType), Str
         return Ok((name.to_owned(), *ty));
     }
     match group.output_type(name) {
-        Some(ValueType::String) | None => Err(format!("the shader has no numeric output parameter \"{name}\"")),
+        Some(ValueType::String) | None => {
+            Err(format!("the shader has no numeric output parameter \"{name}\""))
+        }
         Some(ty) => Ok((name.to_owned(), ty)),
     }
 }
@@ -194,8 +198,12 @@ fn shade(
     reporter: &Reporter,
 ) -> (Picture, Duration) {
     let channels = ty.components();
-    let mut picture =
-        Picture { width: size[0], height: size[1], channels, values: vec![0.0; channels * size[0] * size[1]] };
+    let mut picture = Picture {
+        width: size[0],
+        height: size[1],
+        channels,
+        values: vec![0.0; channels * size[0] * size[1]],
+    };
     let mut executor = Executor::new();
     let mut around =
         Surroundings { lights, executor: Executor::new(), grid: None, reporter, printed: String::new() };
@@ -270,9 +278,8 @@ fn write(picture: &Picture, path: &Path) -> Result<(), String> {
         .ok_or_else(|| format!("{}: no image format has this extension", path.display()))?;
     let pixel_type = format.output_type(PixelType::Float);
     let spec = ImageSpec::new(picture.width as u32, picture.height as u32, picture.channels, pixel_type);
-    let mut file = format
-        .create(path, &CreateOptions { spec: &spec, levels: 1 })
-        .map_err(|e| e.to_string())?;
+    let mut file =
+        format.create(path, &CreateOptions { spec: &spec, levels: 1 }).map_err(|e| e.to_string())?;
     file.write_rows(&Pixels::from_floats(pixel_type, &picture.values)).map_err(|e| e.to_string())?;
     file.close().map_err(|e| e.to_string())
 }

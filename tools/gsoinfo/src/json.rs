@@ -29,7 +29,8 @@ fn parameter(arg: &Arg) -> Value {
     object.insert("output".into(), json!(arg.is_output));
     if let Some(default) = &arg.default {
         let mut values = elements(arg.ty.value, &default.value);
-        let value = if arg.ty.array.is_none() && values.len() == 1 { values.remove(0) } else { values.into() };
+        let value =
+            if arg.ty.array.is_none() && values.len() == 1 { values.remove(0) } else { values.into() };
         object.insert("default".into(), value);
         if let Some(space) = &default.space {
             object.insert("space".into(), json!(&**space));

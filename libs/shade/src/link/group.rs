@@ -2,11 +2,12 @@
 
 use super::analyse::{Facts, analyse};
 use super::given::given;
+use super::optimize::{Known, is_inert, optimize};
 use super::wires::{End, Named, Tap, Wire, compatible, refuse, resolve};
 use crate::ShadeError;
 use crate::run::strings::Strings;
 use granita_base::{Params, Severity};
-use granita_gsl::ir::{ConstValue, Global, Module, ShaderKind, SymbolId, SymbolKind, ValueType};
+use granita_gsl::ir::{Block, ConstValue, Global, Module, ShaderKind, SymbolId, SymbolKind, ValueType};
 use std::collections::HashSet;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -93,6 +94,20 @@ pub(crate) struct Layer {
     pub(crate) globals: Vec<Wire>,
     /// Globals that later layers take as this layer leaves them, and where they are kept.
     pub(crate) kept: Vec<(Global, u32)>,
+    /// Better code, for grids where no primitive variable replaces what it relies on.
+    pub(crate) better: Option<BetterCode>,
+    /// Does nothing but compute its parameters: need not run when nobody takes one.
+    pub(crate) inert: bool,
+    /// Layers (by number) that take something from this one.
+    pub(crate) feeds: Vec<usize>,
+}
+
+/// Optimised code of a layer.
+#[derive(Debug)]
+pub(crate) struct BetterCode {
+    pub(crate) body: Block,
+    /// Parameters (by number) whose values it relies on.
+    pub(crate) assumed: Vec<usize>,
 }
 
 /// Shaders that run one after the other on the same points, ready to run. Immutable and shared by all
@@ -159,7 +174,7 @@ impl Group {
         };
         let wires = resolve_all(layers, connections, report);
         for (k, source) in layers.iter().enumerate() {
-            group.add_layer(k, source, &wires, report)?;
+            group.add_layer(k, source, &wires, options, report)?;
         }
         for wire in &wires {
             group.add_wire(wire);
@@ -169,7 +184,6 @@ impl Group {
             return Err(ShadeError::Limit { what: "numbers per point", asked: numbers, max: MAX_NUMBERS });
         }
         group.summarise();
-        let _ = options;
         Ok(group)
     }
 
@@ -268,6 +282,32 @@ impl Group {
         self.keeps = true;
     }
 
+    /// Whether a layer need not run: it only computes parameters, and nobody takes one of them.
+    pub(crate) fn is_idle(&self, layer: usize, wanted: &[(&str, ValueType)]) -> bool {
+        let l = &self.layers[layer];
+        l.inert
+            && !self.keeps
+            && !l.params.iter().zip(&l.module.params).any(|(p, decl)| {
+                // A symbol of this name may be asked for.
+                decl.output && wanted.iter().any(|(name, _)| *name == &*p.name)
+            })
+            && l.kept.is_empty()
+            && l.feeds.iter().all(|&target| self.is_idle(target, wanted))
+    }
+
+    /// Layers, by number, that a run with these wanted results leaves out.
+    pub fn idle_layers(&self, wanted: &[(&str, ValueType)]) -> Vec<usize> {
+        (0..self.layers.len()).filter(|&k| self.is_idle(k, wanted)).collect()
+    }
+
+    /// How many operations the code of all layers has, each counted once however often it runs.
+    pub fn operations(&self) -> usize {
+        self.layers
+            .iter()
+            .map(|l| super::optimize::operations(l.better.as_ref().map_or(&l.module.body, |b| &b.body)))
+            .sum()
+    }
+
     /// Whether this is the first call with this cause: for messages said once.
     pub(crate) fn first_time(&self, cause: String) -> bool {
         self.said.lock().unwrap_or_else(PoisonError::into_inner).insert(cause)
@@ -279,6 +319,7 @@ impl Group {
         index: usize,
         source: &LayerSource<'_>,
         wires: &[Resolved],
+        options: LinkOptions,
         report: &mut dyn FnMut(Severity, String),
     ) -> Result<(), ShadeError> {
         let module = &source.module;
@@ -314,8 +355,19 @@ impl Group {
                 wires: Vec::new(),
             });
         }
-        let mut places = Vec::with_capacity(module.symbols.len());
-        for (k, symbol) in module.symbols.iter().enumerate() {
+        let better = if options.optimize {
+            let known: Vec<Known> =
+                params.iter().enumerate().map(|(k, p)| self.known(index, k, p, module, wires)).collect();
+            let better = optimize(module, &known);
+            let facts = analyse(&better.module)?;
+            Some((better, facts))
+        } else {
+            None
+        };
+        let symbols = better.as_ref().map_or(&module.symbols, |(b, _)| &b.module.symbols);
+        lengths.resize(symbols.len(), 1);
+        let mut places = Vec::with_capacity(symbols.len());
+        for (k, symbol) in symbols.iter().enumerate() {
             let at = match &symbol.kind {
                 SymbolKind::Global(g) => At::Slot(*g as u32),
                 SymbolKind::Const(value) => At::Const(self.constant(value)),
@@ -337,17 +389,42 @@ impl Group {
                 value: symbol.ty.value,
                 elements: lengths[k].max(1),
                 array: symbol.ty.array.is_some(),
-                scratch: self.facts[index].scratch[k],
+                // Either code may run.
+                scratch: self.facts[index].scratch.get(k).is_none_or(|s| *s)
+                    && better.as_ref().is_none_or(|(_, facts)| facts.scratch[k]),
             });
         }
+        let inert = options.optimize
+            && is_inert(&module.body, &module.symbols)
+            && module.params.iter().all(|p| is_inert(&p.init, &module.symbols));
         self.layers.push(Layer {
             module: module.clone(),
             places,
             params,
             globals: Vec::new(),
             kept: Vec::new(),
+            better: better.map(|(b, _)| BetterCode { body: b.module.body, assumed: b.assumed }),
+            inert,
+            feeds: wires.iter().filter(|w| w.source_layer == index).map(|w| w.target_layer).collect(),
         });
         Ok(())
+    }
+
+    /// What is known of a parameter before a layer runs, as long as no primitive variable replaces it.
+    fn known(&self, layer: usize, k: usize, plan: &ParamPlan, module: &Module, wires: &[Resolved]) -> Known {
+        if wires.iter().any(|w| w.target_layer == layer && w.target.end == End::Param(k)) {
+            return Known::Unknown;
+        }
+        let Some(values) = &plan.given else { return Known::Default };
+        match module.symbol(plan.symbol).ty.value {
+            ValueType::Float | ValueType::Color => Known::Given(ConstValue::Floats(values.clone())),
+            ValueType::String => {
+                let text = |id: &f32| self.strings.text(*id).cloned().unwrap_or_default();
+                Known::Given(ConstValue::Strings(values.iter().map(text).collect()))
+            }
+            // Given in "shader" space, wherever that will be.
+            _ => Known::Unknown,
+        }
     }
 
     /// True length of a variable-length parameter (reference 5.3.2), `own` without connections.

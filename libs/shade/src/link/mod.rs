@@ -3,6 +3,7 @@
 mod analyse;
 mod given;
 mod group;
+mod optimize;
 mod wires;
 
 pub(crate) use analyse::usage_word;

@@ -45,7 +45,7 @@ impl Executor {
         machine.mask.fill(n);
         machine.base = n;
         machine.prepare(None);
-        machine.layers(true);
+        machine.layers(true, Some(wanted));
         let results = wanted.iter().map(|(name, ty)| machine.output(name, *ty)).collect();
         let messages = machine.messages();
         machine.finish();
@@ -73,7 +73,7 @@ impl Executor {
         machine.base = machine.mask.count();
         machine.emitted = Some(LightResult::default());
         machine.prepare(Some(query));
-        machine.layers(false);
+        machine.layers(false, None);
         let mut result = machine.emitted.take().unwrap_or_default();
         if !group.has_emit() {
             result.ambient = Some(machine.lanes3_of(Global::Cl as usize));
@@ -138,22 +138,36 @@ fn machine<'a>(
 }
 
 impl Machine<'_> {
-    /// Runs all layers in order. `primvars`: parameters take primitive variables.
-    fn layers(&mut self, primvars: bool) {
+    /// Runs all layers in order. `primvars`: parameters take primitive variables. `wanted`: results that will
+    /// be asked for; layers that nobody needs for them are left out (none without it).
+    fn layers(&mut self, primvars: bool, wanted: Option<&[(&str, ValueType)]>) {
         let mut all = self.borrow_mask();
         all.copy_from(&self.mask);
         for layer in 0..self.group.layers.len() {
+            if wanted.is_some_and(|wanted| self.group.is_idle(layer, wanted)) {
+                continue;
+            }
             self.layer = layer;
             self.mask.copy_from(&all);
             self.bind_params(primvars);
             // An initialiser cannot leave the shader, but a damaged one must not stop it.
             self.mask.copy_from(&all);
-            let body = &self.code().module.body;
+            let code = self.code();
+            let body = match &code.better {
+                Some(better) if !primvars || !self.replaces(&better.assumed) => &better.body,
+                _ => &code.module.body,
+            };
             self.block(body);
             self.keep_globals();
         }
         self.mask.copy_from(&all);
         self.return_mask(all);
+    }
+
+    /// Whether a primitive variable is called as one of the layer's parameters of these numbers.
+    fn replaces(&self, params: &[usize]) -> bool {
+        let code = self.code();
+        self.grid.primvars.iter().any(|v| params.iter().any(|&k| code.params[k].name == v.name))
     }
 
     /// Gives memory back.

@@ -7,7 +7,7 @@ use granita_shade::{Batch, Executor, Grid, IlluminateQuery, Lane3, Lanes3, Topol
 use std::path::Path;
 
 /// Name and source of every bundled shader, in alphabetical order.
-fn shaders() -> Vec<(String, String)> {
+pub(crate) fn shaders() -> Vec<(String, String)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shaders");
     let mut list: Vec<_> = std::fs::read_dir(folder)
         .expect("the shaders' folder")

@@ -34,13 +34,22 @@ fn expression() -> impl Strategy<Value = String> {
             e.clone().prop_map(|a| format!("sin ({a})")),
             e.clone().prop_map(|a| format!("deltau ({a})")),
             e.clone().prop_map(|a| format!("smoothstep (-1, 1, {a})")),
+            (e.clone(), e.clone()).prop_map(|(a, b)| format!("pow (abs ({a}), {b})")),
+            (e.clone(), e.clone()).prop_map(|(a, b)| format!("atan ({a}, {b})")),
+            (e.clone(), e.clone()).prop_map(|(a, b)| format!("mod ({a}, {b})")),
+            e.clone().prop_map(|a| format!("exp (cos ({a}))")),
+            e.clone().prop_map(|a| format!("log (abs ({a}))")),
+            e.clone().prop_map(|a| format!("determinant (matrix ({a}) * matrix (2))")),
+            e.clone().prop_map(|a| format!("floor ({a} * 2.5)")),
+            e.clone().prop_map(|a| format!("aastep ({a}, u)")),
+            e.clone().prop_map(|a| format!("snoise (point ({a}, v, {a}))")),
             (e.clone(), e).prop_map(|(a, b)| format!("spline ({a}, 0, {b}, 2, 1, 0)")),
         ]
     })
 }
 
 /// Statements that change x and y.
-fn statement() -> impl Strategy<Value = String> {
+pub(crate) fn statement() -> impl Strategy<Value = String> {
     let simple = prop_oneof![
         expression().prop_map(|e| format!("x = {e};")),
         expression().prop_map(|e| format!("y += {e};")),

@@ -10,3 +10,4 @@ mod layers;
 mod lights;
 mod lookups;
 mod messages;
+mod optimise;

@@ -1,0 +1,122 @@
+//! What nobody reads is left out; what does not change in a loop moves in front of it.
+
+use super::effects::{Effect, effect, is_partial, may_complain, written};
+use super::{blocks, blocks_mut, operands_mut};
+use granita_gsl::ir::{Block, Op, Stmt, Symbol, SymbolId, SymbolKind};
+
+/// Removes operations whose results are never read, and conditions around nothing.
+pub(super) fn remove(block: &mut Block, symbols: &[Symbol]) {
+    loop {
+        let mut read = vec![false; symbols.len()];
+        reads(block, &mut |s| read[s.0 as usize] = true);
+        if !sweep(block, symbols, &read) {
+            return;
+        }
+    }
+}
+
+/// Calls `f` for each symbol that is read.
+fn reads(block: &Block, f: &mut dyn FnMut(SymbolId)) {
+    for stmt in block {
+        match stmt {
+            Stmt::Op(op) => op.args.iter().for_each(|&s| f(s)),
+            Stmt::Loop { cond: Some(cond), .. } => f(*cond),
+            _ => {}
+        }
+        let inside = blocks(stmt);
+        if !inside.is_empty() {
+            // Operands are found through the one list of them.
+            let mut head = head(stmt);
+            operands_mut(&mut head, |s| f(*s));
+        }
+        inside.into_iter().for_each(|b| reads(b, f));
+    }
+}
+
+/// A statement without the code inside.
+fn head(stmt: &Stmt) -> Stmt {
+    match stmt {
+        Stmt::If { cond, .. } => Stmt::If { cond: *cond, then: vec![], otherwise: vec![] },
+        Stmt::Lights { category, position, cone, at, .. } => {
+            Stmt::Lights { category: *category, position: *position, cone: *cone, body: vec![], at: *at }
+        }
+        Stmt::Emit { form, at, .. } => Stmt::Emit { form: *form, body: vec![], at: *at },
+        Stmt::Trace { set, position, axis, angle, samples, options, at, .. } => Stmt::Trace {
+            set: *set,
+            position: *position,
+            axis: *axis,
+            angle: *angle,
+            samples: *samples,
+            options: options.clone(),
+            body: vec![],
+            at: *at,
+        },
+        _ => Stmt::Exit,
+    }
+}
+
+/// Whether something was removed.
+fn sweep(block: &mut Block, symbols: &[Symbol], read: &[bool]) -> bool {
+    let before = block.len();
+    let mut changed = false;
+    for stmt in &mut *block {
+        for inside in blocks_mut(stmt) {
+            changed |= sweep(inside, symbols, read);
+        }
+    }
+    block.retain(|stmt| match stmt {
+        Stmt::Op(op) => !is_dead(op, symbols, read),
+        Stmt::If { then, otherwise, .. } => !then.is_empty() || !otherwise.is_empty(),
+        _ => true,
+    });
+    changed || block.len() != before
+}
+
+fn is_dead(op: &Op, symbols: &[Symbol], read: &[bool]) -> bool {
+    let Some(dst) = op.dst else { return false };
+    let own = matches!(symbols[dst.0 as usize].kind, SymbolKind::Local | SymbolKind::Temp);
+    // A copy of itself changes nothing.
+    let idle = op.code == granita_gsl::ir::OpCode::Assign && op.args[0] == dst;
+    idle || own && !read[dst.0 as usize] && effect(op, symbols) < Effect::Bound
+}
+
+/// Moves what a loop computes again and again to the same result in front of it.
+pub(super) fn hoist(block: &mut Block, symbols: &[Symbol]) {
+    let mut writes = vec![0_u32; symbols.len()];
+    for stmt in &*block {
+        written(stmt, symbols, &mut |s| writes[s.0 as usize] += 1);
+    }
+    hoist_in(block, symbols, &writes);
+}
+
+fn hoist_in(block: &mut Block, symbols: &[Symbol], writes: &[u32]) {
+    let mut out = Vec::with_capacity(block.len());
+    for mut stmt in std::mem::take(block) {
+        for inside in blocks_mut(&mut stmt) {
+            hoist_in(inside, symbols, writes);
+        }
+        if matches!(stmt, Stmt::Loop { .. }) {
+            let mut changing = vec![false; symbols.len()];
+            written(&stmt, symbols, &mut |s| changing[s.0 as usize] = true);
+            for inside in blocks_mut(&mut stmt) {
+                inside.retain(|stmt| {
+                    let Stmt::Op(op) = stmt else { return true };
+                    let Some(dst) = op.dst else { return true };
+                    let fixed = matches!(symbols[dst.0 as usize].kind, SymbolKind::Temp)
+                        && writes[dst.0 as usize] == 1
+                        && effect(op, symbols) <= Effect::Steady
+                        && !is_partial(op, symbols)
+                        && !may_complain(op, symbols)
+                        && op.args.iter().all(|s| !changing[s.0 as usize]);
+                    if fixed {
+                        changing[dst.0 as usize] = false;
+                        out.push(stmt.clone());
+                    }
+                    !fixed
+                });
+            }
+        }
+        out.push(stmt);
+    }
+    *block = out;
+}
