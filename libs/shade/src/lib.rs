@@ -75,7 +75,7 @@
 //! # Ok::<(), ShadeError>(())
 //! ```
 
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 mod error;
 mod grid;

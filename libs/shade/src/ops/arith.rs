@@ -3,7 +3,9 @@
 use super::{binary, component, compute, compute_as, matrix, spaces, unary};
 use crate::link::At;
 use crate::run::kernel::{blend, blend_one, fold2, map1};
+use crate::run::lanes::{Binary, Unary};
 use crate::run::machine::{Machine, promote};
+use crate::run::simd;
 use crate::run::store::Out;
 use granita_gsl::ir::{Op, OpCode, SymbolId, ValueType};
 
@@ -13,19 +15,19 @@ pub(super) fn run(m: &mut Machine<'_>, op: &Op) {
     let matrices = m.type_of(dst) == ValueType::Matrix;
     match op.code {
         OpCode::Assign => assign(m, dst, op.args[0]),
-        OpCode::Neg => unary(m, op, |x| -x),
-        OpCode::Add => binary(m, op, |a, b| a + b),
-        OpCode::Sub => binary(m, op, |a, b| a - b),
+        OpCode::Neg => unary(m, op, Unary::Neg),
+        OpCode::Add => binary(m, op, Binary::Add),
+        OpCode::Sub => binary(m, op, Binary::Sub),
         OpCode::Mul if matrices => matrix::product(m, op, false),
         OpCode::Div if matrices => matrix::product(m, op, true),
-        OpCode::Mul => binary(m, op, |a, b| a * b),
-        OpCode::Div => binary(m, op, |a, b| a / b),
+        OpCode::Mul => binary(m, op, Binary::Mul),
+        OpCode::Div => binary(m, op, Binary::Div),
         OpCode::Eq => equal(m, op, 1.0),
         OpCode::Ne => equal(m, op, 0.0),
-        OpCode::Lt => binary(m, op, |a, b| f32::from(a < b)),
-        OpCode::Le => binary(m, op, |a, b| f32::from(a <= b)),
-        OpCode::Gt => binary(m, op, |a, b| f32::from(a > b)),
-        OpCode::Ge => binary(m, op, |a, b| f32::from(a >= b)),
+        OpCode::Lt => binary(m, op, Binary::Lt),
+        OpCode::Le => binary(m, op, Binary::Le),
+        OpCode::Gt => binary(m, op, Binary::Gt),
+        OpCode::Ge => binary(m, op, Binary::Ge),
         OpCode::Truth => truth(m, op, 1.0),
         OpCode::Not => truth(m, op, 0.0),
         OpCode::Index => index(m, op),
@@ -44,6 +46,9 @@ pub(crate) fn assign(m: &mut Machine<'_>, dst: SymbolId, from: SymbolId) {
     let ty = m.type_of(dst);
     let size = ty.components();
     let elements = m.place(dst).elements as usize;
+    if super::pass(m, dst, &[from], |out, [a, ..], _| simd::unary(Unary::Copy, out, a)) {
+        return;
+    }
     let varying = m.view(from).varying;
     let mut out = m.out(varying, size * elements);
     let v = m.view(from);
@@ -282,6 +287,14 @@ fn construct(m: &mut Machine<'_>, op: &Op, dst: SymbolId) {
     let size = ty.components();
     if named && ty != ValueType::Float {
         return spaces::construct(m, op, dst, parts);
+    }
+    if size == 3
+        && super::pass(m, dst, parts, |out, lanes, c| {
+            let lane = if parts.len() == 1 { lanes[0] } else { lanes[c] };
+            simd::unary(Unary::Copy, out, lane);
+        })
+    {
+        return;
     }
     let varying = m.varies(parts);
     compute_as(m, dst, varying, size, |m, out, _| {

@@ -1,8 +1,10 @@
 //! Geometric functions (reference 5.8.3) that need no spaces.
 
 use super::{compute, compute_as};
-use crate::run::kernel::{fold2, map1, map2};
+use crate::run::kernel::{fold2, map2};
+use crate::run::lanes::Unary;
 use crate::run::machine::Machine;
+use crate::run::simd;
 use granita_base::{Transform, Vec3};
 use granita_gsl::Func;
 use granita_gsl::ir::{Global, Op, SymbolId};
@@ -14,12 +16,7 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
         Func::Cross => cross(m, op),
         Func::Length => compute(m, op, 1, |m, out, _| {
             let a = m.view(op.args[0]);
-            let part = out.part(0);
-            part.fill(0.0);
-            for c in 0..3 {
-                fold2(part, a.lane(c), a.lane(c), |o, x, y| o + x * y);
-            }
-            part.iter_mut().for_each(|x| *x = x.sqrt());
+            simd::length(out.part(0), a.triple().xyz);
         }),
         Func::Distance => distance(m, op),
         Func::Normalize => normalize(m, op),
@@ -35,11 +32,7 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
 fn dot(m: &mut Machine<'_>, op: &Op) {
     compute(m, op, 1, |m, out, _| {
         let (a, b) = (m.view(op.args[0]), m.view(op.args[1]));
-        let part = out.part(0);
-        map2(part, a.lane(0), b.lane(0), |x, y| x * y);
-        for c in 1..3 {
-            fold2(part, a.lane(c), b.lane(c), |o, x, y| o + x * y);
-        }
+        simd::dot(out.part(0), a.triple().xyz, b.triple().xyz);
     });
 }
 
@@ -58,17 +51,10 @@ fn cross(m: &mut Machine<'_>, op: &Op) {
 fn normalize(m: &mut Machine<'_>, op: &Op) {
     compute(m, op, 3, |m, out, _| {
         let a = m.view(op.args[0]);
-        let [x, y, z] = out.parts3();
-        map1(x, a.lane(0), |v| v);
-        map1(y, a.lane(1), |v| v);
-        map1(z, a.lane(2), |v| v);
-        for ((x, y), z) in x.iter_mut().zip(y).zip(z) {
-            let length = (*x * *x + *y * *y + *z * *z).sqrt();
-            let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
-            *x *= scale;
-            *y *= scale;
-            *z *= scale;
+        for c in 0..3 {
+            simd::unary(Unary::Copy, out.part(c), a.lane(c));
         }
+        simd::normalize(out.parts3());
     });
 }
 

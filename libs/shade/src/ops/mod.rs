@@ -24,9 +24,11 @@ mod spline;
 mod text;
 
 use crate::Lane;
-use crate::run::kernel::{map1, map2, map3};
+use crate::link::At;
+use crate::run::lanes::{Binary, Ternary, Unary};
 use crate::run::machine::Machine;
-use crate::run::store::{Out, View, Work};
+use crate::run::simd;
+use crate::run::store::{Out, Slot, View, Work};
 use granita_gsl::Func;
 use granita_gsl::ir::{Op, OpCode, SymbolId, ValueType};
 
@@ -158,45 +160,107 @@ fn sparse(m: &Machine<'_>, varying: bool) -> bool {
     varying && m.mask.count() * 4 < m.n
 }
 
+/// A plain operation, component by component, straight into the register of its result: possible when all
+/// lanes may be written, operands are single values and none of them is the result. `f` computes one
+/// component, whose number it gets; whether it was done.
+fn pass(
+    m: &mut Machine<'_>,
+    dst: SymbolId,
+    args: &[SymbolId],
+    f: impl Fn(&mut [f32], [Lane<'_>; 3], usize),
+) -> bool {
+    let code = m.code();
+    let place = &code.places[dst.0 as usize];
+    let At::Slot(slot) = place.at else { return false };
+    let matrix = |t: ValueType| t == ValueType::Matrix;
+    if place.array || matrix(place.value) || args.len() > 3 || !(place.scratch || m.whole()) {
+        return false;
+    }
+    for arg in args {
+        let from = &code.places[arg.0 as usize];
+        if from.at == place.at || from.array || matrix(from.value) {
+            return false;
+        }
+    }
+    let varying = m.varies(args);
+    let (size, width) = (place.value.components(), if varying { m.n } else { 1 });
+    let mut data = std::mem::take(&mut m.st.slots[slot as usize].data);
+    data.resize(size * width, 0.0);
+    const NONE: Lane<'static> = Lane { values: &[0.0], stride: 0 };
+    let views = [0, 1, 2].map(|k| args.get(k).map(|&s| m.view(s)));
+    for (c, out) in data.chunks_exact_mut(width).enumerate() {
+        f(out, views.map(|v| v.map_or(NONE, |v| v.lane(c))), c);
+    }
+    m.st.slots[slot as usize] = Slot { data, varying };
+    true
+}
+
 /// Component by component of one operand.
-fn unary(m: &mut Machine<'_>, op: &Op, f: impl Fn(f32) -> f32) {
-    let Some(ty) = result_type(m, op) else { return };
+fn unary(m: &mut Machine<'_>, op: &Op, f: Unary) {
+    let Some(dst) = op.dst else { return };
+    if pass(m, dst, &op.args[..1], |out, [a, ..], _| simd::unary(f, out, a)) {
+        return;
+    }
+    let ty = m.type_of(dst);
     compute(m, op, ty.components(), |m, out, work| {
         let a = m.view(op.args[0]);
         for c in 0..ty.components() {
             let a = component(&a, c, ty);
             if sparse(m, out.varying) {
-                work.each(|i| out.set(c, i, f(a.get(i))));
+                work.each(|i| out.set(c, i, alone(|o| simd::unary(f, o, single(&[a.get(i)])))));
             } else {
-                map1(out.part(c), a, &f);
+                simd::unary(f, out.part(c), a);
             }
         }
     });
 }
 
 /// Component by component of two operands.
-fn binary(m: &mut Machine<'_>, op: &Op, f: impl Fn(f32, f32) -> f32) {
-    let Some(ty) = result_type(m, op) else { return };
+fn binary(m: &mut Machine<'_>, op: &Op, f: Binary) {
+    let Some(dst) = op.dst else { return };
+    if pass(m, dst, &op.args[..2], |out, [a, b, _], _| simd::binary(f, out, a, b)) {
+        return;
+    }
+    let ty = m.type_of(dst);
     compute(m, op, ty.components(), |m, out, work| {
         let (a, b) = (m.view(op.args[0]), m.view(op.args[1]));
         for c in 0..ty.components() {
             let (a, b) = (component(&a, c, ty), component(&b, c, ty));
             if sparse(m, out.varying) {
-                work.each(|i| out.set(c, i, f(a.get(i), b.get(i))));
+                work.each(|i| {
+                    let v = alone(|o| simd::binary(f, o, single(&[a.get(i)]), single(&[b.get(i)])));
+                    out.set(c, i, v);
+                });
             } else {
-                map2(out.part(c), a, b, &f);
+                simd::binary(f, out.part(c), a, b);
             }
         }
     });
 }
 
 /// Component by component of three operands; of the third, a float stands for all components.
-fn ternary(m: &mut Machine<'_>, op: &Op, f: impl Fn(f32, f32, f32) -> f32) {
-    let Some(ty) = result_type(m, op) else { return };
+fn ternary(m: &mut Machine<'_>, op: &Op, f: Ternary) {
+    let Some(dst) = op.dst else { return };
+    if pass(m, dst, &op.args[..3], |out, [a, b, c], _| simd::ternary(f, out, a, b, c)) {
+        return;
+    }
+    let ty = m.type_of(dst);
     compute(m, op, ty.components(), |m, out, _| {
         let (a, b, t) = (m.view(op.args[0]), m.view(op.args[1]), m.view(op.args[2]));
         for c in 0..ty.components() {
-            map3(out.part(c), component(&a, c, ty), component(&b, c, ty), t.lane(c), &f);
+            simd::ternary(f, out.part(c), component(&a, c, ty), component(&b, c, ty), t.lane(c));
         }
     });
+}
+
+/// A single number as a lane.
+fn single(value: &[f32; 1]) -> Lane<'_> {
+    Lane { values: value, stride: 0 }
+}
+
+/// The only number of a result.
+fn alone(f: impl FnOnce(&mut [f32])) -> f32 {
+    let mut value = [0.0];
+    f(&mut value);
+    value[0]
 }

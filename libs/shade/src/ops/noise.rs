@@ -4,126 +4,12 @@
 //! the quintic 6t^5 - 15t^4 + 10t^3. Zero on the lattice, scaled to lie within [-1, 1]. Components of
 //! triples come from independent lattices. A periodic one repeats its lattice.
 
-use granita_base::hash::{mix32, unit};
+use crate::run::noise_lanes::open_unit;
+use granita_base::hash::mix32;
 
-/// How the lattice repeats along each axis: 0 never.
-pub(crate) type Periods = [u32; 4];
-
-/// Hashes one lattice coordinate into a running hash.
+/// Hashes one word into a running hash.
 fn step(h: u32, i: i32) -> u32 {
     mix32(h ^ i as u32).wrapping_add(0x9e37_79b9)
-}
-
-/// Lattice cell and place in it. What is no number lies at 0.
-fn cell(x: f32) -> (i32, f32) {
-    let floor = x.floor();
-    let t = x - floor;
-    // `as` saturates; beyond 2^24 floats are whole numbers and t is 0 anyway.
-    (floor as i32, if t >= 0.0 { t } else { 0.0 })
-}
-
-/// A lattice coordinate, repeated.
-fn wrap(i: i32, period: u32) -> i32 {
-    if period == 0 { i } else { i.rem_euclid(period.min(i32::MAX as u32) as i32) }
-}
-
-/// The period of a float argument: rounded down, at least 1.
-pub(crate) fn period(x: f32) -> u32 {
-    let p = x.floor();
-    if p >= 1.0 { p as u32 } else { 1 }
-}
-
-fn fade(t: f32) -> f32 {
-    t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
-}
-
-fn lerp(t: f32, a: f32, b: f32) -> f32 {
-    a + t * (b - a)
-}
-
-/// Gradients dotted with the offset from their corner; hashes choose them.
-fn gradient<const D: usize>(h: u32, d: [f32; D]) -> f32 {
-    match D {
-        // Slopes from -1 to 1.
-        1 => (unit(h) * 2.0 - 1.0) * d[0],
-        // Eight directions of length one.
-        2 => {
-            const R: f32 = std::f32::consts::FRAC_1_SQRT_2;
-            let sign = |bit: u32| if h >> bit & 1 == 0 { 1.0 } else { -1.0 };
-            match h >> 30 {
-                0 => sign(0) * d[0],
-                1 => sign(0) * d[1],
-                _ => R * (sign(0) * d[0] + sign(1) * d[1]),
-            }
-        }
-        // Middles of the edges of a cube, or of a hypercube.
-        _ => {
-            let sign = |bit: u32| if h >> bit & 1 == 0 { 1.0 } else { -1.0 };
-            let skip = (((h >> 16) * D as u32) >> 16) as usize;
-            let mut sum = 0.0;
-            for (k, x) in d.into_iter().enumerate() {
-                if k != skip {
-                    sum += sign(k as u32) * x;
-                }
-            }
-            sum
-        }
-    }
-}
-
-/// What makes the sum of the blended gradients reach 1 and no more. With one and two dimensions the
-/// largest value is at a cell's centre; with three, 1.0363538 near it; with four, the same search finds
-/// 1.5354; values at the bound are clamped against rounding.
-fn scale(d: usize) -> f32 {
-    match d {
-        1 => 2.0,
-        2 => std::f32::consts::SQRT_2,
-        3 => 1.0 / 1.036_354,
-        _ => 1.0 / 1.5355,
-    }
-}
-
-/// Signed noise at `x`, component `component`: within [-1, 1], mean 0.
-pub(crate) fn snoise<const D: usize>(x: [f32; D], periods: Periods, component: u32) -> f32 {
-    let mut lattice = [[0; 2]; D];
-    let mut t = [0.0; D];
-    for k in 0..D {
-        let (i, f) = cell(x[k]);
-        lattice[k] = [wrap(i, periods[k]), wrap(i.wrapping_add(1), periods[k])];
-        t[k] = f;
-    }
-    // Hashes and gradients of all corners, bit k of the corner's number is its side along axis k.
-    let mut hashes = [0; 16];
-    hashes[0] = step(0x736e_6f69, component as i32 ^ ((D as i32) << 8));
-    for (k, sides) in lattice.iter().enumerate() {
-        for corner in 0..1 << k {
-            let h = hashes[corner];
-            hashes[corner] = step(h, sides[0]);
-            hashes[corner | 1 << k] = step(h, sides[1]);
-        }
-    }
-    let mut values = [0.0; 16];
-    for corner in 0..1 << D {
-        let offset = std::array::from_fn(|k| t[k] - (corner >> k & 1) as f32);
-        values[corner] = gradient::<D>(mix32(hashes[corner]), offset);
-    }
-    // Blend along the last axis first: it halves the list.
-    for k in (0..D).rev() {
-        let w = fade(t[k]);
-        for corner in 0..1 << k {
-            values[corner] = lerp(w, values[corner], values[corner | 1 << k]);
-        }
-    }
-    (values[0] * scale(D)).clamp(-1.0, 1.0)
-}
-
-/// A number in (0, 1) for the cell of `x`.
-pub(crate) fn cellnoise(x: &[f32], component: u32) -> f32 {
-    let mut h = step(0x636e_6f69, component as i32 ^ ((x.len() as i32) << 8));
-    for &x in x {
-        h = step(h, cell(x).0);
-    }
-    open_unit(mix32(h))
 }
 
 /// A number in (0, 1) for the bits of `x`.
@@ -145,14 +31,23 @@ pub(crate) fn drawn(words: &[u32], component: u32) -> f32 {
     open_unit(mix32(h))
 }
 
-/// From a hash, never 0 and never 1.
-fn open_unit(h: u32) -> f32 {
-    ((h >> 9) as f32 + 0.5) * (1.0 / 8_388_608.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::run::noise_lanes::{NoiseKind, one, period, scale};
+
+    fn fade(t: f32) -> f32 {
+        t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
+    }
+
+    fn snoise<const D: usize>(x: [f32; D], periods: [u32; 4], component: u32) -> f32 {
+        let periodic = periods != [0; 4];
+        one::<D>(x, std::array::from_fn(|k| periods[k]), periodic, NoiseKind::Signed, component)
+    }
+
+    fn cellnoise<const D: usize>(x: &[f32; D], component: u32) -> f32 {
+        one::<D>(*x, [0; D], false, NoiseKind::Cell, component)
+    }
 
     /// Points of a space-filling sequence over `size` cells.
     fn points<const D: usize>(n: u32, size: f32) -> impl Iterator<Item = [f32; D]> {

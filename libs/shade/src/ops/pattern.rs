@@ -4,16 +4,12 @@ use super::{compute_as, derive, noise as table};
 use crate::Lane;
 use crate::run::kernel::map2;
 use crate::run::machine::Machine;
+use crate::run::noise_lanes::{NoiseKind, NoiseTask};
+use crate::run::simd;
 use granita_base::Filter;
 use granita_gsl::Func;
 use granita_gsl::ir::{Op, SymbolId, ValueType};
-use table::{Periods, cellnoise, drawn, hashed, period, snoise};
-
-/// Which noise, of how many numbers, and how it repeats.
-struct Domain<'v> {
-    lanes: [Option<Lane<'v>>; 4],
-    periods: [Option<Lane<'v>>; 4],
-}
+use table::{drawn, hashed};
 
 /// The floats of a list of operands, triples spread out.
 fn spread<'v>(m: &'v Machine<'_>, args: &[SymbolId]) -> [Option<Lane<'v>>; 4] {
@@ -41,33 +37,43 @@ pub(super) fn noise(m: &mut Machine<'_>, func: Func, op: &Op) {
     let Some(dst) = op.dst else { return };
     let components = m.type_of(dst).components();
     let varying = m.varies(&op.args);
+    let kind = match func {
+        Func::CNoise => NoiseKind::Cell,
+        Func::SNoise | Func::PSNoise => NoiseKind::Signed,
+        _ => NoiseKind::Unsigned,
+    };
+    let few = super::sparse(m, varying);
     compute_as(m, dst, varying, components, |m, out, work| {
         let periodic = matches!(func, Func::PNoise | Func::PNNoise | Func::PSNoise);
         let count = if periodic { op.args.len() / 2 } else { op.args.len() };
-        let domain = Domain {
-            lanes: spread(m, &op.args[..count]),
-            periods: if periodic { spread(m, &op.args[count..]) } else { [None; 4] },
+        const NONE: Lane<'static> = Lane { values: &[0.0], stride: 0 };
+        let task = NoiseTask {
+            x: spread(m, &op.args[..count]),
+            periods: periodic.then(|| spread(m, &op.args[count..]).map(|p| p.unwrap_or(NONE))),
+            kind,
         };
-        let dimensions = domain.lanes.iter().flatten().count();
-        let signed = matches!(func, Func::SNoise | Func::PSNoise);
-        work.each(|i| {
-            let x = at(&domain.lanes, i);
-            let periods: Periods = domain.periods.map(|p| p.map_or(0, |p| period(p.get(i))));
-            for c in 0..components {
-                let k = c as u32;
-                if func == Func::CNoise {
-                    out.set(c, i, cellnoise(&x[..dimensions], k));
-                    continue;
-                }
-                let v = match dimensions {
-                    1 => snoise([x[0]], periods, k),
-                    2 => snoise([x[0], x[1]], periods, k),
-                    3 => snoise([x[0], x[1], x[2]], periods, k),
-                    _ => snoise(x, periods, k),
-                };
-                out.set(c, i, if signed { v } else { 0.5 + 0.5 * v });
+        for c in 0..components {
+            if few {
+                // One by one, through a list of one lane.
+                work.each(|i| {
+                    let at = |lane: Lane<'_>| [lane.get(i)];
+                    let x = task.x.map(|l| l.map(at));
+                    let periods = task.periods.map(|p| p.map(at));
+                    let task = NoiseTask {
+                        x: std::array::from_fn(|k| x[k].as_ref().map(|v| Lane { values: &v[..], stride: 0 })),
+                        periods: periods
+                            .as_ref()
+                            .map(|p| std::array::from_fn(|k| Lane { values: &p[k][..], stride: 0 })),
+                        kind,
+                    };
+                    let mut value = [0.0];
+                    simd::noise(&task, c as u32, &mut value);
+                    out.set(c, i, value[0]);
+                });
+            } else {
+                simd::noise(&task, c as u32, out.part(c));
             }
-        });
+        }
     });
 }
 

@@ -1,6 +1,7 @@
 //! Illumination functions (reference 5.8.11).
 
 use super::{compute, compute_as, constant};
+use crate::run::lanes;
 use crate::run::machine::Machine;
 use crate::run::store::Out;
 use granita_base::{Color, Vec3};
@@ -29,7 +30,7 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
 pub(super) fn brdf(l: Vec3, n: Vec3, v: Vec3, roughness: f32) -> f32 {
     let h = (l + v).normalize_or_zero();
     let cos = n.dot(h).max(0.0);
-    if cos == 0.0 { 0.0 } else { cos.powf(1.0 / roughness.max(1e-6)) }
+    if cos == 0.0 { 0.0 } else { lanes::pow(cos, 1.0 / roughness.max(1e-6)) }
 }
 
 /// The sum of all ambient lights.

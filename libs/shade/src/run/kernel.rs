@@ -4,7 +4,7 @@
 use crate::Lane;
 
 /// `out = f (a)`.
-#[inline]
+#[inline(always)]
 pub(crate) fn map1(out: &mut [f32], a: Lane<'_>, f: impl Fn(f32) -> f32) {
     if a.stride == 0 {
         out.fill(f(a.values[0]));
@@ -16,7 +16,7 @@ pub(crate) fn map1(out: &mut [f32], a: Lane<'_>, f: impl Fn(f32) -> f32) {
 }
 
 /// `out = f (a, b)`.
-#[inline]
+#[inline(always)]
 pub(crate) fn map2(out: &mut [f32], a: Lane<'_>, b: Lane<'_>, f: impl Fn(f32, f32) -> f32) {
     match (a.stride, b.stride) {
         (0, 0) => out.fill(f(a.values[0], b.values[0])),
@@ -41,7 +41,7 @@ pub(crate) fn map2(out: &mut [f32], a: Lane<'_>, b: Lane<'_>, f: impl Fn(f32, f3
 }
 
 /// `out = f (a, b, c)`.
-#[inline]
+#[inline(always)]
 pub(crate) fn map3(out: &mut [f32], a: Lane<'_>, b: Lane<'_>, c: Lane<'_>, f: impl Fn(f32, f32, f32) -> f32) {
     match (a.stride, b.stride, c.stride) {
         (0, 0, _) => {
@@ -77,7 +77,7 @@ pub(crate) fn map3(out: &mut [f32], a: Lane<'_>, b: Lane<'_>, c: Lane<'_>, f: im
 }
 
 /// `out = f (out, a)`.
-#[inline]
+#[inline(always)]
 pub(crate) fn fold1(out: &mut [f32], a: Lane<'_>, f: impl Fn(f32, f32) -> f32) {
     if a.stride == 0 {
         let x = a.values[0];
@@ -92,7 +92,7 @@ pub(crate) fn fold1(out: &mut [f32], a: Lane<'_>, f: impl Fn(f32, f32) -> f32) {
 }
 
 /// `out = f (out, a, b)`.
-#[inline]
+#[inline(always)]
 pub(crate) fn fold2(out: &mut [f32], a: Lane<'_>, b: Lane<'_>, f: impl Fn(f32, f32, f32) -> f32) {
     match (a.stride, b.stride) {
         (0, _) => {

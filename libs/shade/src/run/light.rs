@@ -300,7 +300,7 @@ pub(crate) fn in_cone(direction: Vec3, axis: Vec3, angle: f32) -> bool {
     if angle >= std::f32::consts::PI || lengths == 0.0 {
         return true;
     }
-    direction.dot(axis) >= angle.cos() * lengths
+    direction.dot(axis) >= libm::cosf(angle) * lengths
 }
 
 /// Whether a light belongs to a category expression: words joined by `&` and `|` (or `,`) from left to

@@ -1,10 +1,14 @@
 //! Running: registers, masks, control flow.
 
+pub(crate) mod approx;
 pub(crate) mod control;
 pub(crate) mod executor;
 pub(crate) mod kernel;
+pub(crate) mod lanes;
 pub(crate) mod light;
 pub(crate) mod machine;
+pub(crate) mod noise_lanes;
 pub(crate) mod params;
+pub(crate) mod simd;
 pub(crate) mod store;
 pub(crate) mod strings;

@@ -1,0 +1,361 @@
+//! Transcendental functions as straight arithmetic, so that loops over them vectorise.
+//!
+//! Polynomials and reductions follow the Cephes library (Moshier, single precision); arguments outside of
+//! their range go to `libm`, which is Rust too: no result depends on the machine's own library. A lane's
+//! result is the same in a vector loop and alone. Errors are listed in `docs/shaders.md` and checked by a
+//! test against double precision.
+
+use std::f32::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, LOG2_E};
+
+/// Largest magnitude whose multiple of pi/2 the three-part reduction still knows.
+const MOST_TURNS: f32 = 8192.0;
+
+/// One of two, without branches.
+#[inline(always)]
+fn pick(condition: bool, a: f32, b: f32) -> f32 {
+    if condition { a } else { b }
+}
+
+/// The nearest whole number, for magnitudes below 2^22.
+#[inline(always)]
+fn nearest(x: f32) -> f32 {
+    // Adding 1.5 * 2^23 leaves no bits behind the point.
+    const BIG: f32 = 12_582_912.0;
+    (x + BIG) - BIG
+}
+
+/// Largest whole number that is not larger: as `f32::floor`, in a form that vectorises everywhere.
+#[inline(always)]
+pub(crate) fn floor(x: f32) -> f32 {
+    let whole = x as i32 as f32;
+    let down = whole - pick(whole > x, 1.0, 0.0);
+    // Beyond 2^23 all numbers are whole; the sign of zero is kept.
+    pick(x.abs() < 8_388_608.0, down.abs().copysign(pick(down == 0.0, x, down)), x)
+}
+
+/// Quarter turns and what is left, within [-pi/4, pi/4].
+#[inline(always)]
+fn quarters(x: f32) -> (i32, f32) {
+    let k = nearest(x * FRAC_2_PI);
+    let r = ((x - k * 1.570_312_5) - k * 4.837_513e-4) - k * 7.549_79e-8;
+    (k as i32, r)
+}
+
+#[inline(always)]
+fn sin_poly(x: f32) -> f32 {
+    let z = x * x;
+    ((-1.951_529_6e-4 * z + 8.332_161e-3) * z - 1.666_665_5e-1) * z * x + x
+}
+
+#[inline(always)]
+fn cos_poly(x: f32) -> f32 {
+    let z = x * x;
+    ((2.443_315_7e-5 * z - 1.388_731_6e-3) * z + 4.166_664_6e-2) * z * z - 0.5 * z + 1.0
+}
+
+/// Whether [`sin_near`] and its like know the argument.
+#[inline(always)]
+pub(crate) fn turns_are_few(x: f32) -> bool {
+    x.abs() <= MOST_TURNS
+}
+
+#[inline(always)]
+pub(crate) fn sin_near(x: f32) -> f32 {
+    let (k, r) = quarters(x);
+    let v = pick(k & 1 == 0, sin_poly(r), cos_poly(r));
+    // Small arguments keep their sign, of zero too.
+    pick(x == 0.0, x, pick(k & 2 == 0, v, -v))
+}
+
+#[inline(always)]
+pub(crate) fn cos_near(x: f32) -> f32 {
+    let (k, r) = quarters(x);
+    let v = pick(k & 1 == 0, cos_poly(r), sin_poly(r));
+    pick(k.wrapping_add(1) & 2 == 0, v, -v)
+}
+
+#[inline(always)]
+pub(crate) fn tan_near(x: f32) -> f32 {
+    let (k, r) = quarters(x);
+    let z = r * r;
+    let p = (((((9.385_402e-3 * z + 3.119_922_3e-3) * z + 2.443_013_5e-2) * z + 5.341_128e-2) * z
+        + 1.333_879_9e-1)
+        * z
+        + 3.333_315_7e-1)
+        * z
+        * r
+        + r;
+    pick(x == 0.0, x, pick(k & 1 == 0, p, -1.0 / p))
+}
+
+/// Within [-1, 1], NaN outside.
+#[inline(always)]
+pub(crate) fn asin_inside(x: f32) -> f32 {
+    let a = x.abs();
+    let far = a > 0.5;
+    let z = pick(far, 0.5 * (1.0 - a), a * a);
+    let s = pick(far, z.sqrt(), a);
+    let p = ((((4.216_32e-2 * z + 2.418_131_1e-2) * z + 4.547_002_6e-2) * z + 7.495_300_3e-2) * z
+        + 1.666_675_2e-1)
+        * z
+        * s
+        + s;
+    pick(far, FRAC_PI_2 - 2.0 * p, p).copysign(x)
+}
+
+/// Within [-1, 1], NaN outside.
+#[inline(always)]
+pub(crate) fn acos_inside(x: f32) -> f32 {
+    let a = x.abs();
+    let far = a > 0.5;
+    let z = pick(far, 0.5 * (1.0 - a), a * a);
+    let s = pick(far, z.sqrt(), a);
+    let p = ((((4.216_32e-2 * z + 2.418_131_1e-2) * z + 4.547_002_6e-2) * z + 7.495_300_3e-2) * z
+        + 1.666_675_2e-1)
+        * z
+        * s
+        + s;
+    // Near 1 the root keeps all digits.
+    let near = FRAC_PI_2 - p.copysign(x);
+    pick(far, pick(x < 0.0, std::f32::consts::PI - 2.0 * p, 2.0 * p), near)
+}
+
+#[inline(always)]
+pub(crate) fn atan(x: f32) -> f32 {
+    let a = x.abs();
+    let (far, mid) = (a > 2.414_213_6, a > 0.414_213_57);
+    let base = pick(far, FRAC_PI_2, pick(mid, FRAC_PI_4, 0.0));
+    let r = pick(far, -1.0 / a, pick(mid, (a - 1.0) / (a + 1.0), a));
+    let z = r * r;
+    let p = (((8.053_744_5e-2 * z - 1.387_768_6e-1) * z + 1.997_771_1e-1) * z - 3.333_295e-1) * z * r + r;
+    (base + p).copysign(x)
+}
+
+/// Whether [`atan2_plain`] knows the arguments.
+#[inline(always)]
+pub(crate) fn is_plain(y: f32, x: f32) -> bool {
+    let (a, b) = (y.abs(), x.abs());
+    a > 1e-18 && a < 1e18 && b > 1e-18 && b < 1e18
+}
+
+#[inline(always)]
+pub(crate) fn atan2_plain(y: f32, x: f32) -> f32 {
+    let a = atan(y.abs() / x.abs());
+    pick(x < 0.0, std::f32::consts::PI - a, a).copysign(y)
+}
+
+/// Whether [`exp_near`] knows the argument: no overflow, no tiny results.
+#[inline(always)]
+pub(crate) fn exp_is_near(x: f32) -> bool {
+    x.abs() < 87.0
+}
+
+#[inline(always)]
+pub(crate) fn exp_near(x: f32) -> f32 {
+    let k = nearest(x * LOG2_E);
+    let r = (x - k * 0.693_359_4) + k * 2.121_944_4e-4;
+    let p = ((((1.987_569_1e-4 * r + 1.398_199_9e-3) * r + 8.333_452e-3) * r + 4.166_579_6e-2) * r
+        + 1.666_666_5e-1)
+        * r
+        + 5.0e-1;
+    let y = p * r * r + r + 1.0;
+    y * f32::from_bits(((k as i32).wrapping_add(127) as u32) << 23)
+}
+
+/// Whether a number is positive, normal and finite, as logarithms need it.
+#[inline(always)]
+pub(crate) fn is_ordinary(x: f32) -> bool {
+    (f32::MIN_POSITIVE..=f32::MAX).contains(&x)
+}
+
+/// The exponent and a mantissa from sqrt 1/2 to sqrt 2.
+#[inline(always)]
+fn parts(x: f32) -> (f32, f32) {
+    let bits = x.to_bits() as i32;
+    let e = ((bits >> 23) & 0xff) - 126;
+    let m = f32::from_bits((bits as u32 & 0x007f_ffff) | 0x3f00_0000);
+    let small = m < std::f32::consts::FRAC_1_SQRT_2;
+    (e as f32 - pick(small, 1.0, 0.0), pick(small, m + m, m))
+}
+
+#[inline(always)]
+pub(crate) fn ln_ordinary(x: f32) -> f32 {
+    let (e, m) = parts(x);
+    let r = m - 1.0;
+    let z = r * r;
+    let p = ((((((((7.037_683_6e-2 * r - 1.151_461e-1) * r + 1.167_699_9e-1) * r - 1.242_014_1e-1) * r
+        + 1.424_932_3e-1)
+        * r
+        - 1.666_805_8e-1)
+        * r
+        + 2.000_071_5e-1)
+        * r
+        - 2.499_999_4e-1)
+        * r
+        + 3.333_333_1e-1)
+        * r
+        * z;
+    (p + e * -2.121_944_4e-4 - 0.5 * z) + r + e * 0.693_359_4
+}
+
+#[inline(always)]
+pub(crate) fn log2_ordinary(x: f32) -> f32 {
+    let (e, m) = parts(x);
+    // Whole exponents stay exact.
+    e + (log2_of_mantissa(m) as f32)
+}
+
+#[inline(always)]
+pub(crate) fn log10_ordinary(x: f32) -> f32 {
+    let (e, m) = parts(x);
+    ((f64::from(e) + log2_of_mantissa(m)) * std::f64::consts::LOG10_2) as f32
+}
+
+/// Logarithm in double precision, for arguments from sqrt 1/2 to sqrt 2: twice the area tangent.
+#[inline(always)]
+fn log2_of_mantissa(m: f32) -> f64 {
+    let m = f64::from(m);
+    let s = (m - 1.0) / (m + 1.0);
+    let z = s * s;
+    let p = ((((z / 13.0 + 1.0 / 11.0) * z + 1.0 / 9.0) * z + 1.0 / 7.0) * z + 1.0 / 5.0) * z + 1.0 / 3.0;
+    2.0 * std::f64::consts::LOG2_E * (s + s * z * p)
+}
+
+/// Whether [`pow_ordinary`] knows the arguments.
+#[inline(always)]
+pub(crate) fn pow_is_ordinary(x: f32, y: f32) -> bool {
+    // The product of exponents must stay within those of floats.
+    is_ordinary(x) && y.abs() < 1e6 && (f64::from(y) * approximate_log2(x)).abs() < 125.0
+}
+
+/// Logarithm to base 2 within a tenth: the bits of a float are one already.
+#[inline(always)]
+fn approximate_log2(x: f32) -> f64 {
+    f64::from(x.to_bits() as i32) * (1.0 / 8_388_608.0) - 126.95
+}
+
+/// `x^y` through double precision.
+#[inline(always)]
+pub(crate) fn pow_ordinary(x: f32, y: f32) -> f32 {
+    let (e, m) = parts(x);
+    let t = (f64::from(e) + log2_of_mantissa(m)) * f64::from(y);
+    const BIG: f64 = 6_755_399_441_055_744.0;
+    let k = (t + BIG) - BIG;
+    let r = (t - k) * std::f64::consts::LN_2;
+    let p = 1.0
+        + r * (1.0
+            + r * (0.5
+                + r * (1.0 / 6.0
+                    + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0 + r * (1.0 / 5040.0)))))));
+    (p as f32) * f32::from_bits(((k as i32).wrapping_add(127) as u32) << 23)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Distance in units in the last place of the true value.
+    fn ulps(got: f32, wanted: f64) -> f64 {
+        let nearest = wanted as f32;
+        if nearest == got {
+            return 0.0;
+        }
+        let unit = f64::from(f32::from_bits(nearest.abs().to_bits() + 1)) - f64::from(nearest.abs());
+        (f64::from(got) - wanted).abs() / unit
+    }
+
+    /// Largest error over a range, geometrically spaced in both signs where asked.
+    fn worst(range: (f32, f32), signs: &[f32], f: impl Fn(f32) -> f32, exact: impl Fn(f64) -> f64) -> f64 {
+        let n = 200_000;
+        let mut most = 0.0_f64;
+        for k in 0..=n {
+            let t = k as f32 / n as f32;
+            let x = if range.0 > 0.0 {
+                range.0 * (range.1 / range.0).powf(t)
+            } else {
+                range.0 + (range.1 - range.0) * t
+            };
+            for s in signs {
+                most = most.max(ulps(f(x * s), exact(f64::from(x * s))));
+            }
+        }
+        most
+    }
+
+    #[test]
+    fn errors_are_as_documented() {
+        let both = [1.0, -1.0];
+        let table = [
+            ("sin, to 100", worst((1e-6, 100.0), &both, sin_near, f64::sin), 2.0e3),
+            ("exp", worst((1e-6, 86.9), &both, exp_near, f64::exp), 2.0),
+            ("log", worst((1e-37, 1e38), &[1.0], ln_ordinary, f64::ln), 2.0),
+            ("log2", worst((1e-37, 1e38), &[1.0], log2_ordinary, f64::log2), 1.5),
+            ("log10", worst((1e-37, 1e38), &[1.0], log10_ordinary, f64::log10), 1.5),
+            ("asin", worst((1e-6, 1.0), &both, asin_inside, f64::asin), 3.0),
+            ("acos", worst((1e-6, 1.0), &both, acos_inside, f64::acos), 3.0),
+            ("atan", worst((1e-6, 1e6), &both, atan, f64::atan), 3.0),
+            ("tan, to pi/4", worst((1e-6, 0.785), &both, tan_near, f64::tan), 3.0),
+            ("sin, to pi/4", worst((1e-6, 0.785), &both, sin_near, f64::sin), 2.0),
+            ("cos, to pi/4", worst((1e-6, 0.785), &both, cos_near, f64::cos), 2.0),
+        ];
+        for (name, error, allowed) in table {
+            assert!(error <= allowed, "{name}: {error} ulp, {allowed} allowed");
+        }
+        // Far from zero the error of a sine is absolute: the reduction's.
+        for k in 0..100_000 {
+            let x = k as f32 * 0.0819;
+            assert!((f64::from(sin_near(x)) - f64::from(x).sin()).abs() < 1.2e-7, "{x}");
+            assert!((f64::from(cos_near(x)) - f64::from(x).cos()).abs() < 1.2e-7, "{x}");
+        }
+    }
+
+    #[test]
+    fn powers() {
+        let mut most = 0.0_f64;
+        for i in 1..600 {
+            for j in -60..60 {
+                let (x, y) = (i as f32 * 0.037, j as f32 * 0.31);
+                if pow_is_ordinary(x, y) {
+                    most = most.max(ulps(pow_ordinary(x, y), f64::from(x).powf(f64::from(y))));
+                }
+            }
+        }
+        assert!(most <= 1.0, "{most} ulp");
+        assert!(pow_is_ordinary(0.5, 20.0) && !pow_is_ordinary(-1.0, 2.0) && !pow_is_ordinary(10.0, 50.0));
+        assert_eq!(
+            (pow_ordinary(2.0, 10.0), pow_ordinary(1.0, 1e5), pow_ordinary(4.0, 0.5)),
+            (1024.0, 1.0, 2.0)
+        );
+    }
+
+    #[test]
+    fn floors() {
+        for x in [
+            0.0,
+            -0.0,
+            0.5,
+            -0.5,
+            1.0,
+            -1.0,
+            1e9,
+            -1e9,
+            8_388_607.5,
+            -8_388_607.5,
+            f32::INFINITY,
+            1e-30,
+            -1e-30,
+        ] {
+            assert_eq!(floor(x).to_bits(), x.floor().to_bits(), "{x}");
+        }
+        assert!(floor(f32::NAN).is_nan());
+    }
+
+    #[test]
+    fn quadrants() {
+        for (y, x) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0), (0.1, -7.0), (3.0, 0.001)] {
+            let got = atan2_plain(y, x);
+            assert!((got - libm::atan2f(y, x)).abs() < 3e-7, "{y} {x}: {got}");
+        }
+        assert!(!is_plain(0.0, 1.0) && !is_plain(1.0, f32::INFINITY) && !is_plain(f32::NAN, 1.0));
+    }
+}

@@ -1,0 +1,241 @@
+//! Noise over lanes: the lattice without branches, so that the loops vectorise. What the noises are is told
+//! in [`crate::ops`]'s `noise`.
+
+use crate::Lane;
+use granita_base::hash::mix32;
+
+/// Which noise to compute where.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NoiseTask<'v> {
+    /// Coordinates; as many as there are dimensions, then `None`.
+    pub(crate) x: [Option<Lane<'v>>; 4],
+    /// Whole periods along them, 0 for none; `None` for noise without periods.
+    pub(crate) periods: Option<[Lane<'v>; 4]>,
+    /// The result.
+    pub(crate) kind: NoiseKind,
+}
+
+/// The range and look of a noise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum NoiseKind {
+    /// Smooth, within [-1, 1].
+    Signed,
+    /// Smooth, within [0, 1].
+    Unsigned,
+    /// One number in (0, 1) per cell.
+    Cell,
+}
+
+/// Lanes that are computed together.
+const CHUNK: usize = 32;
+
+/// Component `component` of the noise, for as many lanes as `out` has.
+#[inline(always)]
+pub(super) fn noise(task: &NoiseTask<'_>, component: u32, out: &mut [f32]) {
+    match task.x.iter().flatten().count() {
+        1 => chunks::<1>(task, component, out),
+        2 => chunks::<2>(task, component, out),
+        3 => chunks::<3>(task, component, out),
+        _ => chunks::<4>(task, component, out),
+    }
+}
+
+#[inline(always)]
+fn chunks<const D: usize>(task: &NoiseTask<'_>, component: u32, out: &mut [f32]) {
+    let periodic = task.periods.is_some();
+    for (number, out) in out.chunks_mut(CHUNK).enumerate() {
+        let from = number * CHUNK;
+        if periodic || out.len() < 4 {
+            for (l, o) in out.iter_mut().enumerate() {
+                let x = std::array::from_fn(|k| task.x[k].map_or(0.0, |lane| lane.get(from + l)));
+                let periods =
+                    task.periods.map_or([0; D], |p| std::array::from_fn(|k| period(p[k].get(from + l))));
+                *o = one::<D>(x, periods, periodic, task.kind, component);
+            }
+            continue;
+        }
+        let mut x = [[0.0; CHUNK]; D];
+        for (to, lane) in x.iter_mut().zip(task.x.iter().flatten()) {
+            if lane.stride == 0 {
+                to.fill(lane.values[0]);
+            } else {
+                to[..out.len()].copy_from_slice(&lane.values[from..from + out.len()]);
+            }
+        }
+        let mut result = [0.0; CHUNK];
+        match task.kind {
+            NoiseKind::Signed => {
+                for l in 0..CHUNK {
+                    result[l] = smooth::<D>(std::array::from_fn(|k| x[k][l]), [0; D], false, component);
+                }
+            }
+            NoiseKind::Unsigned => {
+                for l in 0..CHUNK {
+                    let v = smooth::<D>(std::array::from_fn(|k| x[k][l]), [0; D], false, component);
+                    result[l] = 0.5 + 0.5 * v;
+                }
+            }
+            NoiseKind::Cell => {
+                for l in 0..CHUNK {
+                    result[l] = cellular::<D>(std::array::from_fn(|k| x[k][l]), component);
+                }
+            }
+        }
+        out.copy_from_slice(&result[..out.len()]);
+    }
+}
+
+/// One lane.
+#[inline(always)]
+pub(crate) fn one<const D: usize>(
+    x: [f32; D],
+    periods: [u32; D],
+    periodic: bool,
+    kind: NoiseKind,
+    component: u32,
+) -> f32 {
+    match kind {
+        NoiseKind::Cell => cellular::<D>(x, component),
+        NoiseKind::Signed => smooth::<D>(x, periods, periodic, component),
+        NoiseKind::Unsigned => 0.5 + 0.5 * smooth::<D>(x, periods, periodic, component),
+    }
+}
+
+/// The period of a float argument: rounded down, at least 1.
+#[inline(always)]
+pub(crate) fn period(x: f32) -> u32 {
+    let p = x.floor();
+    if p >= 1.0 { p as u32 } else { 1 }
+}
+
+/// Hashes one lattice coordinate into a running hash.
+#[inline(always)]
+fn step(h: u32, i: i32) -> u32 {
+    mix32(h ^ i as u32).wrapping_add(0x9e37_79b9)
+}
+
+/// Lattice cell and place in it. What is no number lies at 0.
+#[inline(always)]
+fn cell(x: f32) -> (i32, f32) {
+    // `as` saturates; beyond 2^24 floats are whole numbers and the place in the cell is 0 anyway.
+    let toward_zero = x as i32;
+    let whole = toward_zero as f32;
+    let down = whole > x && x > -2_147_483_648.0;
+    let i = toward_zero.wrapping_sub(i32::from(down));
+    let t = x - (whole - if down { 1.0 } else { 0.0 });
+    (i, if (0.0..=1.0).contains(&t) { t } else { 0.0 })
+}
+
+/// A lattice coordinate, repeated.
+#[inline(always)]
+fn wrap(i: i32, period: u32) -> i32 {
+    if period == 0 { i } else { i.rem_euclid(period.min(i32::MAX as u32) as i32) }
+}
+
+#[inline(always)]
+fn fade(t: f32) -> f32 {
+    t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
+}
+
+#[inline(always)]
+fn lerp(t: f32, a: f32, b: f32) -> f32 {
+    a + t * (b - a)
+}
+
+/// `x` or `-x` by a bit of a hash.
+#[inline(always)]
+fn signed(h: u32, bit: u32, x: f32) -> f32 {
+    f32::from_bits(x.to_bits() ^ (h >> bit & 1) << 31)
+}
+
+/// Gradients dotted with the offset from their corner; hashes choose them.
+#[inline(always)]
+fn gradient<const D: usize>(h: u32, d: [f32; D]) -> f32 {
+    match D {
+        // Slopes from -1 to 1.
+        1 => ((h >> 8) as i32 as f32 * (1.0 / 16_777_216.0) * 2.0 - 1.0) * d[0],
+        // Eight directions of length one.
+        2 => {
+            const R: f32 = std::f32::consts::FRAC_1_SQRT_2;
+            let (x, y) = (signed(h, 0, d[0]), signed(h, 1, d[1]));
+            let across = signed(h, 0, d[1]);
+            let slanted = R * (x + y);
+            let straight = if h >> 30 == 0 { x } else { across };
+            if h >> 30 < 2 { straight } else { slanted }
+        }
+        // Middles of the edges of a cube, or of a hypercube.
+        _ => {
+            let skip = ((h >> 16) * D as u32) >> 16;
+            let mut sum = 0.0;
+            for (k, x) in d.into_iter().enumerate() {
+                let term = signed(h, k as u32, x);
+                sum += if k as u32 == skip { 0.0 } else { term };
+            }
+            sum
+        }
+    }
+}
+
+/// What makes the sum of the blended gradients reach 1 and no more. With one and two dimensions the
+/// largest value is at a cell's centre; with three, 1.0363538 near it; with four, a search finds 1.5354;
+/// values at the bound are clamped against rounding.
+pub(crate) fn scale(d: usize) -> f32 {
+    match d {
+        1 => 2.0,
+        2 => std::f32::consts::SQRT_2,
+        3 => 1.0 / 1.036_354,
+        _ => 1.0 / 1.5355,
+    }
+}
+
+/// Signed noise, within [-1, 1], mean 0.
+#[inline(always)]
+fn smooth<const D: usize>(x: [f32; D], periods: [u32; D], periodic: bool, component: u32) -> f32 {
+    let mut lattice = [[0; 2]; D];
+    let mut t = [0.0; D];
+    for k in 0..D {
+        let (i, f) = cell(x[k]);
+        let next = i.wrapping_add(1);
+        lattice[k] = if periodic { [wrap(i, periods[k]), wrap(next, periods[k])] } else { [i, next] };
+        t[k] = f;
+    }
+    // Hashes and gradients of all corners, bit k of the corner's number is its side along axis k.
+    let mut hashes = [0; 16];
+    hashes[0] = step(0x736e_6f69, component as i32 ^ ((D as i32) << 8));
+    for (k, sides) in lattice.iter().enumerate() {
+        for corner in 0..1 << k {
+            let h = hashes[corner];
+            hashes[corner] = step(h, sides[0]);
+            hashes[corner | 1 << k] = step(h, sides[1]);
+        }
+    }
+    let mut values = [0.0; 16];
+    for corner in 0..1 << D {
+        let offset = std::array::from_fn(|k| t[k] - (corner >> k & 1) as f32);
+        values[corner] = gradient::<D>(mix32(hashes[corner]), offset);
+    }
+    // Blend along the last axis first: it halves the list.
+    for k in (0..D).rev() {
+        let w = fade(t[k]);
+        for corner in 0..1 << k {
+            values[corner] = lerp(w, values[corner], values[corner | 1 << k]);
+        }
+    }
+    (values[0] * scale(D)).clamp(-1.0, 1.0)
+}
+
+/// A number in (0, 1) for the cell of `x`.
+#[inline(always)]
+fn cellular<const D: usize>(x: [f32; D], component: u32) -> f32 {
+    let mut h = step(0x636e_6f69, component as i32 ^ ((D as i32) << 8));
+    for x in x {
+        h = step(h, cell(x).0);
+    }
+    open_unit(mix32(h))
+}
+
+/// From a hash, never 0 and never 1.
+#[inline(always)]
+pub(crate) fn open_unit(h: u32) -> f32 {
+    ((h >> 9) as i32 as f32 + 0.5) * (1.0 / 8_388_608.0)
+}

@@ -1,0 +1,175 @@
+//! The loops over lanes, compiled twice: for every machine of the architecture, and for those with AVX2,
+//! chosen as the program runs. Both do the same arithmetic in the same order (nothing is contracted), so
+//! that the results are the same to the bit; a test compares them.
+//!
+//! The only unsafe code of the crate: calls of functions that need what was just found to be there.
+//! `benches/shading` measures what it brings.
+
+#![allow(unsafe_code, reason = "runtime dispatch; measured by benches/shading")]
+
+use super::lanes::{self, Binary, Ternary, Unary};
+use super::noise_lanes::{self, NoiseTask};
+use crate::Lane;
+
+/// Declares a door that takes the wide version where the machine has it.
+macro_rules! doors {
+    ($($(#[$doc:meta])* $name:ident, $wide:ident = $body:path: ($($arg:ident: $ty:ty),*);)*) => {$(
+        $(#[$doc])*
+        #[inline]
+        pub(crate) fn $name($($arg: $ty),*) {
+            #[cfg(target_arch = "x86_64")]
+            if is_wide() {
+                // SAFETY: the machine has AVX2, which is all that the function asks for.
+                return unsafe { $wide($($arg),*) };
+            }
+            $body($($arg),*)
+        }
+
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx2")]
+        fn $wide($($arg: $ty),*) {
+            $body($($arg),*)
+        }
+    )*};
+}
+
+doors! {
+    /// `out = f (a)`.
+    unary, unary_avx2 = lanes::unary: (f: Unary, out: &mut [f32], a: Lane<'_>);
+    /// `out = f (a, b)`.
+    binary, binary_avx2 = lanes::binary: (f: Binary, out: &mut [f32], a: Lane<'_>, b: Lane<'_>);
+    /// `out = f (a, b, c)`.
+    ternary, ternary_avx2 = lanes::ternary:
+        (f: Ternary, out: &mut [f32], a: Lane<'_>, b: Lane<'_>, c: Lane<'_>);
+    /// `out = a . b`.
+    dot, dot_avx2 = lanes::dot: (out: &mut [f32], a: [Lane<'_>; 3], b: [Lane<'_>; 3]);
+    /// `out = |a|`.
+    length, length_avx2 = lanes::length: (out: &mut [f32], a: [Lane<'_>; 3]);
+    /// Makes vectors one long.
+    normalize, normalize_avx2 = lanes::normalize: (out: [&mut [f32]; 3]);
+    /// Noise.
+    noise, noise_avx2 = noise_lanes::noise: (task: &NoiseTask<'_>, component: u32, out: &mut [f32]);
+}
+
+/// Whether the machine has AVX2.
+#[cfg(target_arch = "x86_64")]
+#[inline]
+fn is_wide() -> bool {
+    // The standard library remembers the answer.
+    std::arch::is_x86_feature_detected!("avx2")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ordinary numbers and all kinds of others.
+    fn numbers() -> Vec<f32> {
+        let mut list: Vec<f32> = (0..997).map(|k| (k as f32 - 500.0) * 0.0173).collect();
+        list.extend([
+            0.0,
+            -0.0,
+            f32::NAN,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            1e30,
+            -1e30,
+            1e-30,
+            -1e-40,
+            16_777_216.0,
+        ]);
+        list.extend([0.5, -0.5, 1.0, -1.0, 2.0, 88.9, -104.0, 9000.0, -9000.0, f32::MAX, f32::MIN_POSITIVE]);
+        list
+    }
+
+    fn bits(v: &[f32]) -> Vec<u32> {
+        v.iter().map(|x| if x.is_nan() { u32::MAX } else { x.to_bits() }).collect()
+    }
+
+    #[test]
+    fn wide_is_narrow_is_alone() {
+        let x = numbers();
+        let y: Vec<f32> = x.iter().rev().copied().collect();
+        let z: Vec<f32> = x.iter().map(|v| v * 0.25).collect();
+        let lane = |v| Lane { values: v, stride: 1 };
+        let one = |v| Lane { values: v, stride: 0 };
+        let (mut a, mut b, mut c) = (x.clone(), x.clone(), [0.0]);
+        let unaries = [
+            Unary::Copy,
+            Unary::Neg,
+            Unary::Radians,
+            Unary::Degrees,
+            Unary::Sin,
+            Unary::Cos,
+            Unary::Tan,
+            Unary::Asin,
+            Unary::Acos,
+            Unary::Atan,
+            Unary::Sinh,
+            Unary::Cosh,
+            Unary::Tanh,
+            Unary::Exp,
+            Unary::Log,
+            Unary::Log2,
+            Unary::Log10,
+            Unary::Sqrt,
+            Unary::InverseSqrt,
+            Unary::Abs,
+            Unary::Sign,
+            Unary::Floor,
+            Unary::Ceil,
+            Unary::Round,
+            Unary::Trunc,
+            Unary::IsNan,
+            Unary::IsInf,
+            Unary::Finite,
+            Unary::Erf,
+            Unary::Erfc,
+        ];
+        for f in unaries {
+            unary(f, &mut a, lane(&x));
+            lanes::unary(f, &mut b, lane(&x));
+            assert_eq!(bits(&a), bits(&b), "{f:?}");
+            for (k, v) in x.iter().enumerate() {
+                unary(f, &mut c, one(&x[k..=k]));
+                assert_eq!(bits(&c), bits(&a[k..=k]), "{f:?} of {v}");
+            }
+        }
+        let binaries = [
+            Binary::Add,
+            Binary::Sub,
+            Binary::Mul,
+            Binary::Div,
+            Binary::Lt,
+            Binary::Le,
+            Binary::Gt,
+            Binary::Ge,
+            Binary::Atan2,
+            Binary::Pow,
+            Binary::LogBase,
+            Binary::Hypot,
+            Binary::Mod,
+            Binary::Min,
+            Binary::Max,
+            Binary::Step,
+        ];
+        for f in binaries {
+            binary(f, &mut a, lane(&x), lane(&y));
+            lanes::binary(f, &mut b, lane(&x), lane(&y));
+            assert_eq!(bits(&a), bits(&b), "{f:?}");
+            for k in 0..x.len() {
+                binary(f, &mut c, one(&x[k..=k]), one(&y[k..=k]));
+                assert_eq!(bits(&c), bits(&a[k..=k]), "{f:?} of {} {}", x[k], y[k]);
+            }
+        }
+        for f in [Ternary::Hypot, Ternary::Clamp, Ternary::Mix, Ternary::SmoothStep] {
+            ternary(f, &mut a, lane(&x), lane(&y), lane(&z));
+            lanes::ternary(f, &mut b, lane(&x), lane(&y), lane(&z));
+            assert_eq!(bits(&a), bits(&b), "{f:?}");
+        }
+        let v = [lane(&x), lane(&y), lane(&z)];
+        length(&mut a, v);
+        lanes::length(&mut b, v);
+        assert_eq!(bits(&a), bits(&b));
+    }
+}
