@@ -138,7 +138,9 @@ fn main() {
     let only: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
     let wanted = |name: &str| only.is_empty() || only.iter().any(|o| name.contains(o.as_str()));
     if wanted("speed") {
-        speed();
+        speed("");
+    } else if wanted("arithmetic") {
+        speed("arithmetic");
     }
     if wanted("functions") {
         functions();
@@ -151,11 +153,12 @@ fn main() {
     }
 }
 
-fn speed() {
+/// Shaders whose names contain `only`.
+fn speed(only: &str) {
     println!("{N}-point grids, ns per point      unoptimised  optimised  Rust   ratio");
-    let cases: [(&str, &str, fn(&Grid, &mut Lanes3)); 2] =
+    let all: [(&str, &str, fn(&Grid, &mut Lanes3)); 2] =
         [("procedural", PROCEDURAL, by_hand::procedural), ("arithmetic", ARITHMETIC, by_hand::arithmetic)];
-    for (name, source, by_hand) in cases {
+    for (name, source, by_hand) in all.into_iter().filter(|(name, ..)| name.contains(only)) {
         let (plain, _) = shader_cost(source, false);
         let (better, colors) = shader_cost(source, true);
         let grid = patch();

@@ -428,6 +428,9 @@ pub enum OpCode {
     /// Triple from 1 or 3 floats, matrix from 1 or 16, by `dst`'s type; a string in front names the
     /// space (or colour space) that they are in, and the result is in "common" (or "rgb").
     Construct,
+    /// `args[1]` where float `args[0]` is not 0, else `args[2]`; all of them are computed. Made when code is linked,
+    /// never stored.
+    Select,
     /// A function of the standard library.
     Call(crate::Func),
 }

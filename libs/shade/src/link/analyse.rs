@@ -15,6 +15,8 @@ pub(crate) struct Facts {
     pub(crate) scratch: Vec<bool>,
     /// Globals that operations or functions write.
     pub(crate) writes: [bool; Global::ALL.len()],
+    /// Globals that functions and statements read without naming them.
+    pub(crate) implied: [bool; Global::ALL.len()],
     /// Has an `emit` statement.
     pub(crate) emits: bool,
     /// Has a `lights` loop or an illumination function.
@@ -129,6 +131,7 @@ impl Walk<'_> {
             Stmt::Leave(_) | Stmt::Break | Stmt::Continue | Stmt::Exit => {}
             Stmt::Lights { category, position, cone, body, at: _ } => {
                 self.facts.gathers = true;
+                self.imply(&SURROUNDINGS);
                 for &sym in category.iter().chain([position]).chain(cone.iter().flat_map(|(a, b)| [a, b])) {
                     self.read(sym);
                 }
@@ -136,6 +139,7 @@ impl Walk<'_> {
             }
             Stmt::Emit { form, body, at: _ } => {
                 self.facts.emits = true;
+                self.imply(&SURROUNDINGS);
                 match form {
                     EmitForm::Point(from) => self.read(*from),
                     EmitForm::Cone { from, axis, angle } => {
@@ -152,6 +156,7 @@ impl Walk<'_> {
                 self.block(body);
             }
             Stmt::Trace { set, position, axis, angle, samples, options, body, at: _ } => {
+                self.imply(&SURROUNDINGS);
                 for &sym in [set, position, axis, angle, samples]
                     .into_iter()
                     .chain(options.iter().flat_map(|(name, value)| [name, value]))
@@ -188,8 +193,17 @@ impl Walk<'_> {
         self.module.symbols.get(sym.0 as usize).map_or(0, |s| s.ty.elements())
     }
 
+    /// Globals that are read without being named.
+    fn imply(&mut self, globals: &[Global]) {
+        globals.iter().for_each(|&g| self.facts.implied[g as usize] = true);
+    }
+
     /// What a function does beside returning a value.
     fn call(&mut self, func: Func, op: &Op) {
+        // Plain functions of their operands read nothing else; of the others each may read any.
+        if !is_plain(func) {
+            self.imply(&SURROUNDINGS);
+        }
         match func {
             Func::DeltaU | Func::DeltaV | Func::FilterWidth | Func::SurfaceNormal | Func::SampleArea => {
                 self.facts.derivatives = true;
@@ -280,6 +294,82 @@ impl Walk<'_> {
     }
 }
 
+/// Globals that functions and statements of light may read.
+const SURROUNDINGS: [Global; 9] = [
+    Global::P,
+    Global::N,
+    Global::Ng,
+    Global::I,
+    Global::Ps,
+    Global::Pl,
+    Global::Nl,
+    Global::dPdu,
+    Global::dPdv,
+];
+
+/// Whether a function knows its operands only.
+fn is_plain(func: Func) -> bool {
+    use Func as F;
+    matches!(
+        func,
+        F::Radians
+            | F::Degrees
+            | F::Sin
+            | F::Cos
+            | F::Tan
+            | F::Asin
+            | F::Acos
+            | F::Atan
+            | F::Sinh
+            | F::Cosh
+            | F::Tanh
+            | F::Pow
+            | F::Exp
+            | F::Log
+            | F::Log2
+            | F::Log10
+            | F::Sqrt
+            | F::InverseSqrt
+            | F::Hypot
+            | F::Abs
+            | F::Fabs
+            | F::Sign
+            | F::Floor
+            | F::Ceil
+            | F::Round
+            | F::Trunc
+            | F::Mod
+            | F::Min
+            | F::Max
+            | F::Clamp
+            | F::Mix
+            | F::IsNan
+            | F::IsInf
+            | F::Finite
+            | F::Erf
+            | F::Erfc
+            | F::Dot
+            | F::Cross
+            | F::Length
+            | F::Distance
+            | F::Normalize
+            | F::Reflect
+            | F::Refract
+            | F::Luminance
+            | F::Step
+            | F::SmoothStep
+            | F::Noise
+            | F::SNoise
+            | F::CNoise
+            | F::PNoise
+            | F::PSNoise
+            | F::PNNoise
+            | F::Random
+            | F::RandomGrid
+            | F::Spline
+    )
+}
+
 /// The usage a source name of `getmessage` stands for.
 pub(crate) fn usage_word(word: &str) -> Option<ShaderKind> {
     [ShaderKind::Surface, ShaderKind::Displacement, ShaderKind::Volume].into_iter().find(|k| k.word() == word)
@@ -290,7 +380,7 @@ fn least_args(code: OpCode) -> usize {
     use Func as F;
     match code {
         OpCode::Assign | OpCode::Neg | OpCode::Not | OpCode::Truth | OpCode::Construct => 1,
-        OpCode::MatrixComponent | OpCode::MatrixComponentSet => 3,
+        OpCode::MatrixComponent | OpCode::MatrixComponentSet | OpCode::Select => 3,
         OpCode::Call(func) => match func {
             F::Random | F::RandomGrid | F::GridN | F::GridNU | F::GridNV | F::GridIndex | F::Ambient => 0,
             F::RayLevel | F::IsShadowRay | F::IsIndirectRay => 0,

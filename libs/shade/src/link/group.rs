@@ -9,10 +9,14 @@ use crate::run::strings::Strings;
 use granita_base::{Params, Severity};
 use granita_gsl::ir::{Block, ConstValue, Global, Module, ShaderKind, SymbolId, SymbolKind, ValueType};
 use std::collections::HashSet;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// More numbers than this per point are no shader but an attack on memory.
 const MAX_NUMBERS: usize = 1 << 20;
+
+/// The next group's number.
+static NEXT_ID: AtomicU64 = AtomicU64::new(1);
 
 /// One layer, as a scene gives it.
 #[derive(Clone, Debug)]
@@ -120,6 +124,10 @@ pub struct Group {
     pub(crate) layers: Vec<Layer>,
     /// Floats per register; the first are the globals, in the order of [`Global::ALL`].
     pub(crate) slots: Vec<u32>,
+    /// By register: its values before the first write do not matter.
+    pub(crate) scratch: Vec<bool>,
+    /// Tells groups apart; never 0.
+    pub(crate) id: u64,
     pub(crate) constants: Vec<Arc<[f32]>>,
     pub(crate) strings: Strings,
     /// Globals that the code reads or writes.
@@ -162,6 +170,8 @@ impl Group {
         let mut group = Self {
             layers: Vec::new(),
             slots: Global::ALL.iter().map(|g| g.value_type().components() as u32).collect(),
+            scratch: Vec::new(),
+            id: NEXT_ID.fetch_add(1, Ordering::Relaxed),
             constants: Vec::new(),
             strings: Strings::default(),
             used: [false; Global::ALL.len()],
@@ -178,6 +188,12 @@ impl Group {
         }
         for wire in &wires {
             group.add_wire(wire);
+        }
+        group.scratch = vec![false; group.slots.len()];
+        for place in group.layers.iter().flat_map(|l| &l.places) {
+            if let At::Slot(slot) = place.at {
+                group.scratch[slot as usize] = place.scratch;
+            }
         }
         let numbers: usize = group.slots.iter().map(|&s| s as usize).sum();
         if numbers > MAX_NUMBERS {
@@ -520,9 +536,11 @@ impl Group {
                 }
             }
         }
-        // Functions and `emit` use these without naming them.
-        for g in [Global::P, Global::N, Global::Ng, Global::I, Global::Ps, Global::Pl, Global::Nl] {
-            self.used[g as usize] = true;
+        // Functions and statements of light use some without naming them.
+        for facts in &self.facts {
+            for g in Global::ALL {
+                self.used[g as usize] |= facts.implied[g as usize];
+            }
         }
     }
 }

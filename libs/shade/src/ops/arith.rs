@@ -3,7 +3,7 @@
 use super::{binary, component, compute, compute_as, matrix, spaces, unary};
 use crate::link::At;
 use crate::run::kernel::{blend, blend_one, fold2, map1};
-use crate::run::lanes::{Binary, Unary};
+use crate::run::lanes::{Binary, Ternary, Unary};
 use crate::run::machine::{Machine, promote};
 use crate::run::simd;
 use crate::run::store::Out;
@@ -37,7 +37,32 @@ pub(super) fn run(m: &mut Machine<'_>, op: &Op) {
         OpCode::ComponentSet => component_set(m, op, dst, 3),
         OpCode::MatrixComponentSet => component_set(m, op, dst, 16),
         OpCode::Construct => construct(m, op, dst),
+        OpCode::Select => select(m, op, dst),
         OpCode::Call(_) => {}
+    }
+}
+
+/// One of two values by a condition.
+fn select(m: &mut Machine<'_>, op: &Op, dst: SymbolId) {
+    let [cond, a, b] = [op.args[0], op.args[1], op.args[2]];
+    let test = m.view(cond);
+    if !test.varying {
+        let chosen = if test.get(0) != 0.0 { a } else { b };
+        if chosen != dst {
+            assign(m, dst, chosen);
+        }
+        return;
+    }
+    let done =
+        super::pass3(m, dst, cond, a, b, |out, c, x, y, _| simd::ternary(Ternary::Select, out, c, x, y));
+    if !done {
+        let ty = m.type_of(dst);
+        compute(m, op, ty.components(), |m, out, _| {
+            let (t, x, y) = (m.view(cond), m.view(a), m.view(b));
+            for c in 0..ty.components() {
+                simd::ternary(Ternary::Select, out.part(c), t.lane(0), x.lane(c), y.lane(c));
+            }
+        });
     }
 }
 
@@ -46,7 +71,7 @@ pub(crate) fn assign(m: &mut Machine<'_>, dst: SymbolId, from: SymbolId) {
     let ty = m.type_of(dst);
     let size = ty.components();
     let elements = m.place(dst).elements as usize;
-    if super::pass(m, dst, &[from], |out, [a, ..], _| simd::unary(Unary::Copy, out, a)) {
+    if super::pass1(m, dst, from, |out, a, _| simd::unary(Unary::Copy, out, a)) {
         return;
     }
     let varying = m.view(from).varying;
@@ -288,12 +313,24 @@ fn construct(m: &mut Machine<'_>, op: &Op, dst: SymbolId) {
     if named && ty != ValueType::Float {
         return spaces::construct(m, op, dst, parts);
     }
-    if size == 3
-        && super::pass(m, dst, parts, |out, lanes, c| {
-            let lane = if parts.len() == 1 { lanes[0] } else { lanes[c] };
-            simd::unary(Unary::Copy, out, lane);
-        })
-    {
+    let done = match *parts {
+        [x] if size < 16 => super::pass1(m, dst, x, |out, x, _| simd::unary(Unary::Copy, out, x)),
+        [x, y, z] if size == 3 => super::pass3(m, dst, x, y, z, |out, x, y, z, c| {
+            simd::unary(
+                Unary::Copy,
+                out,
+                if c == 0 {
+                    x
+                } else if c == 1 {
+                    y
+                } else {
+                    z
+                },
+            );
+        }),
+        _ => false,
+    };
+    if done {
         return;
     }
     let varying = m.varies(parts);

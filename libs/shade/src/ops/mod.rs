@@ -23,8 +23,9 @@ mod spaces;
 mod spline;
 mod text;
 
+use crate::Group;
 use crate::Lane;
-use crate::link::At;
+use crate::link::{At, Place};
 use crate::run::lanes::{Binary, Ternary, Unary};
 use crate::run::machine::Machine;
 use crate::run::simd;
@@ -160,45 +161,96 @@ fn sparse(m: &Machine<'_>, varying: bool) -> bool {
     varying && m.mask.count() * 4 < m.n
 }
 
-/// A plain operation, component by component, straight into the register of its result: possible when all
-/// lanes may be written, operands are single values and none of them is the result. `f` computes one
-/// component, whose number it gets; whether it was done.
-fn pass(
-    m: &mut Machine<'_>,
-    dst: SymbolId,
-    args: &[SymbolId],
-    f: impl Fn(&mut [f32], [Lane<'_>; 3], usize),
-) -> bool {
-    let code = m.code();
-    let place = &code.places[dst.0 as usize];
-    let At::Slot(slot) = place.at else { return false };
-    let matrix = |t: ValueType| t == ValueType::Matrix;
-    if place.array || matrix(place.value) || args.len() > 3 || !(place.scratch || m.whole()) {
-        return false;
+/// An operand of a plain operation, as plainly as it can be had.
+#[derive(Clone, Copy)]
+struct Operand<'v> {
+    data: &'v [f32],
+    /// From one component to the next; 0 when one stands for all.
+    step: usize,
+    /// Lanes.
+    width: usize,
+    stride: usize,
+}
+
+impl<'v> Operand<'v> {
+    #[inline(always)]
+    fn of(place: &Place, group: &'v Group, slots: &'v [Slot], n: usize) -> Self {
+        let (data, varying) = match place.at {
+            At::Slot(k) => (slots[k as usize].data.as_slice(), slots[k as usize].varying),
+            At::Const(k) => (&*group.constants[k as usize], false),
+        };
+        let width = if varying { n } else { 1 };
+        let step = if place.value.components() == 1 { 0 } else { width };
+        Self { data, step, width, stride: usize::from(varying) }
     }
-    for arg in args {
-        let from = &code.places[arg.0 as usize];
-        if from.at == place.at || from.array || matrix(from.value) {
-            return false;
+
+    #[inline(always)]
+    fn lane(&self, c: usize) -> Lane<'v> {
+        let from = c * self.step;
+        Lane { values: &self.data[from..from + self.width], stride: self.stride }
+    }
+}
+
+/// Declares plain operations of so many operands.
+macro_rules! passes {
+    ($($(#[$doc:meta])* $name:ident ($($arg:ident),*);)*) => {$(
+        $(#[$doc])*
+        #[inline(always)]
+        #[allow(clippy::too_many_arguments, reason = "as many operands as operations have")]
+        fn $name(
+            m: &mut Machine<'_>,
+            dst: SymbolId,
+            $($arg: SymbolId,)*
+            f: impl Fn(&mut [f32], $(passes!(@lane $arg),)* usize),
+        ) -> bool {
+            let code = m.code();
+            let place = &code.places[dst.0 as usize];
+            let At::Slot(slot) = place.at else { return false };
+            let size = place.value.components();
+            if place.array || size > 3 || !(place.scratch || m.whole()) {
+                return false;
+            }
+            $(let $arg = &code.places[$arg.0 as usize];)*
+            if $($arg.at == place.at || $arg.array || $arg.value == ValueType::Matrix ||)* false {
+                return false;
+            }
+            let slots = &mut m.st.slots;
+            let mut data = std::mem::take(&mut slots[slot as usize].data);
+            let (slots, n) = (&m.st.slots, m.n);
+            $(let $arg = Operand::of($arg, m.group, slots, n);)*
+            let varying = $($arg.stride == 1 ||)* false;
+            let width = if varying { n } else { 1 };
+            if data.len() != size * width {
+                data.clear();
+                data.resize(size * width, 0.0);
+            }
+            for c in 0..size {
+                f(&mut data[c * width..(c + 1) * width], $($arg.lane(c),)* c);
+            }
+            let slot = &mut m.st.slots[slot as usize];
+            slot.data = data;
+            slot.varying = varying;
+            true
         }
-    }
-    let varying = m.varies(args);
-    let (size, width) = (place.value.components(), if varying { m.n } else { 1 });
-    let mut data = std::mem::take(&mut m.st.slots[slot as usize].data);
-    data.resize(size * width, 0.0);
-    const NONE: Lane<'static> = Lane { values: &[0.0], stride: 0 };
-    let views = [0, 1, 2].map(|k| args.get(k).map(|&s| m.view(s)));
-    for (c, out) in data.chunks_exact_mut(width).enumerate() {
-        f(out, views.map(|v| v.map_or(NONE, |v| v.lane(c))), c);
-    }
-    m.st.slots[slot as usize] = Slot { data, varying };
-    true
+    )*};
+    (@lane $arg:ident) => { Lane<'_> };
+}
+
+passes! {
+    /// A plain operation, component by component, straight into the register of its result: possible when all
+    /// lanes may be written, operands are single values and none of them is the result. `f` computes one
+    /// component, whose number it gets; whether it was done.
+    pass1 (a);
+    /// As [`pass1`], of two operands.
+    pass2 (a, b);
+    /// As [`pass1`], of three operands.
+    pass3 (a, b, c);
 }
 
 /// Component by component of one operand.
 fn unary(m: &mut Machine<'_>, op: &Op, f: Unary) {
     let Some(dst) = op.dst else { return };
-    if pass(m, dst, &op.args[..1], |out, [a, ..], _| simd::unary(f, out, a)) {
+    if pass1(m, dst, op.args[0], |out, a, _| simd::unary(f, out, a)) {
         return;
     }
     let ty = m.type_of(dst);
@@ -218,7 +270,7 @@ fn unary(m: &mut Machine<'_>, op: &Op, f: Unary) {
 /// Component by component of two operands.
 fn binary(m: &mut Machine<'_>, op: &Op, f: Binary) {
     let Some(dst) = op.dst else { return };
-    if pass(m, dst, &op.args[..2], |out, [a, b, _], _| simd::binary(f, out, a, b)) {
+    if pass2(m, dst, op.args[0], op.args[1], |out, a, b, _| simd::binary(f, out, a, b)) {
         return;
     }
     let ty = m.type_of(dst);
@@ -241,7 +293,7 @@ fn binary(m: &mut Machine<'_>, op: &Op, f: Binary) {
 /// Component by component of three operands; of the third, a float stands for all components.
 fn ternary(m: &mut Machine<'_>, op: &Op, f: Ternary) {
     let Some(dst) = op.dst else { return };
-    if pass(m, dst, &op.args[..3], |out, [a, b, c], _| simd::ternary(f, out, a, b, c)) {
+    if pass3(m, dst, op.args[0], op.args[1], op.args[2], |out, a, b, c, _| simd::ternary(f, out, a, b, c)) {
         return;
     }
     let ty = m.type_of(dst);

@@ -69,6 +69,8 @@ pub(crate) enum Ternary {
     Clamp,
     Mix,
     SmoothStep,
+    /// The second where the first is not 0, else the third.
+    Select,
 }
 
 /// All lanes with `near`, then those it does not know again with `far`.
@@ -197,6 +199,7 @@ pub(super) fn ternary(f: Ternary, out: &mut [f32], a: Lane<'_>, b: Lane<'_>, c: 
         }),
         Ternary::Mix => map3(out, a, b, c, |x, y, t| x * (1.0 - t) + y * t),
         Ternary::SmoothStep => map3(out, a, b, c, smoothstep),
+        Ternary::Select => map3(out, a, b, c, |t, x, y| if t != 0.0 { x } else { y }),
     }
 }
 

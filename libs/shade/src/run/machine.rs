@@ -20,6 +20,8 @@ pub(crate) struct State {
     pub(crate) lookup: LookupResult,
     pub(crate) messages: Vec<Sent>,
     pub(crate) spaces: Vec<(f32, usize, Option<Transform>)>,
+    /// Group and lanes of the last run.
+    pub(crate) last: (u64, usize),
 }
 
 /// A message of `setmessage`.
@@ -75,12 +77,14 @@ pub(crate) struct Machine<'a> {
 
 impl<'a> Machine<'a> {
     /// The running layer.
+    #[inline]
     pub(crate) fn code(&self) -> &'a Layer {
         let group: &'a Group = self.group;
         &group.layers[self.layer]
     }
 
     /// Where a symbol lives.
+    #[inline]
     pub(crate) fn place(&self, sym: SymbolId) -> &'a Place {
         &self.code().places[sym.0 as usize]
     }
@@ -91,6 +95,7 @@ impl<'a> Machine<'a> {
     }
 
     /// The values of a symbol.
+    #[inline]
     pub(crate) fn view(&self, sym: SymbolId) -> View<'_> {
         view(self.code(), self.group, &self.st.slots, self.n, sym)
     }
@@ -256,6 +261,7 @@ impl<'a> Machine<'a> {
 }
 
 /// The values of a symbol, by parts of a machine so that services may be called meanwhile.
+#[inline]
 pub(crate) fn view<'v>(
     layer: &'v Layer,
     group: &'v Group,

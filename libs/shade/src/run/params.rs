@@ -13,7 +13,15 @@ impl Machine<'_> {
     /// Empties all registers and loads the globals that the group uses.
     pub(crate) fn prepare(&mut self, query: Option<&IlluminateQuery<'_>>) {
         self.st.slots.resize_with(self.group.slots.len().max(self.st.slots.len()), Slot::default);
-        for (slot, &size) in self.st.slots.iter_mut().zip(&self.group.slots) {
+        // Registers whose values nobody reads from before keep their memory from the last run of the same group.
+        let same = self.st.last == (self.group.id, self.n);
+        self.st.last = (self.group.id, self.n);
+        for ((slot, &size), &scratch) in
+            self.st.slots.iter_mut().zip(&self.group.slots).zip(&self.group.scratch)
+        {
+            if scratch && same {
+                continue;
+            }
             slot.varying = false;
             slot.data.clear();
             slot.data.resize(size as usize, 0.0);

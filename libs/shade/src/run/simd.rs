@@ -162,7 +162,7 @@ mod tests {
                 assert_eq!(bits(&c), bits(&a[k..=k]), "{f:?} of {} {}", x[k], y[k]);
             }
         }
-        for f in [Ternary::Hypot, Ternary::Clamp, Ternary::Mix, Ternary::SmoothStep] {
+        for f in [Ternary::Hypot, Ternary::Clamp, Ternary::Mix, Ternary::SmoothStep, Ternary::Select] {
             ternary(f, &mut a, lane(&x), lane(&y), lane(&z));
             lanes::ternary(f, &mut b, lane(&x), lane(&y), lane(&z));
             assert_eq!(bits(&a), bits(&b), "{f:?}");

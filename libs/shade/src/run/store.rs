@@ -26,17 +26,20 @@ pub(crate) struct View<'a> {
 
 impl<'a> View<'a> {
     /// Component `c` of element 0; a single component stands for all.
+    #[inline(always)]
     pub(crate) fn lane(&self, c: usize) -> Lane<'a> {
         self.lane_at(0, c)
     }
 
     /// Component `c` of element `e`.
+    #[inline(always)]
     pub(crate) fn lane_at(&self, e: usize, c: usize) -> Lane<'a> {
         let c = if self.components == 1 { 0 } else { c.min(self.components - 1) };
         self.flat(e.min(self.elements - 1) * self.components + c)
     }
 
     /// Number `k` of all components of all elements.
+    #[inline(always)]
     pub(crate) fn flat(&self, k: usize) -> Lane<'a> {
         if self.varying {
             Lane { values: &self.data[k * self.n..(k + 1) * self.n], stride: 1 }
@@ -46,6 +49,7 @@ impl<'a> View<'a> {
     }
 
     /// Three components.
+    #[inline(always)]
     pub(crate) fn triple(&self) -> Lane3<'a> {
         Lane3 { xyz: std::array::from_fn(|c| self.lane(c)) }
     }

@@ -80,6 +80,39 @@ fn is_dead(op: &Op, symbols: &[Symbol], read: &[bool]) -> bool {
     idle || own && !read[dst.0 as usize] && effect(op, symbols) < Effect::Bound
 }
 
+/// Lets operations write the variable that their result is copied to right after, where nobody else reads it.
+pub(super) fn merge_copies(block: &mut Block, symbols: &[Symbol]) {
+    let mut count = vec![0_u32; symbols.len()];
+    reads(block, &mut |s| count[s.0 as usize] += 1);
+    merge_in(block, symbols, &count);
+}
+
+fn merge_in(block: &mut Block, symbols: &[Symbol], count: &[u32]) {
+    for stmt in &mut *block {
+        blocks_mut(stmt).into_iter().for_each(|b| merge_in(b, symbols, count));
+    }
+    let mut k = 0;
+    while k + 1 < block.len() {
+        let (front, back) = block.split_at_mut(k + 1);
+        if let (Stmt::Op(op), Stmt::Op(copy)) = (&mut front[k], &back[0])
+            && let (Some(result), Some(target)) = (op.dst, copy.dst)
+            && copy.code == granita_gsl::ir::OpCode::Assign
+            && copy.args[0] == result
+            && count[result.0 as usize] == 1
+            && symbols[result.0 as usize].kind == SymbolKind::Temp
+            && symbols[result.0 as usize].ty == symbols[target.0 as usize].ty
+            && symbols[target.0 as usize].ty.array.is_none()
+            && !is_partial(op, symbols)
+            && effect(op, symbols) <= Effect::Steady
+            && !op.args.contains(&target)
+        {
+            op.dst = Some(target);
+            block.remove(k + 1);
+        }
+        k += 1;
+    }
+}
+
 /// Moves what a loop computes again and again to the same result in front of it.
 pub(super) fn hoist(block: &mut Block, symbols: &[Symbol]) {
     let mut writes = vec![0_u32; symbols.len()];

@@ -16,6 +16,7 @@ mod dead;
 mod effects;
 mod fold;
 mod reuse;
+mod select;
 
 use granita_gsl::ir::{Block, ConstValue, Module, Stmt, Symbol, SymbolId, SymbolKind, SymbolType};
 use std::collections::HashMap;
@@ -51,6 +52,8 @@ pub(crate) fn optimize(module: &Module, known: &[Known]) -> Better {
     // What became a copy of a constant may settle more.
     dead::remove(&mut body, &pool.symbols);
     dead::hoist(&mut body, &pool.symbols);
+    select::select(&mut body, &pool.symbols);
+    dead::merge_copies(&mut body, &pool.symbols);
     let mut better = module.clone();
     better.symbols = pool.symbols;
     better.body = body;
