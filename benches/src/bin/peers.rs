@@ -1,12 +1,19 @@
 //! Our tools beside the public ones of the field, in one run, as ratios.
 //!
-//! `maketx` against OpenImageIO's `maketx` (called `oiiotool`'s sibling on most systems) on one picture.
+//! `cargo run --release -p granita-benches --bin peers [-- --maketx PROGRAM] [--large]`
+//!
+//! `maketx` against OpenImageIO's, which is found by the variable `OIIO_MAKETX`, by the option, or on the search
+//! path: the same picture, tile size (64), compression (zip) and type of texels, with one thread and with two. The
+//! quickest of three runs counts. Pictures are made here of those in `examples/first`. `--large` adds a picture
+//! of 16384 x 16384 pixels, ours alone: its memory is what matters.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
 
+use granita_base::hash;
 use granita_benches::{Cost, find_program, measure, release_tool, repository};
-use std::path::Path;
+use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 fn main() -> ExitCode {
@@ -19,35 +26,153 @@ fn main() -> ExitCode {
     }
 }
 
-fn run() -> Result<(), String> {
-    let ours = release_tool("maketx")?;
-    let picture = repository().join("examples").join("first").join("brick.png");
-    let output = std::env::temp_dir().join(format!("granita-peers-{}.tx", std::process::id()));
-    let mine = texture(&ours, &picture, &output)?;
-    println!("maketx brick.png: {:.3} s, {} MiB", mine.wall.as_secs_f64(), mebibytes(&mine));
-    match find_program("maketx") {
-        Some(theirs) => {
-            let other = texture(&theirs, &picture, &output)?;
-            println!(
-                "  OpenImageIO's: {:.3} s, {} MiB; ours takes {:.2} of its time",
-                other.wall.as_secs_f64(),
-                mebibytes(&other),
-                mine.wall.as_secs_f64() / other.wall.as_secs_f64()
-            );
-        }
-        None => println!("  OpenImageIO's maketx is not installed: no comparison"),
-    }
-    std::fs::remove_file(&output).map_err(|e| format!("{}: {e}", output.display()))
+/// A comparison: what it is about, the input, further words for both programs.
+struct Case {
+    about: &'static str,
+    input: PathBuf,
+    ours: &'static [&'static str],
+    theirs: &'static [&'static str],
 }
 
-fn texture(program: &Path, picture: &Path, output: &Path) -> Result<Cost, String> {
+fn run() -> Result<(), String> {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let named = words.iter().position(|w| w == "--maketx").and_then(|i| words.get(i + 1)).map(PathBuf::from);
+    let theirs = named
+        .or_else(|| std::env::var_os("OIIO_MAKETX").map(PathBuf::from))
+        .or_else(|| find_program("maketx"));
+    let ours = release_tool("maketx")?;
+    let place = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let (photo, hdri, large) =
+        (place.path().join("photo.png"), place.path().join("hdri.exr"), place.path().join("large.tif"));
+    let formats = granita_plugin::bundled_formats(Limits::default());
+    let brick = Tile::read(&formats, "brick.png", PixelType::U8)?;
+    brick.enlarge(&formats, &photo, "png", 4096, 4096)?;
+    brick.enlarge(&formats, &large, "tiff", 8192, 8192)?;
+    Tile::read(&formats, "studio.exr", PixelType::Half)?.enlarge(&formats, &hdri, "exr", 4096, 2048)?;
+    let cases = [
+        Case { about: "4096 x 4096 bytes, PNG", input: photo, ours: &[], theirs: &[] },
+        Case {
+            about: "4096 x 2048 halves, -envlatl, OpenEXR",
+            input: hdri,
+            ours: &["-envlatl", "-format", "OpenEXR"],
+            theirs: &["--envlatl", "--format", "openexr"],
+        },
+        Case { about: "8192 x 8192 bytes, TIFF", input: large, ours: &[], theirs: &[] },
+    ];
+    if theirs.is_none() {
+        println!("OpenImageIO's maketx is not here (OIIO_MAKETX, --maketx or the search path): ours alone");
+    }
+    println!(
+        "{:<38} {:>7} {:>8} {:>8} {:>6} {:>9} {:>9} {:>6}",
+        "maketx", "threads", "ours", "theirs", "ratio", "our MiB", "their MiB", "ratio"
+    );
+    for case in &cases {
+        for threads in ["1", "2"] {
+            let output = place.path().join("out.tx");
+            let common = ["--threads", threads, "--compression", "zip"];
+            let mine = texture(&ours, case, case.ours, &common, &output)?;
+            let other = match &theirs {
+                Some(program) => Some(texture(program, case, case.theirs, &common, &output)?),
+                None => None,
+            };
+            print_row(case.about, threads, &mine, other.as_ref());
+        }
+    }
+    if words.iter().any(|w| w == "--large") {
+        let input = place.path().join("huge.tif");
+        brick.enlarge(&formats, &input, "tiff", 16384, 16384)?;
+        let case = Case { about: "16384 x 16384 bytes, TIFF", input, ours: &[], theirs: &[] };
+        let mine = texture(&ours, &case, &[], &["--threads", "2"], &place.path().join("out.tx"))?;
+        print_row(case.about, "2", &mine, None);
+    }
+    Ok(())
+}
+
+fn print_row(about: &str, threads: &str, mine: &Cost, other: Option<&Cost>) {
+    let seconds = |c: &Cost| c.wall.as_secs_f64();
+    let mib = |c: &Cost| c.peak_bytes.map(|b| b as f64 / f64::from(1 << 20));
+    let text = |v: Option<f64>, digits: usize| v.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
+    let memory = other.and_then(mib).zip(mib(mine));
+    println!(
+        "{about:<38} {threads:>7} {:>8} {:>8} {:>6} {:>9} {:>9} {:>6}",
+        text(Some(seconds(mine)), 2),
+        text(other.map(seconds), 2),
+        text(other.map(|o| seconds(mine) / seconds(o)), 2),
+        text(mib(mine), 0),
+        text(other.and_then(mib), 0),
+        text(memory.map(|(theirs, ours)| ours / theirs), 2),
+    );
+}
+
+/// The quickest of three runs.
+fn texture(
+    program: &Path,
+    case: &Case,
+    own: &[&str],
+    common: &[&str],
+    output: &Path,
+) -> Result<Cost, String> {
     measure(3, || {
         let mut command = Command::new(program);
-        command.arg(picture).arg("-o").arg(output);
+        command.args(common).args(own).arg(&case.input).arg("-o").arg(output);
         command
     })
 }
 
-fn mebibytes(cost: &Cost) -> String {
-    cost.peak_bytes.map_or("?".to_owned(), |b| format!("{:.0}", b as f64 / (1 << 20) as f64))
+/// A picture that larger ones are made of.
+struct Tile {
+    width: usize,
+    height: usize,
+    values: Vec<f32>,
+    pixel_type: PixelType,
+}
+
+impl Tile {
+    /// One of the pictures of the first example, in three channels.
+    fn read(formats: &FormatRegistry, name: &str, pixel_type: PixelType) -> Result<Self, String> {
+        let path = repository().join("examples").join("first").join(name);
+        let file = formats.open(&path).map_err(|e| e.to_string())?;
+        let spec = file.spec(0, 0).ok_or("no picture")?;
+        let n = spec.nchannels();
+        let all = file.read_level(0, 0).map_err(|e| e.to_string())?.to_floats();
+        let values = all.chunks_exact(n).flat_map(|p| [0, 1, 2].map(|c| p[c.min(n - 1)])).collect();
+        Ok(Self { width: spec.width as usize, height: spec.height as usize, values, pixel_type })
+    }
+
+    /// Writes it larger: bilinear, with noise of about two levels of a byte, as sensors and film have it.
+    fn enlarge(
+        &self,
+        formats: &FormatRegistry,
+        path: &Path,
+        format: &str,
+        width: u32,
+        height: u32,
+    ) -> Result<(), String> {
+        let told = |e: granita_image::ImageError| e.to_string();
+        let spec = ImageSpec::new(width, height, 3, self.pixel_type);
+        let mut out =
+            formats.create(path, format, &CreateOptions { spec: &spec, levels: 1 }).map_err(told)?;
+        let place = |i: u32, n: u32, own: usize| {
+            let v = (f64::from(i) + 0.5) / f64::from(n) * own as f64 - 0.5;
+            let low = v.floor();
+            let index = |i: f64| (i as i64).rem_euclid(own as i64) as usize;
+            (index(low), index(low + 1.0), (v - low) as f32)
+        };
+        let columns: Vec<_> = (0..width).map(|x| place(x, width, self.width)).collect();
+        for y in 0..height {
+            let (y0, y1, fy) = place(y, height, self.height);
+            let mut row = Vec::with_capacity(3 * width as usize);
+            for (x, (x0, x1, fx)) in columns.iter().enumerate() {
+                for c in 0..3 {
+                    let at = |x: usize, y: usize| self.values[(y * self.width + x) * 3 + c];
+                    let top = at(*x0, y0) + (at(*x1, y0) - at(*x0, y0)) * fx;
+                    let bottom = at(*x0, y1) + (at(*x1, y1) - at(*x0, y1)) * fx;
+                    let noise = hash::unit(hash::words(&[x as u32, y, c as u32])) - 0.5;
+                    row.push((top + (bottom - top) * fy) * (1.0 + 0.02 * noise) + 0.008 * noise.max(0.0));
+                }
+            }
+            out.write_rows(&Pixels::from_floats(self.pixel_type, &row)).map_err(told)?;
+        }
+        out.close().map_err(told)
+    }
 }
