@@ -1,0 +1,235 @@
+//! Options of `make` beyond the reference's: types, colours, broken values, content, memory.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod support;
+
+use granita_base::{Filter, Param};
+use granita_image::{ImageSpec, PixelType, Pixels};
+use granita_texture::make::{BrokenValues, ColorSpace, Made, MakeOptions, Mode};
+use support::{Folder, random};
+
+fn options() -> MakeOptions {
+    MakeOptions::default()
+}
+
+fn exr() -> MakeOptions {
+    MakeOptions { format: "OpenEXR".to_owned(), ..options() }
+}
+
+fn notes(made: Made) -> Vec<String> {
+    match made {
+        Made::Written { notes, .. } => notes,
+        Made::UpToDate => Vec::new(),
+    }
+}
+
+/// Levels of bytes are means of bytes, correctly rounded, however many levels lie between.
+#[test]
+fn levels_of_bytes_are_exact() {
+    let folder = Folder::new();
+    folder.picture_of("a.tif", ImageSpec::new(256, 256, 3, PixelType::U8), |x, y, c| {
+        (random(x + 256 * y, c as u32) * 255.0).floor() / 255.0
+    });
+    folder.make(&["a.tif"], "a.tx", &options()).unwrap();
+    let file = folder.registry.open(&folder.path("a.tx")).unwrap();
+    let Pixels::U8(first) = file.read_level(0, 0).unwrap() else { panic!() };
+    for level in 0..9 {
+        let (n, step) = (256_usize >> level, 1_usize << level);
+        let Pixels::U8(got) = file.read_level(0, level).unwrap() else { panic!() };
+        for (i, v) in got.iter().enumerate() {
+            let (c, x, y) = (i % 3, i / 3 % n, i / 3 / n);
+            let mut sum = 0_u32;
+            for sy in 0..step {
+                for sx in 0..step {
+                    sum += u32::from(first[((y * step + sy) * 256 + x * step + sx) * 3 + c]);
+                }
+            }
+            let count = (step * step) as u32;
+            assert_eq!(u32::from(*v), (2 * sum + count) / (2 * count), "level {level} texel {x} {y} {c}");
+        }
+    }
+}
+
+#[test]
+fn types_are_stored_or_the_nearest_is_told() {
+    let folder = Folder::new();
+    folder.picture_of("a.tif", ImageSpec::new(16, 16, 1, PixelType::U8), |x, _, _| x as f32 / 15.0);
+    let stored = |o: MakeOptions| {
+        let told = notes(folder.make(&["a.tif"], "a.tx", &o).unwrap());
+        let file = folder.registry.open(&folder.path("a.tx")).unwrap();
+        let values = file.read_level(0, 0).unwrap().to_floats();
+        for (i, v) in values.iter().enumerate() {
+            assert!((v - (i % 16) as f32 / 15.0).abs() < 1e-3);
+        }
+        (file.spec(0, 0).unwrap().pixel_type, told)
+    };
+    for t in [PixelType::U8, PixelType::U16, PixelType::Half, PixelType::Float] {
+        assert_eq!(stored(MakeOptions { pixel_type: Some(t), ..options() }), (t, vec![]));
+    }
+    for t in [PixelType::Half, PixelType::Float] {
+        assert_eq!(stored(MakeOptions { pixel_type: Some(t), ..exr() }), (t, vec![]));
+    }
+    let (t, told) = stored(MakeOptions { pixel_type: Some(PixelType::U8), ..exr() });
+    assert_eq!((t, told.len()), (PixelType::Half, 1));
+    assert!(told[0].contains("half, not uint8"), "{told:?}");
+    // Without the option it is what the reference says for the format.
+    assert_eq!(stored(options()).0, PixelType::U8);
+    assert_eq!(stored(exr()).0, PixelType::Half);
+}
+
+#[test]
+fn colours_are_averaged_as_light() {
+    let folder = Folder::new();
+    folder.picture_of("a.tif", ImageSpec::new(4, 4, 4, PixelType::U8), |x, _, c| {
+        if c == 3 { 1.0 } else { (x % 2) as f32 }
+    });
+    let first = |from, to| {
+        let o = MakeOptions { color_convert: Some((from, to)), ..options() };
+        folder.make(&["a.tif"], "a.tx", &o).unwrap();
+        let file = folder.registry.open(&folder.path("a.tx")).unwrap();
+        let Pixels::U8(v) = file.read_level(0, 1).unwrap() else { panic!() };
+        [v[0], v[1], v[2], v[3]]
+    };
+    assert_eq!(first(ColorSpace::Linear, ColorSpace::Linear), [128, 128, 128, 255]);
+    // Half the light of white is 188 in sRGB.
+    assert_eq!(first(ColorSpace::Srgb, ColorSpace::Srgb), [188, 188, 188, 255]);
+    assert_eq!(first(ColorSpace::Srgb, ColorSpace::Linear), [128, 128, 128, 255]);
+    assert_eq!(first(ColorSpace::Linear, ColorSpace::AcesCg), [128, 128, 128, 255]);
+}
+
+/// Colours that are not multiplied by alpha become so, as light; the file no longer says that they are not.
+#[test]
+fn straight_alpha_is_multiplied_in() {
+    let folder = Folder::new();
+    let mut spec = ImageSpec::new(2, 2, 4, PixelType::Float);
+    spec.attributes.set(Param::declared("int unassociatedalpha", 1).unwrap());
+    folder.picture_of("a.tif", spec, |x, _, c| match (c, x) {
+        (3, 0) => 0.0,
+        (3, _) => 0.5,
+        _ => 1.0,
+    });
+    folder.make(&["a.tif"], "a.tx", &options()).unwrap();
+    let file = folder.registry.open(&folder.path("a.tx")).unwrap();
+    assert_eq!(file.read_level(0, 0).unwrap().to_floats()[..8], [0.0, 0.0, 0.0, 0.0, 0.5, 0.5, 0.5, 0.5]);
+    assert_eq!(file.read_level(0, 1).unwrap().to_floats(), [0.25; 4]);
+    assert_eq!(file.spec(0, 0).unwrap().attributes.int("unassociatedalpha").unwrap_or(0), 0);
+}
+
+#[test]
+fn broken_values_are_refused_or_mended() {
+    let folder = Folder::new();
+    folder.picture("a.tif", (8, 8), 2, |x, y, c| match (x, y, c) {
+        (3, 2, 1) => f32::NAN,
+        (7, 7, 0) => f32::NEG_INFINITY,
+        _ => x as f32,
+    });
+    let refuse = MakeOptions { broken_values: BrokenValues::Refuse, ..options() };
+    let error = folder.make(&["a.tif"], "a.tx", &refuse).unwrap_err().to_string();
+    assert!(error.contains("pixel (3, 2)") && error.contains("NaN"), "{error}");
+    assert!(!folder.path("a.tx").exists());
+    let fix = MakeOptions { broken_values: BrokenValues::Fix, ..options() };
+    for mode in [Mode::Plain, Mode::EnvLatLong] {
+        let told = notes(folder.make(&["a.tif"], "a.tx", &MakeOptions { mode, ..fix.clone() }).unwrap());
+        assert!(told[0].contains("2 values"), "{told:?}");
+        let file = folder.registry.open(&folder.path("a.tx")).unwrap();
+        let v = file.read_level(0, 0).unwrap().to_floats();
+        assert_eq!(v[(2 * 8 + 3) * 2 + 1], 3.0);
+        // At the corner three texels remain: 6, 6 and 7.
+        assert!((v[(7 * 8 + 7) * 2] - 19.0 / 3.0).abs() < 1e-5);
+    }
+    // A picture of nothing else has nothing to be mended from.
+    folder.picture("b.tif", (4, 4), 1, |_, _, _| f32::NAN);
+    folder.make(&["b.tif"], "b.tx", &fix).unwrap();
+    let file = folder.registry.open(&folder.path("b.tx")).unwrap();
+    assert!(file.read_level(0, 0).unwrap().to_floats().iter().all(|v| *v == 0.0));
+}
+
+#[test]
+fn hashes_follow_the_pixels() {
+    let folder = Folder::new();
+    let paint = |name: &str, v: f32| {
+        folder.picture(name, (20, 20), 3, |x, y, _| if (x, y) == (9, 9) { v } else { 0.5 })
+    };
+    paint("a.tif", 0.1);
+    paint("b.tif", 0.2);
+    let words = |input: &str, o: MakeOptions| {
+        folder.make(&[input], "x.tx", &MakeOptions { hash: true, ..o }).unwrap();
+        let file = folder.registry.open(&folder.path("x.tx")).unwrap();
+        let s = file.spec(0, 0).unwrap().clone();
+        if s.string("oiio:SHA-1").is_some() {
+            return format!("{} {}", s.string("oiio:SHA-1").unwrap(), s.string("oiio:AverageColor").unwrap());
+        }
+        s.string("ImageDescription").unwrap().to_owned()
+    };
+    let a = words("a.tif", options());
+    assert!(a.starts_with("oiio:SHA-1=") && a.contains(" oiio:AverageColor=0.4"), "{a}");
+    assert_eq!(a, words("a.tif", MakeOptions { tile_size: (16, 16), separate: true, ..options() }));
+    assert_ne!(a, words("b.tif", options()));
+    // A texture of a texture has one hash, its own.
+    std::fs::rename(folder.path("x.tx"), folder.path("c.tx")).unwrap();
+    assert_eq!(words("c.tx", options()).matches("SHA-1").count(), 1);
+    assert_ne!(words("a.tif", exr()), words("b.tif", exr()));
+    let mode = MakeOptions { mode: Mode::VertCross, ..options() };
+    folder.picture("v.tif", (12, 16), 1, |x, _, _| x as f32);
+    assert!(words("v.tif", mode).contains("SHA-1="));
+}
+
+#[test]
+fn constant_pictures_take_one_tile() {
+    let folder = Folder::new();
+    folder.picture("a.tif", (300, 200), 3, |_, _, c| 0.2 + c as f32);
+    folder.picture("b.tif", (300, 200), 1, |x, y, _| f32::from((x, y) == (299, 199)));
+    let o = |mode| MakeOptions { mode, constant_color: true, ..options() };
+    for mode in [Mode::Plain, Mode::EnvLatLong] {
+        let made = folder.make(&["a.tif"], "a.tx", &o(mode)).unwrap();
+        let Made::Written { width: 64, height: 64, levels: 7, notes } = made else { panic!("{made:?}") };
+        assert!(notes[0].contains("alike"), "{notes:?}");
+        let file = folder.registry.open(&folder.path("a.tx")).unwrap();
+        for level in 0..7 {
+            let values = file.read_level(0, level).unwrap().to_floats();
+            assert!(values.chunks(3).all(|p| p == [0.2, 1.2, 2.2]));
+        }
+        let made = folder.make(&["b.tif"], "b.tx", &o(mode)).unwrap();
+        assert!(matches!(made, Made::Written { width: 512, height: 256, .. }));
+    }
+}
+
+/// What is streamed does not mind how little memory is allowed; what is not says what it needs.
+#[test]
+fn little_memory() {
+    let folder = Folder::new();
+    folder.picture("a.tif", (700, 900), 3, |x, y, c| random(x + 700 * y, c as u32));
+    let bytes = |o: &MakeOptions| {
+        folder.make(&["a.tif"], "a.tx", o).unwrap();
+        std::fs::read(folder.path("a.tx")).unwrap()
+    };
+    for o in [
+        options(),
+        MakeOptions { mode: Mode::EnvLatLong, ..options() },
+        MakeOptions { filter: Filter::Mitchell, ..exr() },
+    ] {
+        assert_eq!(bytes(&MakeOptions { memory_bytes: 1 << 20, ..o.clone() }), bytes(&o));
+    }
+    folder.picture("v.tif", (300, 400), 3, |_, _, _| 0.5);
+    let o = MakeOptions { mode: Mode::VertCross, memory_bytes: 1 << 20, ..options() };
+    let error = folder.make(&["v.tif"], "v.tx", &o).unwrap_err().to_string();
+    assert!(error.contains("-memory") && !folder.path("v.tx").exists(), "{error}");
+}
+
+/// Streaming gives the pixels that the same work on the whole picture gives, for all filters, wraps and formats.
+#[test]
+fn wraps_reach_over_the_border() {
+    let folder = Folder::new();
+    folder.picture("a.tif", (24, 40), 1, |_, y, _| f32::from(y >= 38));
+    for filter in Filter::ALL {
+        for (wrap, over) in [("periodic", true), ("clamp", false), ("mirror", false), ("black", false)] {
+            let wrap = granita_texture::Wrap::from_word(wrap).unwrap();
+            let o = MakeOptions { twrap: wrap, swrap: wrap, filter, resize: false, ..options() };
+            folder.make(&["a.tif"], "a.tx", &o).unwrap();
+            let file = folder.registry.open(&folder.path("a.tx")).unwrap();
+            let top = file.read_level(0, 1).unwrap().get(0);
+            let wide = !matches!(filter, Filter::Box | Filter::CatmullRom | Filter::Sinc | Filter::Mitchell);
+            assert!(if over && wide { top > 0.0 } else { top < 1e-3 || over }, "{filter:?} {wrap:?}: {top}");
+        }
+    }
+}
