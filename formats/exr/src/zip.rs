@@ -1,4 +1,4 @@
-//! The compressions "zip" and "zips" by libdeflate: the same data as by the `exr` crate, several times as fast.
+//! The compressions "zip" and "zips" by libdeflate: the same data as by the `exr` crate.
 //!
 //! Bytes of a block are first parted into those at even places and those at odd ones (the low and the high
 //! bytes of halves), then each is replaced by its difference to the one before, then deflated ("ZIP" of the

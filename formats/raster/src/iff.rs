@@ -236,7 +236,12 @@ impl Rows for IffRows {
             for y in first.max(top)..end.min(bottom) {
                 let from = (end - 1 - y) as usize * width * count;
                 let to = (y - top) as usize * values + tile.at.0 as usize * spec.nchannels() + channel;
-                place(&mut band, to, spec.nchannels(), &pixels, from, width, count);
+                let n = spec.nchannels();
+                // Runs of all channels at once where there are no others between.
+                let (run, runs) = if count == n { (width * n, 1) } else { (count, width) };
+                for x in 0..runs {
+                    band.copy_from(to + x * n, &pixels, from + x * count, run);
+                }
             }
         }
         if !keep {
@@ -245,16 +250,6 @@ impl Rows for IffRows {
         let band = Arc::new(band);
         *last() = Some((top, band.clone()));
         Ok(cut(top, &band))
-    }
-}
-
-/// Puts `width` pixels of `count` channels among others of `n`.
-fn place(to: &mut Pixels, at: usize, n: usize, from: &Pixels, first: usize, width: usize, count: usize) {
-    if count == n {
-        return to.copy_from(at, from, first, width * count);
-    }
-    for x in 0..width {
-        to.copy_from(at + x * n, from, first + x * count, count);
     }
 }
 

@@ -2,8 +2,9 @@
 //!
 //! Read: 1, 2, 4, 8, 16 and 32-bit unsigned integers (fewer than 8 bits and palettes become 8-bit
 //! values), 16 and 32-bit floats, any number of channels; strips and tiles; one plane or one per
-//! channel; uncompressed, LZW, deflate and PackBits, with all three predictors; both byte orders; 32-bit
-//! and 64-bit offsets ("BigTIFF"). Written: the same in little-endian, 64-bit offsets only where needed.
+//! channel; uncompressed, LZW, deflate, PackBits, Zstandard and JPEG, with all three predictors; both byte
+//! orders; 32-bit and 64-bit offsets ("BigTIFF"). Written: the same in little-endian without Zstandard and
+//! JPEG, 64-bit offsets only where needed.
 //!
 //! **Levels.** A file is a chain of directories. A directory that holds the same kind of pixels at half
 //! the size is a MIP level of the image before it, and so is any not larger one in a file with a texture
@@ -14,15 +15,17 @@
 //! display window, or of a cube face, is in its `full_width` and `full_height`.
 //!
 //! **Attributes when writing** (reference 7.4.1): `compression` ("none", "lzw", "zip" or "deflate", and
-//! "packbits"; the default is "zip"), `rowsperstrip` (default 32), `planarconfig`, `ImageDescription`,
-//! `DocumentName`, `Artist`, `copyright`, `software`, and `bigtiff` (int; 1 asks for 64-bit offsets). No date is written: the same picture gives the
-//! same bytes.
+//! "packbits"; the default is "zip"; deflate takes an effort from 1 to 12, as "zip:9"), `rowsperstrip`
+//! (default 32), `planarconfig`, `ImageDescription`, `DocumentName`, `Artist`, `copyright` (or `owner`),
+//! `software`, `DateTime`, `Make`, `Model`, `HostComputer`, `XMP`, and `bigtiff` (int; 1 asks for 64-bit
+//! offsets). No date is written that was not given: the same picture gives the same bytes.
 //!
 //! Invariants: one tile is read by one positioned read, from any thread, without touching the rest;
 //! nothing is allocated on the word of a header before it is checked against limits and file size.
 //!
-//! Deliberately absent: JPEG, CCITT and Zstandard compression, YCbCr and CIE colours, names of channels
-//! (TIFF has no place for them: they come back as "R", "G", "B", "A", "channel4" ...).
+//! Deliberately absent: CCITT and LZMA compression, the JPEG of 1992, YCbCr but in JPEG, CIE colours, signed and 64-bit
+//! values, names of channels (TIFF has no place for them: they come back as "R", "G", "B", "A",
+//! "channel4" ...).
 //!
 //! ```
 //! use granita_image::{CreateOptions, Format, ImageSpec, Limits, PixelType, Pixels};

@@ -325,7 +325,11 @@ impl TiffOutput {
             fields.push(Field::rational(tags::Y_POSITION, y));
         }
         for (tag, name) in tags::STRINGS {
-            let given = spec.attributes.iter().rev().find(|p| p.name.eq_ignore_ascii_case(name));
+            let named = |name: &str| spec.attributes.iter().rev().find(|p| p.name.eq_ignore_ascii_case(name));
+            let mut given = named(name);
+            if tag == tags::COPYRIGHT {
+                given = given.or_else(|| named("owner"));
+            }
             if let Some(text) = given.and_then(|p| spec.string(&p.name)) {
                 fields.push(Field::text(tag, text));
             } else if tag == tags::SOFTWARE {

@@ -25,3 +25,8 @@ pub fn bundled_formats(limits: Limits) -> FormatRegistry {
     }
     registry
 }
+
+/// The examples in the manual of `granita-image`, which does not know a format itself.
+#[cfg(doctest)]
+#[doc = include_str!("../../image/README.md")]
+struct ReadmeOfImage;
