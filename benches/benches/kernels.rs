@@ -17,7 +17,7 @@ fn sphere() -> Piece {
     let shape = ShapeDesc::Sphere { radius: 1.0, zmin: -1.0, zmax: 1.0, thetamax_deg: 360.0 };
     let params = Params::new();
     let keys = [ShapeKey { time: 0.0, params: &params }];
-    granita_geom::build(&shape, &keys, None, &|_, _| {}).unwrap().remove(0)
+    granita_geom::build(&shape, &keys, None, &mut |_, _| {}).unwrap().remove(0)
 }
 
 fn dice(c: &mut Criterion) {

@@ -78,3 +78,25 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_window_of_a_million_pixels_a_side() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("damaged.exr");
+    for tiled in [false, true] {
+        let mut bytes = sample(&path, "zip", tiled);
+        // Both windows are four numbers behind their name, type and size.
+        for name in [&b"dataWindow\0box2i\0"[..], b"displayWindow\0box2i\0"] {
+            let at = bytes.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 12;
+            bytes[at..at + 4].copy_from_slice(&999_999i32.to_le_bytes());
+            bytes[at + 4..at + 8].copy_from_slice(&999_999i32.to_le_bytes());
+        }
+        std::fs::write(&path, &bytes).unwrap();
+        // The limits that everybody has: nothing of that size may be asked for even so.
+        let error = match ExrFormat.open(&path, &Limits::default()) {
+            Ok(input) => input.read_level(0, 0).unwrap_err(),
+            Err(error) => error,
+        };
+        assert!(error.to_string().contains("damaged.exr"), "{error}");
+    }
+}

@@ -221,6 +221,13 @@ fn what_a_header_claims_is_checked_before_memory_is_taken() {
     // Within the limits, but 4 GiB out of 16 bytes.
     let error = open(&base(1 << 16, 1 << 16)).unwrap_err().to_string();
     assert!(error.contains("16 bytes cannot hold"), "{error}");
+    // A million a side, of every compression.
+    for compression in [1, 5, 7, 8, 32773, 50000] {
+        let mut entries = base(1_000_000, 1_000_000);
+        entries.push((259, 3, 1, compression));
+        entries.push((277, 3, 1, 1));
+        open(&entries).unwrap_err();
+    }
     let mut tiles = base(1 << 16, 1 << 16);
     tiles.extend([(322, 4, 1, 16), (323, 4, 1, 16)]);
     let error = open(&tiles).unwrap_err().to_string();

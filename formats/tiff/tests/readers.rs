@@ -84,6 +84,26 @@ fn we_read_the_tiff_crate() {
     }
 }
 
+/// Files that libtiff made of one picture (`fuzz/corpus/tiff`), with the compressions that we only read.
+#[test]
+fn compressions_that_are_only_read() {
+    let read = |name: &str| {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/tiff").join(name);
+        let input = TiffFormat.open(&path, &Limits::default()).unwrap();
+        (input.spec(0, 0).unwrap().string("compression").map(str::to_owned), input.read_level(0, 0).unwrap())
+    };
+    let (_, plain) = read("none.tif");
+    assert_eq!(read("zstd.tif"), (Some("zstd".to_owned()), plain.clone()));
+    // Noise is what JPEG keeps worst: with chroma at half the size, and with RGB as it is.
+    for (name, most) in [("jpeg.tif", 0.25), ("jpeg_rgb.tif", 0.15)] {
+        let (compression, pixels) = read(name);
+        assert_eq!(compression.as_deref(), Some("jpeg"));
+        let (a, b) = (pixels.to_floats(), plain.to_floats());
+        let mean = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).sum::<f32>() / b.len() as f32;
+        assert!(mean < most, "{name}: {mean}");
+    }
+}
+
 #[test]
 fn libtiff_reads_ours() {
     let dir = tempfile::tempdir().unwrap();

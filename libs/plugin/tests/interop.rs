@@ -248,6 +248,41 @@ fn continue_with(count: &mut usize) -> String {
     String::new()
 }
 
+/// JPEG and Zstandard, in strips and tiles, as libtiff's copying tool makes them of a picture of ours.
+#[test]
+fn we_read_what_libtiff_compresses() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    let registry = bundled_formats(Limits::default());
+    let ramp = |i: u32| (i / 3 % 100 + i / 300 + 20 * (i % 3)) as f32 / 255.0;
+    let spec = ImageSpec::new(100, 60, 3, PixelType::U8);
+    let pixels = Pixels::from_floats(PixelType::U8, &(0..18_000).map(ramp).collect::<Vec<_>>());
+    let mut out =
+        registry.create(&path("in.tif"), "tiff", &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    out.write_rows(&pixels).unwrap();
+    out.close().unwrap();
+    for (scheme, tolerance) in
+        [("jpeg:95", 0.03), ("jpeg:r:95", 0.02), ("zstd", 0.0), ("zstd:p2", 0.0), ("lzw:2", 0.0)]
+    {
+        for layout in [&["-s", "-r", "16"][..], &["-t", "-w", "48", "-l", "32"]] {
+            let mut args: Vec<&std::ffi::OsStr> = vec!["-c".as_ref(), scheme.as_ref()];
+            args.extend(layout.iter().map(|a| std::ffi::OsStr::new(*a)));
+            let (from, to) = (path("in.tif"), path("out.tif"));
+            args.extend([from.as_os_str(), to.as_os_str()]);
+            let Some(done) = run("tiffcp", &args) else { return };
+            if !done.status.success() {
+                eprintln!("tiffcp without {scheme}: not compared");
+                continue;
+            }
+            let got = registry.open(&to).unwrap().read_level(0, 0).unwrap();
+            for i in 0..pixels.len() {
+                let d = (got.get(i) - pixels.get(i)).abs();
+                assert!(d <= tolerance, "{scheme} {layout:?}: value {i} is off by {d}");
+            }
+        }
+    }
+}
+
 #[test]
 fn the_tools_of_libtiff_and_openexr_read_ours() {
     let dir = tempfile::tempdir().unwrap();
