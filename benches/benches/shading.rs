@@ -214,7 +214,7 @@ fn functions() {
 
 fn compiling() {
     let mut source =
-        String::from("surface long (float a = 1, float b = 2) {\n    float x = u, y = v; color c = 0;\n");
+        String::from("surface lengthy (float a = 1, float b = 2) {\n    float x = u, y = v; color c = 0;\n");
     for k in 0..62 {
         source += &format!(
             "    float f{k} (float q) {{\n        return q * {k} + noise (P * q);\n    }}\n    if (x > {k} / 62) {{\n        \

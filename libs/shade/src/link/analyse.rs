@@ -1,5 +1,6 @@
 //! What a module does, found by walking its code once.
 
+use super::optimize::written;
 use crate::ShadeError;
 use granita_gsl::Func;
 use granita_gsl::ir::{
@@ -10,7 +11,7 @@ use granita_gsl::ir::{
 /// What the walk finds.
 #[derive(Debug, Default)]
 pub(crate) struct Facts {
-    /// Per symbol: written once, and read only where every reader's lanes have written it. Such a symbol
+    /// Per symbol: written as a whole, and read only where every reader's lanes have written it. Such a symbol
     /// need not keep the values of inactive lanes.
     pub(crate) scratch: Vec<bool>,
     /// Globals that operations or functions write.
@@ -65,7 +66,7 @@ pub(crate) fn analyse(module: &Module) -> Result<Facts, ShadeError> {
     }
     for (k, usage) in walk.symbols.iter().enumerate() {
         let own = matches!(module.symbols[k].kind, SymbolKind::Local | SymbolKind::Temp);
-        walk.facts.scratch[k] = own && matches!(usage, Usage::Once(_));
+        walk.facts.scratch[k] = own && matches!(usage, Usage::Written(_));
     }
     Ok(walk.facts)
 }
@@ -78,8 +79,8 @@ fn malformed(module: &Module, what: String) -> ShadeError {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Usage {
     Unused,
-    /// Written once, in this block; all reads came later inside it.
-    Once(u32),
+    /// Written as a whole, last in this block; all reads came later inside the block of the write before them.
+    Written(u32),
     /// Anything else.
     Kept,
 }
@@ -106,6 +107,15 @@ impl Walk<'_> {
     }
 
     fn stmt(&mut self, stmt: &Stmt) {
+        if matches!(stmt, Stmt::Loop { .. } | Stmt::Lights { .. } | Stmt::Emit { .. } | Stmt::Trace { .. }) {
+            // A round may begin with what the last one left: only what it writes first is its own.
+            let symbols = &mut self.symbols;
+            written(stmt, &self.module.symbols, &mut |s| {
+                if let Some(usage) = symbols.get_mut(s.0 as usize).filter(|u| **u != Usage::Kept) {
+                    *usage = Usage::Unused;
+                }
+            });
+        }
         match stmt {
             Stmt::Op(op) => self.op(op),
             Stmt::If { cond, then, otherwise } => {
@@ -260,7 +270,7 @@ impl Walk<'_> {
         self.touch(sym, false);
         if let Some(usage) = self.symbols.get_mut(sym.0 as usize) {
             match *usage {
-                Usage::Once(block) if self.open.contains(&block) => {}
+                Usage::Written(block) if self.open.contains(&block) => {}
                 _ => *usage = Usage::Kept,
             }
         }
@@ -270,7 +280,7 @@ impl Walk<'_> {
         self.touch(sym, true);
         let block = self.open.last().copied().unwrap_or(0);
         if let Some(usage) = self.symbols.get_mut(sym.0 as usize) {
-            *usage = if *usage == Usage::Unused && !partial { Usage::Once(block) } else { Usage::Kept };
+            *usage = if *usage == Usage::Kept || partial { Usage::Kept } else { Usage::Written(block) };
         }
         if let Some(SymbolKind::Global(g)) = self.module.symbols.get(sym.0 as usize).map(|s| &s.kind) {
             self.facts.writes[*g as usize] = true;

@@ -115,7 +115,7 @@ pub(super) fn writes_globals(op: &Op) -> bool {
 }
 
 /// Calls `f` for each symbol that a statement or the code inside of it may write.
-pub(super) fn written(stmt: &Stmt, symbols: &[Symbol], f: &mut dyn FnMut(SymbolId)) {
+pub(crate) fn written(stmt: &Stmt, symbols: &[Symbol], f: &mut dyn FnMut(SymbolId)) {
     let mut globals = matches!(stmt, Stmt::Lights { .. } | Stmt::Emit { .. } | Stmt::Trace { .. });
     if let Stmt::Op(op) = stmt {
         op.dst.into_iter().for_each(&mut *f);

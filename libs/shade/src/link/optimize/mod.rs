@@ -22,7 +22,7 @@ use granita_gsl::ir::{Block, ConstValue, Module, Stmt, Symbol, SymbolId, SymbolK
 use std::collections::HashMap;
 use std::sync::Arc;
 
-pub(crate) use effects::is_inert;
+pub(crate) use effects::{is_inert, written};
 
 /// What is known of a parameter before the shader runs.
 #[derive(Clone, Debug)]
@@ -52,7 +52,7 @@ pub(crate) fn optimize(module: &Module, known: &[Known]) -> Better {
     // What became a copy of a constant may settle more.
     dead::remove(&mut body, &pool.symbols);
     dead::hoist(&mut body, &pool.symbols);
-    select::select(&mut body, &pool.symbols);
+    select::select(&mut body, &mut pool.symbols);
     dead::merge_copies(&mut body, &pool.symbols);
     let mut better = module.clone();
     better.symbols = pool.symbols;

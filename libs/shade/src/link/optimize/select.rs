@@ -3,87 +3,108 @@
 //! Splitting the lanes of a grid and joining them again costs more than a few operations.
 
 use super::blocks_mut;
-use super::effects::{Effect, effect, is_partial, may_complain, written};
+use super::effects::{Effect, effect, is_partial, may_complain};
 use granita_gsl::Func;
-use granita_gsl::ir::{Block, Op, OpCode, SourcePos, Stmt, Symbol, SymbolId, SymbolKind, ValueType};
+use granita_gsl::ir::{
+    Block, Op, OpCode, SourcePos, Stmt, Symbol, SymbolId, SymbolKind, SymbolType, ValueType,
+};
 
 /// More operations on one side than these are better left out where nobody needs them.
-const MOST: usize = 4;
+const MOST: usize = 5;
 
 /// Turns conditions inside a block.
-pub(super) fn select(block: &mut Block, symbols: &[Symbol]) {
-    let mut writes = vec![0_u32; symbols.len()];
-    for stmt in &*block {
-        written(stmt, symbols, &mut |s| writes[s.0 as usize] += 1);
-    }
-    select_in(block, symbols, &writes);
-}
-
-fn select_in(block: &mut Block, symbols: &[Symbol], writes: &[u32]) {
+pub(super) fn select(block: &mut Block, symbols: &mut Vec<Symbol>) {
     let mut out = Vec::with_capacity(block.len());
     for mut stmt in std::mem::take(block) {
-        blocks_mut(&mut stmt).into_iter().for_each(|b| select_in(b, symbols, writes));
-        match stmt {
-            Stmt::If { cond, then, otherwise } => match sides(&then, &otherwise, symbols, writes) {
-                Some((dst, a, b)) => {
-                    let rest = otherwise.len().saturating_sub(1);
-                    out.extend(then[..then.len() - 1].iter().cloned());
-                    out.extend(otherwise[..rest].iter().cloned());
-                    let op = Op {
-                        code: OpCode::Select,
-                        dst: Some(dst),
-                        args: vec![cond, a, b],
-                        at: SourcePos::default(),
-                    };
-                    out.push(Stmt::Op(op));
-                }
-                None => out.push(Stmt::If { cond, then, otherwise }),
-            },
-            other => out.push(other),
+        blocks_mut(&mut stmt).into_iter().for_each(|b| select(b, symbols));
+        let Stmt::If { cond, then, otherwise } = &stmt else {
+            out.push(stmt);
+            continue;
+        };
+        match sides(then, otherwise, symbols) {
+            Some((dst, sides)) => {
+                let args = vec![*cond, sides[0].value, sides[1].value];
+                out.extend(sides.into_iter().flat_map(|side| side.before).map(Stmt::Op));
+                let at = SourcePos::default();
+                out.push(Stmt::Op(Op { code: OpCode::Select, dst: Some(dst), args, at }));
+            }
+            None => out.push(stmt),
         }
     }
     *block = out;
 }
 
-/// The variable that both sides set, and what to; `None` when they do more than that.
-fn sides(
-    then: &Block,
-    otherwise: &Block,
-    symbols: &[Symbol],
-    writes: &[u32],
-) -> Option<(SymbolId, SymbolId, SymbolId)> {
-    let (dst, a) = side(then, symbols, writes)?;
-    let b = match side(otherwise, symbols, writes) {
-        Some((other, b)) if other == dst => b,
-        None if otherwise.is_empty() => dst,
-        _ => return None,
-    };
-    let ty = symbols[dst.0 as usize].ty;
-    let fits = |s: SymbolId| {
-        let from = symbols[s.0 as usize].ty;
-        from.array.is_none() && (from == ty || from.value == ValueType::Float && ty.value.is_triple())
-    };
-    let plain = ty.array.is_none() && (ty.value == ValueType::Float || ty.value.is_triple());
-    (plain && fits(a) && fits(b)).then_some((dst, a, b))
+/// What one side computes: operations with results of their own, and the value in the end.
+struct Side {
+    before: Vec<Op>,
+    value: SymbolId,
 }
 
-/// What the last statement copies where, when the others only prepare it.
-fn side(block: &Block, symbols: &[Symbol], writes: &[u32]) -> Option<(SymbolId, SymbolId)> {
-    let (last, before) = block.split_last()?;
-    if before.len() > MOST || !before.iter().all(|stmt| is_cheap(stmt, symbols, writes)) {
+/// The variable that both sides set, and how; `None` when they do more than that.
+fn sides(then: &Block, otherwise: &Block, symbols: &mut Vec<Symbol>) -> Option<(SymbolId, [Side; 2])> {
+    let target = |block: &Block| match block.last() {
+        Some(Stmt::Op(op)) => op.dst,
+        _ => None,
+    };
+    let dst = target(then)?;
+    let ty = symbols[dst.0 as usize].ty;
+    let plain = ty.array.is_none() && (ty.value == ValueType::Float || ty.value.is_triple());
+    let both = otherwise.is_empty() || target(otherwise) == Some(dst);
+    if !plain || !both || ![then, otherwise].into_iter().all(|b| is_simple(b, dst, symbols)) {
         return None;
     }
-    match last {
-        Stmt::Op(Op { code: OpCode::Assign, dst: Some(dst), args, .. }) => Some((*dst, args[0])),
-        _ => None,
+    let a = side(then, dst, ty, symbols);
+    let b = match otherwise.is_empty() {
+        true => Side { before: Vec::new(), value: dst },
+        false => side(otherwise, dst, ty, symbols),
+    };
+    Some((dst, [a, b]))
+}
+
+/// Whether a side consists of cheap operations on temporaries, the last of which sets the variable.
+fn is_simple(block: &Block, dst: SymbolId, symbols: &[Symbol]) -> bool {
+    block.len() <= MOST
+        && block.iter().enumerate().all(|(k, stmt)| {
+            let Stmt::Op(op) = stmt else { return false };
+            let own = op.dst.is_some_and(|d| symbols[d.0 as usize].kind == SymbolKind::Temp && d != dst);
+            let last = k + 1 == block.len() && op.dst == Some(dst);
+            (own || last) && is_cheap(op, symbols)
+        })
+}
+
+/// The operations of a side with fresh results, so that sides do not disturb each other.
+fn side(block: &Block, dst: SymbolId, ty: SymbolType, symbols: &mut Vec<Symbol>) -> Side {
+    let mut fresh: Vec<(SymbolId, SymbolId)> = Vec::new();
+    let mut before = Vec::new();
+    for stmt in block {
+        let Stmt::Op(op) = stmt else { continue };
+        let mut op = op.clone();
+        for arg in &mut op.args {
+            if let Some((_, to)) = fresh.iter().rev().find(|(from, _)| from == arg) {
+                *arg = *to;
+            }
+        }
+        let Some(result) = op.dst else { continue };
+        let from = |s: SymbolId| symbols[s.0 as usize].ty;
+        if result == dst
+            && op.code == OpCode::Assign
+            && (from(op.args[0]) == ty || from(op.args[0]).value == ValueType::Float)
+        {
+            return Side { before, value: op.args[0] };
+        }
+        let symbol = Symbol { name: "".into(), ty: from(result), kind: SymbolKind::Temp };
+        symbols.push(symbol);
+        let to = SymbolId(symbols.len() as u32 - 1);
+        fresh.push((result, to));
+        op.dst = Some(to);
+        before.push(op);
     }
+    let value = fresh.last().map_or(dst, |(_, to)| *to);
+    Side { before, value }
 }
 
 /// An operation that nobody minds when it is done for nothing.
-fn is_cheap(stmt: &Stmt, symbols: &[Symbol], writes: &[u32]) -> bool {
-    let Stmt::Op(op) = stmt else { return false };
-    let Some(dst) = op.dst else { return false };
-    let own = symbols[dst.0 as usize].kind == SymbolKind::Temp && writes[dst.0 as usize] == 1;
+fn is_cheap(op: &Op, symbols: &[Symbol]) -> bool {
     let plain = match op.code {
         OpCode::Call(func) => {
             use Func as F;
@@ -103,9 +124,13 @@ fn is_cheap(stmt: &Stmt, symbols: &[Symbol], writes: &[u32]) -> bool {
         }
         _ => true,
     };
-    own && plain
+    let single = |s: &SymbolId| {
+        let ty = symbols[s.0 as usize].ty;
+        ty.array.is_none() && !matches!(ty.value, ValueType::Matrix | ValueType::String)
+    };
+    plain
         && effect(op, symbols) == Effect::Pure
         && !is_partial(op, symbols)
         && !may_complain(op, symbols)
-        && symbols[dst.0 as usize].ty.array.is_none()
+        && op.args.iter().chain(&op.dst).all(single)
 }

@@ -1,6 +1,6 @@
 //! The manual page of the bundled shaders says what their sources say.
 //!
-//! `GRANITA_BLESS=shaders cargo test -p granita-gsl --test manual` writes the list again.
+//! `GRANITA_BLESS=shaders cargo test -p gsoinfo --test manual` writes the list again.
 
 use granita_gsl::ir::{ConstValue, Metadatum};
 use granita_gsl::{CompileOptions, GsoArgs, compile};
