@@ -207,7 +207,11 @@ impl<'f> ShaderThread<'f> {
 
     /// An executor that nobody uses; give it back with [`ShaderThread::put_executor`].
     pub(crate) fn take_executor(&mut self) -> Executor {
-        self.idle.pop().unwrap_or_default()
+        self.idle.pop().unwrap_or_else(|| {
+            let mut executor = Executor::new();
+            executor.look_for_nan(self.frame.scene.int("debug:shadernan") != 0);
+            executor
+        })
     }
 
     /// Gives an executor back.

@@ -75,6 +75,13 @@ pub struct LookupOptions<'a> {
     pub bias: Option<Lane<'a>>,
     pub maxhitdist: Option<Lane<'a>>,
     pub shade: Option<Lane<'a>>,
+    pub adaptive: Option<Lane<'a>>,
+    pub maxerror: Option<Lane<'a>>,
+    pub maxpixeldist: Option<Lane<'a>>,
+    pub falloff: Option<Lane<'a>>,
+    pub falloffmode: Option<Lane<'a>>,
+    pub filename: Option<&'a str>,
+    pub filemode: Option<&'a str>,
 }
 
 /// `texture ()`.

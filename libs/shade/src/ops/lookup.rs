@@ -50,10 +50,6 @@ pub(crate) struct Parsed<'v> {
     unknown: Vec<&'v str>,
 }
 
-/// Options of reference 5.8.10 and 5.8.11 that have no place in a query; a renderer that has them will.
-const SILENT: [&str; 7] =
-    ["adaptive", "maxerror", "maxpixeldist", "falloff", "falloffmode", "filename", "filemode"];
-
 /// Sorts names and values. Strings, as file names, are those of the first active lane.
 pub(crate) fn options<'v>(parts: &Parts<'v>, pairs: &[(SymbolId, SymbolId)]) -> Parsed<'v> {
     let mut parsed = Parsed::default();
@@ -87,7 +83,13 @@ pub(crate) fn options<'v>(parts: &Parts<'v>, pairs: &[(SymbolId, SymbolId)]) -> 
             "hitdist" => parsed.results[1] = Some(value),
             "Phit" => parsed.results[2] = Some(value),
             "Nhit" => parsed.results[3] = Some(value),
-            other if SILENT.contains(&other) => {}
+            "adaptive" => o.adaptive = lane,
+            "maxerror" => o.maxerror = lane,
+            "maxpixeldist" => o.maxpixeldist = lane,
+            "falloff" => o.falloff = lane,
+            "falloffmode" => o.falloffmode = lane,
+            "filename" => o.filename = text(),
+            "filemode" => o.filemode = text(),
             other => parsed.unknown.push(other),
         }
     }

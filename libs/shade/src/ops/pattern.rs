@@ -137,9 +137,7 @@ pub(super) fn aastep(m: &mut Machine<'_>, op: &Op) {
         Some(ds) => m.captured(ds),
         None => derive::filterwidth(m, s),
     };
-    let mut inputs = vec![edge, s];
-    inputs.extend(width);
-    let varying = ds.varying || m.varies(&inputs);
+    let varying = ds.varying || m.varies(&[edge, s]) || width.is_some_and(|w| m.varies(&[w]));
     if let Some(width) = width {
         let scaled_varying = ds.varying || m.view(width).varying;
         let mut scaled = m.out(scaled_varying, 1);

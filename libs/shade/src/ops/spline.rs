@@ -145,10 +145,11 @@ impl Knots<'_> {
 pub(super) fn run(m: &mut Machine<'_>, op: &Op) {
     let Some(dst) = op.dst else { return };
     let named = m.type_of(op.args[0]) == ValueType::String;
-    let name = if named { m.string(op.args[0]) } else { "catmull-rom".into() };
+    let given = named.then(|| m.string(op.args[0]));
+    let name = given.as_deref().unwrap_or("catmull-rom");
     let (word, inverse) = match name.strip_prefix("solve") {
         Some(word) => (word, true),
-        None => (&*name, false),
+        None => (name, false),
     };
     let args = &op.args[usize::from(named)..];
     let basis = basis(word).unwrap_or_else(|| {
@@ -169,7 +170,17 @@ pub(super) fn run(m: &mut Machine<'_>, op: &Op) {
     compute_as(m, dst, varying, components, |m, out, work| {
         let x = m.view(x).lane(0);
         for c in 0..components {
-            let lanes: Vec<Lane<'_>> = (0..n).map(|k| knots.lane(m, k, c)).collect();
+            // Long splines are rare; short ones need no memory.
+            const FEW: usize = 32;
+            let mut few = [Lane { values: &[0.0], stride: 0 }; FEW];
+            let many: Vec<Lane<'_>>;
+            let lanes: &[Lane<'_>] = if n <= FEW {
+                few.iter_mut().enumerate().take(n).for_each(|(k, lane)| *lane = knots.lane(m, k, c));
+                &few[..n]
+            } else {
+                many = (0..n).map(|k| knots.lane(m, k, c)).collect();
+                &many
+            };
             work.each(|i| {
                 let y = |k: usize| lanes[k].get(i);
                 let v = if inverse { basis.solve(x.get(i), n, y) } else { basis.value(x.get(i), n, y) };

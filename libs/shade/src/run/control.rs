@@ -1,7 +1,7 @@
 //! Statements: blocks, conditions, loops, scopes.
 
 use crate::run::machine::{LoopFrame, Machine};
-use granita_gsl::ir::{Op, ScopeId, SourcePos, Stmt, SymbolId};
+use granita_gsl::ir::{Op, OpCode, ScopeId, SourcePos, Stmt, SymbolId, ValueType};
 
 /// A loop with more iterations than this is taken for one that never ends.
 pub(crate) const MAX_ITERATIONS: u32 = 1 << 22;
@@ -168,6 +168,58 @@ impl Machine<'_> {
 
     /// One operation.
     fn op(&mut self, op: &Op) {
+        if !self.st.nan_check {
+            return crate::ops::run(self, op);
+        }
+        // Operands may be the result: look at them first.
+        let clean = op.args.iter().all(|&s| self.nan_lane(s).is_none());
         crate::ops::run(self, op);
+        if clean && let Some(dst) = op.dst {
+            if let Some(lane) = self.nan_lane(dst) {
+                self.report_nan(op, dst, lane);
+            }
+        }
+    }
+
+    /// The first active lane in which a symbol holds a NaN.
+    fn nan_lane(&self, symbol: SymbolId) -> Option<usize> {
+        let view = self.view(symbol);
+        let width = if view.varying { self.n } else { 1 };
+        let bad = |i: usize| view.data.iter().skip(i).step_by(width).any(|x| x.is_nan());
+        match view.varying {
+            true => self.mask.active.iter().map(|&i| i as usize).find(|&i| bad(i)),
+            false => bad(0).then_some(0),
+        }
+    }
+
+    /// Tells where a NaN came from.
+    fn report_nan(&mut self, op: &Op, dst: SymbolId, lane: usize) {
+        let module = &self.code().module;
+        let place = module.location(op.at);
+        if !self.group.first_time(format!("nan|{}|{place}|{:?}", self.layer, op.code)) {
+            return;
+        }
+        let numbers = |symbol: SymbolId| {
+            let view = self.view(symbol);
+            let list: Vec<String> =
+                (0..view.components).map(|c| view.lane(c).get(lane).to_string()).collect();
+            if list.len() == 1 { list.concat() } else { format!("({})", list.join(" ")) }
+        };
+        let word = match op.code {
+            OpCode::Call(func) => func.word().to_owned(),
+            code => format!("{code:?}").to_lowercase(),
+        };
+        let texts = |s: &SymbolId| self.type_of(*s) == ValueType::String;
+        let operands: Vec<String> = op.args.iter().filter(|s| !texts(s)).map(|&s| numbers(s)).collect();
+        let name = module.symbols.get(dst.0 as usize).map_or("", |s| &*s.name);
+        let what = if name.is_empty() { String::new() } else { format!(" (in `{name}`)") };
+        let text = format!(
+            "{place}: shader \"{}\": {word} of {} gives {}{what}, point {lane} of \"{}\"",
+            module.name,
+            operands.join(", "),
+            numbers(dst),
+            self.grid.object,
+        );
+        self.services.say(granita_base::Severity::Warning, &text);
     }
 }

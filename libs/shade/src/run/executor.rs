@@ -24,6 +24,12 @@ impl Executor {
         Self::default()
     }
 
+    /// Searches every result for NaN from now on (`debug:shadernan`): an operation that makes one of numbers is
+    /// reported with shader, line, operands and result, once per place. Costs time.
+    pub fn look_for_nan(&mut self, on: bool) {
+        self.state.nan_check = on;
+    }
+
     /// Runs a surface, displacement or volume group over a grid.
     ///
     /// What the group writes of `P`, `N`, `C` and `opacity` is written back into the grid, and its messages
@@ -118,6 +124,7 @@ fn machine<'a>(
     state: &'a mut State,
 ) -> Machine<'a> {
     let mask = state.masks.pop().unwrap_or_default();
+    let (loops, scopes) = (std::mem::take(&mut state.loops), std::mem::take(&mut state.scopes));
     Machine {
         group,
         grid,
@@ -127,8 +134,8 @@ fn machine<'a>(
         layer: 0,
         mask,
         base: 0,
-        loops: Vec::new(),
-        scopes: Vec::new(),
+        loops,
+        scopes,
         draws: 0,
         emission: Emission::default(),
         emitted: None,
@@ -172,8 +179,9 @@ impl Machine<'_> {
 
     /// Gives memory back.
     fn finish(self) {
-        let Self { st, mask, .. } = self;
+        let Self { st, mask, loops, scopes, .. } = self;
         st.masks.push(mask);
+        (st.loops, st.scopes) = (loops, scopes);
     }
 
     /// Register of a parameter, searched from the last layer; the type must fit if one is given.

@@ -20,6 +20,11 @@ pub(crate) struct State {
     pub(crate) lookup: LookupResult,
     pub(crate) messages: Vec<Sent>,
     pub(crate) spaces: Vec<(f32, usize, Option<Transform>)>,
+    /// Stacks of a run, empty between runs.
+    pub(crate) loops: Vec<LoopFrame>,
+    pub(crate) scopes: Vec<(ScopeId, Mask)>,
+    /// Whether results are searched for NaN.
+    pub(crate) nan_check: bool,
     /// Group and lanes of the last run.
     pub(crate) last: (u64, usize),
 }

@@ -125,7 +125,12 @@ pub(crate) struct Pool {
 impl Pool {
     /// A buffer of `len` numbers, whatever they are.
     pub(crate) fn take(&mut self, len: usize) -> Vec<f32> {
-        let mut buffer = self.free.pop().unwrap_or_default();
+        // One that is large enough, else the last.
+        let fit = self.free.iter().rposition(|b| b.capacity() >= len);
+        let mut buffer = match fit {
+            Some(k) => self.free.swap_remove(k),
+            None => self.free.pop().unwrap_or_default(),
+        };
         if buffer.len() > len {
             buffer.truncate(len);
         } else {

@@ -10,4 +10,5 @@ mod layers;
 mod lights;
 mod lookups;
 mod messages;
+mod nan;
 mod optimise;

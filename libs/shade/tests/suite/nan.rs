@@ -1,0 +1,34 @@
+//! The search for NaN.
+
+use crate::fixture::*;
+use granita_base::{Params, Severity};
+use granita_shade::Executor;
+
+#[test]
+fn nan_is_told_with_shader_line_and_values() {
+    let source = "surface t (float a = -4) {
+        float x = u - 2;
+        float y = 0;
+        if (u > 0.4) y = log (x);
+        C = y + 1;
+        C = sqrt (a);
+    }";
+    let group = link(&[(source, Params::new())], &[]);
+    let mut services = Double::default();
+    let mut executor = Executor::new();
+    executor.look_for_nan(true);
+    for _ in 0..2 {
+        let mut grid = square(3, 2);
+        grid.object = "ball".into();
+        executor.run(&group, &mut grid, &mut services, &[]);
+    }
+    let said: Vec<&str> = services.said.iter().map(|(_, t)| t.as_str()).collect();
+    assert!(services.said.iter().all(|(s, _)| *s == Severity::Warning));
+    // Where it comes from, and not everything that it spoils afterwards.
+    assert_eq!(said.len(), 1, "{said:#?}");
+    assert_eq!(said[0], "test.gsl:4: shader \"t\": log of -1.5 gives NaN (in `y`), point 1 of \"ball\"");
+    // Off, nothing is said.
+    let mut services = Double::default();
+    Executor::new().run(&link(&[(source, Params::new())], &[]), &mut square(3, 2), &mut services, &[]);
+    assert_eq!(services.said.len(), 0);
+}
