@@ -20,8 +20,8 @@ fn description(metadata: &[Metadatum]) -> Option<String> {
 fn list() -> String {
     let mut out = String::from("Every shader with its parameters, their defaults and a line of help.\n");
     for name in granita_bundled::shader_names() {
-        let source = granita_bundled::shader(name).unwrap();
-        let module = compile(source, name, &CompileOptions::default()).unwrap().module;
+        let source = granita_bundled::shader(name).expect("a bundled shader");
+        let module = compile(source, name, &CompileOptions::default()).expect("no mistakes").module;
         let args = GsoArgs::from_module(&module);
         let help = description(args.metadata()).unwrap_or_else(|| panic!("{name} has no description"));
         out += &format!("\n### {name}\n\n{help} ({}).\n", args.shadertype());
@@ -48,11 +48,11 @@ fn list() -> String {
 #[test]
 fn the_manual_lists_every_bundled_shader() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/shaders.md");
-    let text = std::fs::read_to_string(&file).unwrap();
+    let text = std::fs::read_to_string(&file).expect("the manual");
     let (front, kept) = text.split_once(HEADING).expect("the heading of the list");
     let list = list();
     if std::env::var("GRANITA_BLESS").is_ok_and(|b| b == "shaders") {
-        std::fs::write(&file, format!("{front}{HEADING}{list}")).unwrap();
+        std::fs::write(&file, format!("{front}{HEADING}{list}")).expect("a file");
         return;
     }
     assert_eq!(kept, list, "run this test with GRANITA_BLESS=shaders");

@@ -174,10 +174,11 @@ impl Machine<'_> {
         // Operands may be the result: look at them first.
         let clean = op.args.iter().all(|&s| self.nan_lane(s).is_none());
         crate::ops::run(self, op);
-        if clean && let Some(dst) = op.dst {
-            if let Some(lane) = self.nan_lane(dst) {
-                self.report_nan(op, dst, lane);
-            }
+        if clean
+            && let Some(dst) = op.dst
+            && let Some(lane) = self.nan_lane(dst)
+        {
+            self.report_nan(op, dst, lane);
         }
     }
 

@@ -4,7 +4,7 @@
 use crate::fixture::*;
 use granita_base::{BaseType, ParamType, Params};
 use granita_gsl::ir::ValueType;
-use granita_shade::{Primvar, PrimvarData};
+use granita_shade::{Group, LayerSource, LinkOptions, Primvar, PrimvarData};
 
 /// Value of an expression in x, y and z: given with the instance, and per lane as primitive variables.
 /// Both must be the same to the bit.
@@ -31,6 +31,12 @@ fn evaluate(expression: &str, ty: ValueType, args: [f32; 3]) -> Vec<f32> {
     let bits =
         |list: &[f32]| list.iter().map(|x| if x.is_nan() { 1 } else { x.to_bits() }).collect::<Vec<_>>();
     assert_eq!(bits(&a), bits(&b), "{expression} {args:?}: {a:?} {b:?}");
+    // The code as it was compiled gives the same as what was folded.
+    let layer = LayerSource { module: module(&source), params: &Params::new(), name: None };
+    let plain =
+        Group::link_with(&[layer], &[], LinkOptions { optimize: false }, &mut |_, _| {}).expect("a group");
+    let c = output(&plain, &mut grid, &mut services, "r", ty);
+    assert_eq!(bits(&a), bits(&c), "{expression} {args:?}, unoptimised");
     assert_eq!(services.errors(), Vec::<&str>::new(), "{expression}");
     (0..ty.components()).map(|c| a[c * 4]).collect()
 }

@@ -12,3 +12,4 @@ mod lookups;
 mod messages;
 mod nan;
 mod optimise;
+mod values;
