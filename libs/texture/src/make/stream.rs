@@ -71,10 +71,6 @@ impl Stream<'_> {
                 constant = true;
                 let tile = plan.tile(size.0, size.1);
                 size = (size.0.min(tile.0 as usize), size.1.min(tile.1 as usize));
-                plan.notes.push(format!(
-                    "{}: all pixels are alike: one tile holds them",
-                    self.source.path.display()
-                ));
             }
             plan.describe_content(&scan, self.options);
         }
