@@ -19,7 +19,7 @@
 //! Footprints longer than 16 times their width are widened to that ratio.
 //!
 //! Deliberately absent: `texture3d` and its files, shadow maps made while rendering (reference 10.1.5),
-//! colour management, names of geometry sets (the renderer sorts those out before it asks).
+//! colour profiles, names of geometry sets (the renderer sorts those out before it asks).
 //!
 //! ```
 //! use granita_base::{Environment, Reporter, SearchPath};
@@ -51,6 +51,11 @@
 //! ```
 
 #![forbid(unsafe_code)]
+
+/// The example in the README is compiled and run with the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
 
 mod cache;
 mod cube;
