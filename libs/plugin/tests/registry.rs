@@ -3,7 +3,7 @@
 
 use granita_base::{Param, Params};
 use granita_image::{
-    CreateOptions, FormatRegistry, ImageError, ImageSpec, Limits, PixelType, Placement, Quantize,
+    CreateOptions, FormatRegistry, ImageError, ImageSpec, Limits, PixelType, Pixels, Placement, Quantize,
 };
 use granita_plugin::bundled_formats;
 
@@ -111,4 +111,98 @@ fn errors_help() {
     let options = CreateOptions { spec: &spec, levels: 1 };
     let error = all.create(&dir.path().join("a"), "xyz", &options).err().unwrap().to_string();
     assert!(error.contains("unknown image format \"xyz\" (known: tiff"), "{error}");
+}
+
+#[test]
+fn metadata_comes_back() {
+    let dir = tempfile::tempdir().unwrap();
+    let all = registry();
+    for (format, pixel_type, names) in [
+        (
+            "tiff",
+            PixelType::U8,
+            &[
+                "ImageDescription",
+                "DocumentName",
+                "Artist",
+                "copyright",
+                "software",
+                "DateTime",
+                "Make",
+                "Model",
+                "HostComputer",
+                "XMP",
+            ][..],
+        ),
+        ("shadow", PixelType::Float, &["ImageDescription", "DocumentName", "Artist", "copyright"]),
+        (
+            "exr",
+            PixelType::Half,
+            &["ImageDescription", "DocumentName", "Artist", "copyright", "owner", "software", "Anything"],
+        ),
+        ("png", PixelType::U16, &["ImageDescription", "DocumentName", "Artist", "copyright", "software"]),
+        ("sgi", PixelType::U8, &["ImageDescription"]),
+        ("iff", PixelType::U8, &["Artist", "DateTime"]),
+    ] {
+        let mut spec = ImageSpec::new(4, 3, 3, pixel_type);
+        // One text for both names of one thing in OpenEXR.
+        let text = |name: &str| format!("{} of J\u{f6}rg", if name == "owner" { "copyright" } else { name });
+        for name in names {
+            let param = Param::declared(&format!("string {name}"), text(name).as_str()).unwrap();
+            spec.attributes.set(param);
+        }
+        let path = dir.path().join(format);
+        let mut out = all.create(&path, format, &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+        out.write_rows(&Pixels::zeros(pixel_type, 36)).unwrap();
+        out.close().unwrap();
+        let input = all.open(&path).unwrap();
+        let got = input.spec(0, 0).unwrap();
+        for name in names {
+            assert_eq!(got.string(name), Some(text(name).as_str()), "{format}: {name}");
+        }
+    }
+    // The owner of a TIFF is its copyright.
+    let mut spec = ImageSpec::new(1, 1, 1, PixelType::U8);
+    spec.attributes.set(Param::declared("string owner", "me").unwrap());
+    let path = dir.path().join("owner.tif");
+    let mut out = all.create(&path, "tiff", &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    out.write_rows(&Pixels::U8(vec![1])).unwrap();
+    out.close().unwrap();
+    assert_eq!(all.open(&path).unwrap().spec(0, 0).unwrap().string("copyright"), Some("me"));
+}
+
+#[test]
+fn files_do_not_depend_on_the_number_of_threads() {
+    let dir = tempfile::tempdir().unwrap();
+    let all = registry();
+    let values: Vec<f32> = (0..300 * 200 * 4).map(|i| (i % 977 * (i % 13) % 977) as f32 / 977.0).collect();
+    for (format, pixel_type) in
+        [("tiff", PixelType::U16), ("tiff", PixelType::Float), ("exr", PixelType::Half)]
+    {
+        for tile in [0, 32] {
+            let mut spec = ImageSpec::new(300, 200, 4, pixel_type);
+            (spec.tile_width, spec.tile_height) = (tile, tile);
+            let pixels = Pixels::from_floats(pixel_type, &values);
+            let written = |threads: usize, rows: usize| {
+                let path = dir.path().join("a");
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| {
+                    let options = CreateOptions { spec: &spec, levels: 1 };
+                    let mut out = all.create(&path, format, &options).unwrap();
+                    for first in (0..200).step_by(rows) {
+                        let n = rows.min(200 - first) * 1200;
+                        let mut part = Pixels::zeros(pixel_type, n);
+                        part.copy_from(0, &pixels, first * 1200, n);
+                        out.write_rows(&part).unwrap();
+                    }
+                    out.close().unwrap();
+                    assert_eq!(all.open(&path).unwrap().read_level(0, 0).unwrap(), pixels);
+                });
+                std::fs::read(&path).unwrap()
+            };
+            let one = written(1, 200);
+            assert!(written(4, 200) == one, "{format} {pixel_type:?} {tile}: threads");
+            assert!(written(4, 7) == one, "{format} {pixel_type:?} {tile}: rows");
+        }
+    }
 }
