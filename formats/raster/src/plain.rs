@@ -1,6 +1,7 @@
 //! The formats that the `image` crate reads and writes, one row of a table each.
 
-use crate::whole::{Place, WholeInput, WholeOutput};
+use crate::whole::{Place, WholeInput, WholeOutput, divide_by_alpha};
+use granita_base::{BaseType, Param, ParamType};
 use granita_image::{
     AtomicFile, CreateOptions, FileSource, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits,
     PixelType, Pixels, Result, contained,
@@ -178,7 +179,11 @@ impl Format for PlainFormat {
             other => return Err(place.unsupported(format!("{} of {other:?} is not supported", self.title))),
         };
         drop(decoder);
-        let spec = ImageSpec::new(width, height, channels, pixel_type);
+        let mut spec = ImageSpec::new(width, height, channels, pixel_type);
+        if straight(self.image) && spec.alpha_channel().is_some() {
+            let (ty, data) = (ParamType::of(BaseType::Int), 1.into());
+            spec.attributes.set(Param { name: "unassociatedalpha".into(), ty, data });
+        }
         Ok(Box::new(WholeInput::new(self.name, place, spec, decode)?))
     }
 
@@ -215,6 +220,11 @@ impl Format for PlainFormat {
         };
         Err(ImageError::Unsupported { path: path.to_owned(), what: fault })
     }
+}
+
+/// Whether colours are by definition not multiplied by alpha. Of Targa and BMP files nobody can tell.
+fn straight(format: ImageFormat) -> bool {
+    matches!(format, ImageFormat::WebP | ImageFormat::Qoi | ImageFormat::Gif)
 }
 
 fn decoder(place: &Place, format: ImageFormat) -> Result<impl ImageDecoder> {
@@ -299,6 +309,9 @@ fn encode_bytes(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile, format:
     let mut pixels = pixels;
     if n == 2 {
         (pixels, n) = without_alpha(&pixels, n);
+    }
+    if n == 4 && straight(format) && spec.attributes.int("unassociatedalpha").unwrap_or(0) == 0 {
+        divide_by_alpha(&mut pixels, n);
     }
     let bytes = native_bytes(pixels);
     let path = file.path().to_owned();

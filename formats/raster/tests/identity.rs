@@ -152,14 +152,16 @@ fn nothing_appears_before_all_is_there() {
 }
 
 #[test]
-fn alpha_of_png_is_divided_out() {
+fn alpha_is_divided_out() {
     let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("a.png");
-    let spec = ImageSpec::new(1, 1, 4, PixelType::U8);
-    write(&path, &*format("png"), &spec, &Pixels::U8(vec![10, 20, 40, 80]), 1);
-    let input = format("png").open(&path, &Limits::default()).unwrap();
-    assert_eq!(input.read_level(0, 0).unwrap(), Pixels::U8(vec![32, 64, 128, 80]));
-    assert_eq!(input.spec(0, 0).unwrap().attributes.int("unassociatedalpha"), Some(1));
+    for name in ["png", "webp", "qoi"] {
+        let path = dir.path().join(name);
+        let spec = ImageSpec::new(1, 1, 4, PixelType::U8);
+        write(&path, &*format(name), &spec, &Pixels::U8(vec![10, 20, 40, 80]), 1);
+        let input = format(name).open(&path, &Limits::default()).unwrap();
+        assert_eq!(input.read_level(0, 0).unwrap(), Pixels::U8(vec![32, 64, 128, 80]), "{name}");
+        assert_eq!(input.spec(0, 0).unwrap().attributes.int("unassociatedalpha"), Some(1), "{name}");
+    }
 }
 
 #[test]
