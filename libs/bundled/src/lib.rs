@@ -56,7 +56,12 @@ const SHADERS: &[(&str, &str)] = &[
 ];
 
 /// Every bundled input, by file name.
-const INPUTS: &[(&str, &[u8])] = &[("teapot.pyg", include_bytes!("../../../inputs/teapot.pyg"))];
+const INPUTS: &[(&str, &[u8])] = &[
+    ("backplane.pyg", include_bytes!("../../../inputs/backplane.pyg")),
+    ("cameralights.pyg", include_bytes!("../../../inputs/cameralights.pyg")),
+    ("frontplane.pyg", include_bytes!("../../../inputs/frontplane.pyg")),
+    ("teapot.pyg", include_bytes!("../../../inputs/teapot.pyg")),
+];
 
 /// Source text of the bundled shader `name` (without extension).
 pub fn shader(name: &str) -> Option<&'static str> {

@@ -157,15 +157,21 @@ impl Raster<'_> {
         let pixel = Vec2::new(1.0 / view.scale.x, 1.0 / view.scale.y);
         // What moves far is in few places at any one time: each slice of the shutter looks only where it is then
         // (Fatahalian et al., Data-Parallel Rasterization of Micropolygons with Defocus and Motion Blur, 2009).
-        for slice in 0..samples.slices() {
-            let outline = self.outline(corners, samples.slice_times(slice), pad);
+        let strata = samples.time_strata();
+        let slices = strata.min(self.travel_px(corners, b));
+        let mut begin = self.outline(corners, samples.stratum_time(0));
+        for slice in 0..slices {
+            let strata = slice * strata / slices..(slice + 1) * strata / slices;
+            let end = self.outline(corners, samples.stratum_time(strata.end));
+            let outline = self.swept(corners, begin, end, &strata, pad);
+            begin = end;
             let rect = match &outline {
                 Some(outline) => pixels_of(outline.reach(view.lens_radius), &whole),
                 None => whole,
             };
             for y in rect.y0..rect.y1 {
                 for x in rect.x0..rect.x1 {
-                    for s in samples.in_slice(samples.pixel(x, y), slice) {
+                    for s in samples.within(samples.pixel(x, y), &strata) {
                         let place = Vec2::new(samples.x[s], samples.y[s]);
                         let lens = match samples.lens.get(s) {
                             Some(lens) if view.lens_radius > 0.0 && view.perspective => Vec2::from(*lens),
@@ -197,8 +203,15 @@ impl Raster<'_> {
         }
     }
 
-    /// Where a micropolygon is in some part of the shutter; `None` when it comes too close to the camera to tell.
-    fn outline(&self, corners: [usize; 4], [first, last]: [f32; 2], pad: f32) -> Option<Outline> {
+    /// About how many pixels a micropolygon moves, at least 1; `whole` is the raster box of its path.
+    fn travel_px(&self, corners: [usize; 4], whole: [f32; 4]) -> usize {
+        let Some(start) = self.outline(corners, self.grid.view.times[0]) else { return usize::MAX };
+        let path = Vec2::new(whole[2] - whole[0], whole[3] - whole[1]);
+        (path - (start.hi - start.lo)).max_element().ceil().max(1.0) as usize
+    }
+
+    /// Where a micropolygon is at one time; `None` when it is too close to the camera to tell.
+    fn outline(&self, corners: [usize; 4], time: f32) -> Option<Outline> {
         let view = &self.grid.view;
         let mut outline = Outline {
             lo: Vec2::INFINITY,
@@ -207,26 +220,41 @@ impl Raster<'_> {
             near: f32::INFINITY,
             far: f32::NEG_INFINITY,
         };
-        // Between keys points move along straight lines, which the projection keeps straight.
-        let inside = view.times.iter().copied().filter(|t| *t > first && *t < last);
-        for time in [first, last].into_iter().chain(inside) {
-            let (key, next, alpha) = crate::dicing::key_at(&view.times, time);
-            for i in corners {
-                let p = view.between(key, next, alpha, i);
-                if view.perspective && !(p.z >= view.near && p.z > 0.0) {
-                    return None;
-                }
-                let q = view.project(p);
-                (outline.lo, outline.hi) = (outline.lo.min(q - pad), outline.hi.max(q + pad));
-                (outline.near, outline.far) = (outline.near.min(p.z), outline.far.max(p.z));
+        let (key, next, alpha) = crate::dicing::key_at(&view.times, time);
+        for i in corners {
+            let p = view.between(key, next, alpha, i);
+            if view.perspective && !(p.z >= view.near && p.z > 0.0) {
+                return None;
             }
+            let q = view.project(p);
+            (outline.lo, outline.hi) = (outline.lo.min(q), outline.hi.max(q));
+            (outline.near, outline.far) = (outline.near.min(p.z), outline.far.max(p.z));
+        }
+        Some(outline)
+    }
+
+    /// Where a micropolygon is from the `begin` to the `end` of some parts of the shutter, rims included. Between keys
+    /// points move along straight lines, which the projection keeps straight.
+    fn swept(
+        &self,
+        corners: [usize; 4],
+        begin: Option<Outline>,
+        end: Option<Outline>,
+        strata: &std::ops::Range<usize>,
+        pad: f32,
+    ) -> Option<Outline> {
+        let view = &self.grid.view;
+        let mut outline = begin?.with(&end?);
+        let [first, last] = [strata.start, strata.end].map(|k| self.samples.stratum_time(k));
+        for time in view.times.iter().filter(|t| **t > first && **t < last) {
+            outline = outline.with(&self.outline(corners, *time)?);
         }
         // Room for rounding.
-        let room = 0.01 + 1e-5 * (outline.lo.abs().max(outline.hi.abs()).max_element());
+        let room = pad + 0.01 + 1e-5 * (outline.lo.abs().max(outline.hi.abs()).max_element());
         (outline.lo, outline.hi) = (outline.lo - room, outline.hi + room);
         if view.lens_radius > 0.0 {
-            (outline.near, outline.far) =
-                (1.0 / view.focus - 1.0 / outline.near, 1.0 / view.focus - 1.0 / outline.far);
+            let shift = |z: f32| 1.0 / view.focus - 1.0 / z;
+            (outline.near, outline.far) = (shift(outline.near), shift(outline.far));
         }
         Some(outline)
     }
@@ -275,17 +303,29 @@ impl Raster<'_> {
 
 /// Where a micropolygon is seen: a point at depth `z`, seen through the lens point `l`, appears
 /// `scale * l * (1 / focus - 1 / z)` away from where a pinhole shows it.
+#[derive(Clone, Copy)]
 struct Outline {
     /// Raster box as a pinhole shows it.
     lo: Vec2,
     hi: Vec2,
     scale: Vec2,
-    /// `1 / focus - 1 / z` of the nearest and farthest corner; not used without a lens.
+    /// Depths of the nearest and farthest corner; once swept, with a lens, `1 / focus - 1 / z` of them.
     near: f32,
     far: f32,
 }
 
 impl Outline {
+    /// Of both.
+    fn with(&self, other: &Self) -> Self {
+        Self {
+            lo: self.lo.min(other.lo),
+            hi: self.hi.max(other.hi),
+            scale: self.scale,
+            near: self.near.min(other.near),
+            far: self.far.max(other.far),
+        }
+    }
+
     /// Raster box as the whole lens shows it.
     fn reach(&self, lens_radius: f32) -> [f32; 4] {
         let shift = if lens_radius > 0.0 {

@@ -141,25 +141,29 @@ impl SampleGrid {
         self.rect.width() * self.rect.height()
     }
 
-    /// Number of equal parts of the shutter, each with one sample of every pixel; 1 without motion blur, with all
-    /// samples in it.
-    pub(crate) fn slices(&self) -> usize {
+    /// Number of equal parts of the shutter that have one sample of every pixel each; 1 without motion blur.
+    pub(crate) fn time_strata(&self) -> usize {
         if self.by_time.is_empty() { 1 } else { self.per_pixel }
     }
 
-    /// First and last time of a slice.
-    pub(crate) fn slice_times(&self, slice: usize) -> [f32; 2] {
+    /// The time at which a part begins, or at which the last one ends.
+    pub(crate) fn stratum_time(&self, stratum: usize) -> f32 {
         let [open, close] = self.shutter;
-        [slice, slice + 1].map(|k| open + (close - open) * (k as f32 / self.slices() as f32))
+        open + (close - open) * (stratum as f32 / self.time_strata() as f32)
     }
 
-    /// Indices of the samples of a pixel that are in a slice.
-    pub(crate) fn in_slice(&self, pixel: usize, slice: usize) -> std::ops::Range<usize> {
+    /// Indices of the samples of a pixel that are in the given parts of the shutter.
+    pub(crate) fn within(
+        &self,
+        pixel: usize,
+        strata: &std::ops::Range<usize>,
+    ) -> impl Iterator<Item = usize> {
         let first = pixel * self.per_pixel;
-        match self.by_time.get(first + slice) {
-            Some(s) => first + *s as usize..first + *s as usize + 1,
-            None => first..first + self.per_pixel,
-        }
+        let (listed, all) = match self.by_time.get(first + strata.start..first + strata.end) {
+            Some(listed) => (listed, 0..0),
+            None => (&[][..], 0..self.per_pixel),
+        };
+        listed.iter().map(|s| *s as usize).chain(all).map(move |s| first + s)
     }
 
     /// Index of a pixel inside the rectangle.
