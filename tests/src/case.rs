@@ -56,6 +56,12 @@ pub fn cases(suite: &Path) -> Result<Vec<Case>, String> {
             if lines.is_empty() {
                 return Err(format!("{name}: the case asserts nothing"));
             }
+            let mut kept: Vec<_> =
+                lines.iter().filter(|l| l.words[0] == "text").map(|l| l.words.last()).collect();
+            kept.sort();
+            if kept.windows(2).any(|pair| pair[0] == pair[1]) {
+                return Err(format!("{name}: two texts under one name; give them labels"));
+            }
             found.push(Case { name, folder, lines });
         }
     }
