@@ -205,8 +205,8 @@ fn functions() {
         "filterwidth (x)",
     ] {
         let cost = |times: usize| {
-            let body = format!("x = {call} * 0.5 + u;").repeat(times);
-            shader_cost(&format!("surface t () {{ float x = u; {body} C = x; }}"), false).0
+            let body = format!("y = {call};").repeat(times);
+            shader_cost(&format!("surface t () {{ float x = 0.3 + u * 1.5, y = 0; {body} C = y; }}"), false).0
         };
         println!("{call:<32} {:>8.2}", (cost(11) - cost(1)) / 10.0);
     }

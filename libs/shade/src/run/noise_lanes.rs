@@ -45,7 +45,7 @@ fn chunks<const D: usize>(task: &NoiseTask<'_>, component: u32, out: &mut [f32])
     let periodic = task.periods.is_some();
     for (number, out) in out.chunks_mut(CHUNK).enumerate() {
         let from = number * CHUNK;
-        if periodic || out.len() < 4 {
+        if out.len() < 4 {
             for (l, o) in out.iter_mut().enumerate() {
                 let x = std::array::from_fn(|k| task.x[k].map_or(0.0, |lane| lane.get(from + l)));
                 let periods =
@@ -63,6 +63,27 @@ fn chunks<const D: usize>(task: &NoiseTask<'_>, component: u32, out: &mut [f32])
             }
         }
         let mut result = [0.0; CHUNK];
+        if let Some(lanes) = &task.periods {
+            let mut periods = [[1_u32; CHUNK]; D];
+            for (to, lane) in periods.iter_mut().zip(lanes) {
+                if lane.stride == 0 {
+                    to.fill(period(lane.values[0]));
+                } else {
+                    for (to, v) in to.iter_mut().zip(&lane.values[from..from + out.len()]) {
+                        *to = period(*v);
+                    }
+                }
+            }
+            for l in 0..CHUNK {
+                let periods = std::array::from_fn(|k| periods[k][l]);
+                result[l] = smooth::<D>(std::array::from_fn(|k| x[k][l]), periods, true, component);
+            }
+            if task.kind == NoiseKind::Unsigned {
+                result.iter_mut().for_each(|v| *v = 0.5 + 0.5 * *v);
+            }
+            out.copy_from_slice(&result[..out.len()]);
+            continue;
+        }
         match task.kind {
             NoiseKind::Signed => {
                 for l in 0..CHUNK {
@@ -126,10 +147,14 @@ fn cell(x: f32) -> (i32, f32) {
     (i, if (0.0..=1.0).contains(&t) { t } else { 0.0 })
 }
 
-/// A lattice coordinate, repeated.
+/// A lattice coordinate, repeated: the remainder of a division by a period of at least 1, never negative.
 #[inline(always)]
 fn wrap(i: i32, period: u32) -> i32 {
-    if period == 0 { i } else { i.rem_euclid(period.min(i32::MAX as u32) as i32) }
+    let period = period.min(i32::MAX as u32) as i32;
+    // Double precision holds quotients of 32 bits exactly enough, and its division vectorises.
+    let quotient = (f64::from(i) / f64::from(period)) as i32;
+    let rest = i.wrapping_sub(quotient.wrapping_mul(period));
+    if rest < 0 { rest.wrapping_add(period) } else { rest }
 }
 
 #[inline(always)]
@@ -238,4 +263,18 @@ fn cellular<const D: usize>(x: [f32; D], component: u32) -> f32 {
 #[inline(always)]
 pub(crate) fn open_unit(h: u32) -> f32 {
     ((h >> 9) as i32 as f32 + 0.5) * (1.0 / 8_388_608.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn remainders() {
+        for i in [0, 1, -1, 5, -5, 17, 1_000_003, -1_000_003, i32::MAX, i32::MIN, i32::MIN + 1] {
+            for p in [1, 2, 3, 7, 100, 65_536, 1_000_000_007, i32::MAX] {
+                assert_eq!(wrap(i, p as u32), i.rem_euclid(p), "{i} {p}");
+            }
+        }
+    }
 }
