@@ -4,7 +4,7 @@
 //!
 //! `maketx` against OpenImageIO's, which is found by the variable `OIIO_MAKETX`, by the option, or on the search
 //! path: the same picture, tile size (64), compression (zip) and type of texels, with one thread and with two. The
-//! quickest of three runs counts. Pictures are made here of those in `examples/first`. `--large` adds a picture
+//! quickest of four runs counts, in turns. Pictures are made here of those in `examples/first`. `--large` adds a picture
 //! of 16384 x 16384 pixels, ours alone: its memory is what matters.
 
 #![forbid(unsafe_code)]
@@ -70,11 +70,15 @@ fn run() -> Result<(), String> {
         for threads in ["1", "2"] {
             let output = place.path().join("out.tx");
             let common = ["--threads", threads, "--compression", "zip"];
-            let mine = texture(&ours, case, case.ours, &common, &output)?;
-            let other = match &theirs {
-                Some(program) => Some(texture(program, case, case.theirs, &common, &output)?),
-                None => None,
-            };
+            // In turns, so that what else the machine does falls on both.
+            let (mut mine, mut other) = (None, None);
+            for _ in 0..RUNS {
+                quicker(&mut mine, texture(&ours, case, case.ours, &common, &output)?);
+                if let Some(program) = &theirs {
+                    quicker(&mut other, texture(program, case, case.theirs, &common, &output)?);
+                }
+            }
+            let Some(mine) = mine else { continue };
             print_row(case.about, threads, &mine, other.as_ref());
         }
     }
@@ -104,7 +108,17 @@ fn print_row(about: &str, threads: &str, mine: &Cost, other: Option<&Cost>) {
     );
 }
 
-/// The quickest of three runs.
+/// How often each program makes each texture; the quickest run counts.
+const RUNS: usize = 4;
+
+/// Keeps the quicker run.
+fn quicker(best: &mut Option<Cost>, cost: Cost) {
+    if best.is_none_or(|b| cost.wall < b.wall) {
+        *best = Some(cost);
+    }
+}
+
+/// One run.
 fn texture(
     program: &Path,
     case: &Case,
@@ -112,7 +126,7 @@ fn texture(
     common: &[&str],
     output: &Path,
 ) -> Result<Cost, String> {
-    measure(3, || {
+    measure(1, || {
         let mut command = Command::new(program);
         command.args(common).args(own).arg(&case.input).arg("-o").arg(output);
         command
