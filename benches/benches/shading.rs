@@ -56,7 +56,8 @@ fn module(source: &str) -> Arc<Module> {
 fn group(source: &str, optimize: bool) -> Group {
     let params = Params::new();
     let layer = LayerSource { module: module(source), params: &params, name: None };
-    Group::link_with(&[layer], &[], LinkOptions { optimize }, &mut |_, text| panic!("{text}")).unwrap()
+    Group::link_with(&[layer], &[], LinkOptions { optimize }, &mut |_, text| panic!("{text}"))
+        .expect("a group")
 }
 
 /// A wavy patch.
@@ -156,7 +157,8 @@ fn main() {
 /// Shaders whose names contain `only`.
 fn speed(only: &str) {
     println!("{N}-point grids, ns per point      unoptimised  optimised  Rust   ratio");
-    let all: [(&str, &str, fn(&Grid, &mut Lanes3)); 2] =
+    type ByHand = fn(&Grid, &mut Lanes3);
+    let all: [(&str, &str, ByHand); 2] =
         [("procedural", PROCEDURAL, by_hand::procedural), ("arithmetic", ARITHMETIC, by_hand::arithmetic)];
     for (name, source, by_hand) in all.into_iter().filter(|(name, ..)| name.contains(only)) {
         let (plain, _) = shader_cost(source, false);
@@ -234,7 +236,7 @@ fn compiling() {
         let params = Params::new();
         let start = Instant::now();
         let layer = LayerSource { module: compiled, params: &params, name: None };
-        black_box(Group::link(&[layer], &[], &mut |_, _| {}).unwrap());
+        black_box(Group::link(&[layer], &[], &mut |_, _| {}).expect("a group"));
         start.elapsed().as_secs_f64()
     });
     println!("linking and optimising it: {:.2} ms", best.fold(f64::INFINITY, f64::min) * 1e3);
@@ -249,7 +251,7 @@ fn values(expression: &str, points: &[Vec3]) -> Vec<f32> {
         let mut grid = Grid::new(Topology::Scattered { n: chunk.len() });
         grid.p = Lanes3::from_points(chunk);
         let wanted = [("r", ValueType::Float)];
-        all.extend(executor.run(&group, &mut grid, &mut Nothing, &wanted).remove(0).unwrap());
+        all.extend(executor.run(&group, &mut grid, &mut Nothing, &wanted).remove(0).expect("an output"));
     }
     all
 }
