@@ -11,7 +11,7 @@
 //! format tag (reference 9.2.1). Others are further images.
 //!
 //! **Tags of textures** (reference 9.2) appear as the attributes `textureformat`, `wrapmodes`, `fovcot`,
-//! `worldtoscreen` and `worldtocamera` of [`ImageSpec`](granita_image::ImageSpec); the size of the
+//! `worldtoscreen` and `worldtocamera` of [`ImageSpec`]; the size of the
 //! display window, or of a cube face, is in its `full_width` and `full_height`.
 //!
 //! **Attributes when writing** (reference 7.4.1): `compression` ("none", "lzw", "zip" or "deflate", and

@@ -67,7 +67,7 @@ pub(crate) fn environment(shared: &Shared, file: &TextureFile, q: &EnvLookup, ou
         for (x, weight) in probes.iter() {
             let d = r * x.cos() + long * x.sin();
             let value = if cube {
-                cube_probe(&mut sampler, d, probes.width)
+                cube_probe(&mut sampler, d, probes.exact)
             } else {
                 latlong_probe(&mut sampler, to_map(d, up), probes.width, probes.exact)
             };
@@ -85,11 +85,13 @@ fn texel_angle(file: &TextureFile, cube: bool) -> f32 {
     if cube { 2.0 / level.face_width as f32 } else { PI / level.height as f32 }
 }
 
-/// Round probe of a cube: direction `d`, of length about 1, full width in radians.
+/// Round probe of a cube: direction `d`, of length about 1, full width in radians; at least one texel is covered,
+/// wherever on the face.
 fn cube_probe(sampler: &mut Sampler<'_>, d: Vec3, width: f32) -> [f32; 4] {
     let p = cube::project(sampler.file.layout, d);
     // On the face's plane lengths grow by stretch^2 outward and stretch across: their geometric mean.
     let texels = width * 0.5 * sampler.level(0).face_width as f32 * p.stretch * p.stretch.sqrt();
+    let texels = texels.max(1.0);
     let (level, share) = levels(texels.log2(), sampler.last());
     let (s, t) = (p.s.clamp(0.0, 1.0), p.t.clamp(0.0, 1.0));
     let value = sampler.cube_bilinear(level, p.face, s, t);
