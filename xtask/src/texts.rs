@@ -114,10 +114,16 @@ fn check_links(workspace: &Workspace, file: &Path, text: &str, faults: &mut Vec<
 
 /// Unfinished work and somebody's machine have no place in a commit.
 fn check_words(file: &Path, text: &str, faults: &mut Vec<String>) {
-    if file.starts_with("xtask") {
-        return;
-    }
-    const WORDS: [&str; 7] = ["TODO", "FIXME", "XXX:", "#[ignore]", "/home/", "/root/", "unimplemented!("];
+    // Each in two parts, so that this file is none of them.
+    const WORDS: [&str; 7] = [
+        concat!("TO", "DO"),
+        concat!("FIX", "ME"),
+        concat!("XX", "X:"),
+        concat!("#[ig", "nore]"),
+        concat!("/ho", "me/"),
+        concat!("/ro", "ot/"),
+        concat!("unimpl", "emented!("),
+    ];
     for (number, line) in text.lines().enumerate() {
         for word in WORDS {
             if line.contains(word) {
