@@ -138,7 +138,7 @@ fn broken_texels_and_small_tiles_are_told() {
     folder.picture("a.tif", (4, 4), 1, |x, _, _| if x == 0 { f32::NAN } else { f32::INFINITY });
     let o = MakeOptions { tile_size: (8, 8), ..options() };
     let Made::Written { notes, .. } = folder.make(&["a.tif"], "a.tx", &o).unwrap() else { panic!() };
-    assert!(notes[0].contains("4 values are not numbers"), "{notes:?}");
+    assert!(notes[0].contains("values that are not numbers: 4"), "{notes:?}");
     assert!(notes[1].contains("16 x 16"), "{notes:?}");
     let file = folder.registry.open(&folder.path("a.tx")).unwrap();
     for level in 0..3 {

@@ -86,7 +86,7 @@ impl Source {
                 "{path}: {} values that are not finite became means of those around",
                 nans + infinities
             )),
-            _ if nans > 0 => Some(format!("{path}: {nans} values are not numbers and count as 0")),
+            _ if nans > 0 => Some(format!("{path}: values that are not numbers: {nans}; they count as 0")),
             _ => None,
         }
     }

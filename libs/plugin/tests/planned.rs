@@ -1,8 +1,12 @@
-//! Tiles of all levels in any order give the same picture as levels one after the other.
+//! Tiles of all levels in any order give the same picture as levels one after the other, in every format that textures
+//! are written in.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use granita_exr::ExrFormat;
-use granita_image::{CreateOptions, Format, ImageSpec, Limits, PixelType, Pixels};
+use granita_image::{CreateOptions, ImageSpec, Limits, PixelType, Pixels};
+use granita_plugin::bundled_formats;
+
+/// Formats with tiles and levels.
+const FORMATS: [&str; 2] = ["tiff", "OpenEXR"];
 
 fn tile(level: usize, tx: u32, ty: u32) -> Pixels {
     Pixels::Float((0..256).map(|i| (i + 1000 * level) as f32 + tx as f32 * 0.25 + ty as f32 * 0.5).collect())
@@ -10,13 +14,18 @@ fn tile(level: usize, tx: u32, ty: u32) -> Pixels {
 
 #[test]
 fn levels_in_any_order() {
+    FORMATS.into_iter().for_each(in_any_order);
+}
+
+fn in_any_order(format: &str) {
+    let registry = bundled_formats(Limits::default());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a");
     let specs: Vec<ImageSpec> = (0..7)
         .map(|level| ImageSpec::new(64 >> level, (40 >> level).max(1), 1, PixelType::Float).tiled(16, 16))
         .collect();
     let options = CreateOptions { spec: &specs[0], levels: specs.len() };
-    let mut out = ExrFormat.create(&path, &options).unwrap();
+    let mut out = registry.create(&path, format, &options).unwrap();
     assert!(out.select_level(1).is_err(), "nothing is planned yet");
     assert!(out.plan_levels(&specs[1..]).unwrap());
     assert!(out.next_level(&specs[1]).is_err());
@@ -33,26 +42,34 @@ fn levels_in_any_order() {
         out.write_tile(tx, ty, &tile(level, tx, ty)).unwrap();
     }
     out.close().unwrap();
-    let file = ExrFormat.open(&path, &Limits::default()).unwrap();
-    assert_eq!(file.levels(0), 7);
+    let file = registry.open(&path).unwrap();
+    assert_eq!(file.levels(0), 7, "{format}");
     for (level, tx, ty) in all {
         let s = file.spec(0, level).unwrap();
         assert_eq!((s.width, s.height), (specs[level].width, specs[level].height));
         let (got, wanted) = (file.read_tile(0, level, tx, ty).unwrap(), tile(level, tx, ty));
         for i in 0..256 {
             let inside = tx * 16 + i % 16 < s.width && ty * 16 + i / 16 < s.height;
-            assert!(!inside || got.get(i as usize) == wanted.get(i as usize), "{level} {tx} {ty} {i}");
+            assert!(
+                !inside || got.get(i as usize) == wanted.get(i as usize),
+                "{format} {level} {tx} {ty} {i}"
+            );
         }
     }
 }
 
 #[test]
 fn a_missing_tile_of_any_level_is_told() {
+    FORMATS.into_iter().for_each(missing_tile);
+}
+
+fn missing_tile(format: &str) {
+    let registry = bundled_formats(Limits::default());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a");
     let spec = |n: u32| ImageSpec::new(n, n, 1, PixelType::Float).tiled(16, 16);
     let first = spec(2);
-    let mut out = ExrFormat.create(&path, &CreateOptions { spec: &first, levels: 2 }).unwrap();
+    let mut out = registry.create(&path, format, &CreateOptions { spec: &first, levels: 2 }).unwrap();
     assert!(out.plan_levels(&[spec(1)]).unwrap());
     out.select_level(1).unwrap();
     out.write_tile(0, 0, &tile(1, 0, 0)).unwrap();
