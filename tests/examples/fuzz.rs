@@ -1,10 +1,11 @@
-//! Runs fuzz targets for a time, without libFuzzer: `cargo run --release -p granita-tests --example fuzz -- SECONDS
-//! SALT [TARGET ...]`.
+//! Runs each fuzz target for some seconds of processor time, without libFuzzer: `cargo run --release -p granita-tests
+//! --example fuzz -- SECONDS SALT [TARGET ...]`.
 //!
 //! Inputs are mutations of the corpus, of the corpus's mutations and so on, three deep; the same for the same salt. An
 //! input that makes a target panic is written to `fuzz/artifacts`, and makes the exit code 1.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program of its own")]
 
+use cpu_time::ProcessTime;
 use granita_base::hash;
 use granita_tests::fuzz::{TARGETS, mutated};
 use granita_tests::repository;
@@ -37,7 +38,7 @@ fn main() -> ExitCode {
             continue;
         }
         let (mut number, mut finds, mut slowest) = (0u32, 0, Duration::ZERO);
-        let begin = Instant::now();
+        let begin = ProcessTime::now();
         while begin.elapsed() < Duration::from_secs(seconds) {
             number = number.wrapping_add(1);
             let random = hash::words(&[number, salt]);
