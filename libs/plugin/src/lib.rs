@@ -1,4 +1,4 @@
-//! The image formats that come with the suite, in one registry.
+//! The image formats and the generators that come with the suite, in one registry each.
 //!
 //! This is the only library that names format crates; everything else receives a [`FormatRegistry`].
 //!
@@ -10,6 +10,7 @@
 //! Deliberately absent so far: plugins loaded from shared libraries (reference 13).
 
 use granita_image::{FormatRegistry, Limits};
+use granita_scene::GeneratorRegistry;
 use std::sync::Arc;
 
 /// All bundled formats: "tiff", "shadow", "exr" ("OpenEXR") and those of `granita-raster`.
@@ -22,6 +23,15 @@ pub fn bundled_formats(limits: Limits) -> FormatRegistry {
     registry.register(Arc::new(granita_exr::ExrFormat));
     for format in granita_raster::formats() {
         registry.register(format);
+    }
+    registry
+}
+
+/// All bundled generators but "pyg", which the session itself runs: it may start programs.
+pub fn bundled_generators() -> GeneratorRegistry {
+    let mut registry = GeneratorRegistry::default();
+    for generator in granita_mesh::generators().into_iter().chain(granita_rib::generators()) {
+        registry.add(generator);
     }
     registry
 }

@@ -53,12 +53,14 @@ pub mod attribute;
 mod call;
 mod camera;
 mod frame;
+mod generator;
 mod scene;
 mod state;
 
 pub use attribute::{attribute_default, attribute_row, suggestion};
 pub use call::{Call, Matrix, SceneSink, Stop, TransformTarget};
 pub use frame::{FrameRenderer, InputReader};
+pub use generator::{Generator, GeneratorError, GeneratorRegistry, GeneratorSource};
 pub use scene::{
     AttributeSet, Camera, Connection, Light, LightId, Output, Primitive, Scene, ShaderGroup, ShaderInstance,
     ShaderUsage, ShapeKey,
