@@ -1,8 +1,8 @@
 //! The flat subset: one call with constant arguments per statement (reference 3.6), and binary arrays (3.7).
 
 use crate::bytes::Bytes;
-use crate::number::{Number, scan_number};
 use crate::value::{Seq, Value};
+use granita_base::{Number, scan_number};
 use std::io;
 
 /// Sequences nested deeper than this are refused.

@@ -31,7 +31,6 @@ mod calls;
 mod flat;
 mod input;
 mod names;
-mod number;
 mod python;
 mod read;
 mod script;

@@ -5,6 +5,7 @@
 //!
 //! - [`transform`]: 4x4 matrices acting on row vectors, and matrices that move over time;
 //! - [`bound`]: axis-aligned boxes;
+//! - [`number`]: numbers in text, read fast;
 //! - [`param`]: typed, named values as the scene interface passes them (`"vertex point P"`);
 //! - [`shape`]: the description of a geometric primitive, shared by scene, readers and geometry;
 //! - [`report`]: messages for the user, sorted by severity, said once per cause;
@@ -27,6 +28,7 @@
 pub mod bound;
 pub mod filter;
 pub mod hash;
+pub mod number;
 pub mod param;
 pub mod report;
 pub mod sample;
@@ -37,6 +39,7 @@ pub mod transform;
 pub use bound::Bound;
 pub use filter::Filter;
 pub use glam::{Vec2, Vec3, Vec4};
+pub use number::{Number, scan_number};
 pub use param::{BaseType, Interp, Param, ParamData, ParamType, Params};
 pub use report::{Location, Reporter, Severity};
 pub use search::{Environment, SearchPath};

@@ -152,6 +152,12 @@ pub trait SceneSink {
     /// error; an `Err` means that going on is pointless (a closed pipe, an aborted frame).
     fn call(&mut self, call: Call, at: &Location) -> Result<(), Stop>;
 
+    /// Whether `World` was called: geometry is taken from then on, and cameras no longer. `true` for receivers that do
+    /// not follow the state.
+    fn in_world(&self) -> bool {
+        true
+    }
+
     /// The value of an attribute in the current state, for `GetAttribute`; `None` when there is none.
     fn attribute(&self, declaration: &str) -> Option<Param> {
         let _ = declaration;

@@ -144,6 +144,10 @@ impl SceneSink for Echo<'_> {
         self.writer.call(call, at)
     }
 
+    fn in_world(&self) -> bool {
+        self.state.in_world()
+    }
+
     fn attribute(&self, declaration: &str) -> Option<Param> {
         let (_, name) = granita_base::ParamType::parse(declaration).ok()?;
         if name.starts_with("pyg:") || matches!(name.as_str(), "format:binary" | "limits:inputlevels") {

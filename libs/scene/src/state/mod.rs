@@ -287,6 +287,10 @@ impl SceneSink for State {
         Ok(())
     }
 
+    fn in_world(&self) -> bool {
+        self.phase != Phase::Options
+    }
+
     fn attribute(&self, declaration: &str) -> Option<Param> {
         self.get_attribute(declaration)
     }

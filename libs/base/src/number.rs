@@ -1,10 +1,23 @@
-//! Numbers, read fast and rounded correctly.
+//! Numbers in text, read fast and rounded correctly; for readers of text formats.
 
 /// A number as it stands in the text.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Number {
+pub enum Number {
+    /// Digits alone, within 64 bits.
     Int(i64),
+    /// With a point or an exponent, or too large for an integer.
     Float(f64),
+}
+
+impl Number {
+    /// The value, whichever it is.
+    #[inline]
+    pub fn to_f64(self) -> f64 {
+        match self {
+            Self::Int(i) => i as f64,
+            Self::Float(f) => f,
+        }
+    }
 }
 
 /// Powers of ten that are exact in double precision.
@@ -13,11 +26,12 @@ const POWERS: [f64; 23] = [
     1e19, 1e20, 1e21, 1e22,
 ];
 
-/// Reads a decimal (or `0x`) number at the beginning of `text`: its value and its length.
+/// Reads a decimal (or `0x`) number at the beginning of `text`: its value and its length in bytes. `None` when there is
+/// none; a leading `+` is none, neither are `nan` and `inf`.
 ///
 /// Up to 2^53 and exponents to 22 one exact multiplication or division gives the correctly rounded result
 /// (Clinger 1990); the rest goes through the standard library.
-pub(crate) fn scan_number(text: &[u8]) -> Option<(Number, usize)> {
+pub fn scan_number(text: &[u8]) -> Option<(Number, usize)> {
     let mut at = 0;
     let negative = text.first() == Some(&b'-');
     if negative {
