@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use granita_scene::attribute::{DefaultValue, Scope, TABLE};
+use granita_scene::attribute::{DefaultValue, Effect, Scope, TABLE};
 use granita_tests::repository;
 use std::fmt::Write;
 
@@ -25,7 +25,11 @@ fn numbers<T: Copy + Into<f64>>(list: &[T]) -> String {
 fn attributes() {
     let mut text = String::from(
         "# Attributes\n\nOne row for each attribute, from the table that the programs themselves use. `Attribute (\"TYPE \
-         NAME\", VALUE)` sets one, `GetAttribute (\"NAME\")` asks for it. The sections are those of the reference.\n",
+         NAME\", VALUE)` sets one, `GetAttribute (\"NAME\")` asks for it. The sections are those of the reference.\n\nNumbers \
+         of any type become those of the attribute as long as nothing is lost; a string where a number belongs, or the \
+         wrong number of values, is an error and changes nothing. An attribute marked *not yet* is kept and can be asked \
+         for, but has no effect so far; setting it to something else than its default says so once. One marked *hint* \
+         tunes how the work is done, and this renderer needs no tuning there.\n",
     );
     for (scope, title) in [
         (Scope::Camera, "Of cameras"),
@@ -44,7 +48,12 @@ fn attributes() {
                 DefaultValue::Ints(v) => format!("`{}`", numbers(v)),
                 DefaultValue::Text(v) => format!("`\"{v}\"`"),
             };
-            let help = row.help.replace('|', "\\|");
+            let mut help = row.help.replace('|', "\\|");
+            help += match row.effect {
+                Effect::Full => "",
+                Effect::NotYet => "; *not yet*",
+                Effect::Hint => "; *hint*",
+            };
             let _ = writeln!(text, "| `{}` | {shown} | {} | {help} |", row.declaration(), row.section);
         }
     }

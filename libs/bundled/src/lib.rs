@@ -25,6 +25,7 @@ const SHADERS: &[(&str, &str)] = &[
     ("glass", include_str!("../../../shaders/glass.gsl")),
     ("greenmarble", include_str!("../../../shaders/greenmarble.gsl")),
     ("indirectlight", include_str!("../../../shaders/indirectlight.gsl")),
+    ("keyfillrim", include_str!("../../../shaders/keyfillrim.gsl")),
     ("matte", include_str!("../../../shaders/matte.gsl")),
     ("metal", include_str!("../../../shaders/metal.gsl")),
     ("movephotons", include_str!("../../../shaders/movephotons.gsl")),

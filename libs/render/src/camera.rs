@@ -113,6 +113,8 @@ pub struct CameraView {
     pub bucketorder: Arc<str>,
     /// Preview mode: replaces "shadingquality" when not 0.
     pub preview: f32,
+    /// "dice:curvature" of preview mode, in degrees.
+    pub preview_dicecurvature_deg: f32,
 }
 
 /// Attributes of one camera, with messages about values that make no sense.
@@ -244,6 +246,7 @@ impl CameraView {
             ),
             bucketorder: camera.params.string("bucketorder").cloned().unwrap_or_else(|| "horizontal".into()),
             preview,
+            preview_dicecurvature_deg: get.float("preview:dicecurvature", 90.0),
         }
     }
 

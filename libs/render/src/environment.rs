@@ -8,8 +8,20 @@ use std::sync::atomic::AtomicBool;
 
 /// Finds compiled shaders by name.
 pub trait ShaderLibrary: Send + Sync {
-    /// The shader called `name` (without extension); `None`, already reported once, when there is none.
-    fn load(&self, name: &str) -> Option<Arc<Module>>;
+    /// The shader called `name` (without extension).
+    ///
+    /// # Errors
+    /// See [`NoShader`].
+    fn load(&self, name: &str) -> Result<Arc<Module>, NoShader>;
+}
+
+/// Why a name stands for no shader.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NoShader {
+    /// There is none of that name: where it was looked for, as in `looked in a, b`. Who needs it tells the user.
+    Missing(String),
+    /// There is one, but it cannot be read or compiled. The user knows why.
+    Broken,
 }
 
 /// Is told how far a frame is. Called from any thread.

@@ -1,6 +1,6 @@
 //! Small scenes for the tests of shading.
 
-use crate::{CameraView, RenderEnvironment, ShaderLibrary, Silent};
+use crate::{CameraView, NoShader, RenderEnvironment, ShaderLibrary, Silent};
 use granita_base::{
     Environment, Location, MotionTransform, Param, Params, Reporter, SearchPath, ShapeDesc, Transform, Vec3,
 };
@@ -19,8 +19,8 @@ use std::sync::{Arc, Mutex};
 pub(crate) struct Library(BTreeMap<String, Arc<Module>>);
 
 impl ShaderLibrary for Library {
-    fn load(&self, name: &str) -> Option<Arc<Module>> {
-        self.0.get(name).cloned()
+    fn load(&self, name: &str) -> Result<Arc<Module>, NoShader> {
+        self.0.get(name).cloned().ok_or_else(|| NoShader::Missing("looked nowhere".to_owned()))
     }
 }
 

@@ -50,7 +50,7 @@ mod fixture;
 mod tests;
 
 pub use camera::{CameraView, Lens, PixelRect, Projection};
-pub use environment::{Progress, RenderEnvironment, ShaderLibrary, Silent};
+pub use environment::{NoShader, Progress, RenderEnvironment, ShaderLibrary, Silent};
 pub use error::RenderError;
 pub use renderer::{FrameReport, Renderer};
 pub use statistics::Statistics;

@@ -3,8 +3,8 @@
 //! Attribute values are names and numbers in maps; thousands of grids ask the same few questions. An
 //! [`ObjectState`] holds the answers and the linked shaders.
 
-use crate::ShaderLibrary;
 use crate::spaces::Spaces;
+use crate::{NoShader, ShaderLibrary};
 use granita_base::{Color, Location, MotionTransform, Reporter, Severity, Vec3};
 use granita_gsl::ir::{
     Global, Module, Op, OpCode, ShaderKind, SourcePos, Stmt, Symbol, SymbolId, SymbolKind, SymbolType,
@@ -50,24 +50,22 @@ impl Linker<'_> {
         let mut modules = Vec::with_capacity(shaders.layers.len());
         for layer in &shaders.layers {
             let name = &layer.shader;
-            let Some(module) = self.library.load(name) else {
-                self.once(
-                    usage,
-                    owner,
-                    name,
-                    &layer.at,
-                    &format!("\"{name}\" is missing; {}", substitute(usage)),
-                );
-                continue;
+            let module = match self.library.load(name) {
+                Ok(module) => module,
+                Err(why) => {
+                    // What is wrong with a broken one was said as an error; this names who goes without it.
+                    let (severity, why) = match why {
+                        NoShader::Missing(places) => (Severity::Error, format!("is missing ({places})")),
+                        NoShader::Broken => (Severity::Warning, "cannot be used".to_owned()),
+                    };
+                    let text = format!("\"{name}\" {why}; {}", substitute(usage));
+                    self.once(severity, usage, owner, (name, &layer.at), &text);
+                    continue;
+                }
             };
             if let Err(reason) = may_be_used(&module, usage) {
-                self.once(
-                    usage,
-                    owner,
-                    name,
-                    &layer.at,
-                    &format!("\"{name}\" {reason}; {}", substitute(usage)),
-                );
+                let text = format!("\"{name}\" {reason}; {}", substitute(usage));
+                self.once(Severity::Warning, usage, owner, (name, &layer.at), &text);
                 continue;
             }
             modules.push((module, layer));
@@ -118,7 +116,7 @@ impl Linker<'_> {
     /// The surface shader of an object that has none, or whose shaders are all missing: the library's
     /// "defaultsurface", or one that keeps the surface colour.
     pub(crate) fn default_surface(&self) -> LinkedShaders {
-        let module = self.library.load(DEFAULT_SURFACE).unwrap_or_else(|| Arc::new(plain_surface()));
+        let module = self.library.load(DEFAULT_SURFACE).unwrap_or_else(|_| Arc::new(plain_surface()));
         let link = |module: Arc<Module>| {
             let params = granita_base::Params::new();
             let name = module.name.clone();
@@ -149,9 +147,16 @@ impl Linker<'_> {
     }
 
     /// Once per shader and usage, however many objects have it.
-    fn once(&self, usage: ShaderUsage, owner: &str, shader: &str, at: &Location, text: &str) {
+    fn once(
+        &self,
+        severity: Severity,
+        usage: ShaderUsage,
+        owner: &str,
+        (shader, at): (&str, &Location),
+        text: &str,
+    ) {
         let cause = format!("{} shader {shader} unusable", usage_word(usage));
-        self.reporter.once(&cause, Severity::Warning, at, self.prefixed(usage, owner, text));
+        self.reporter.once(&cause, severity, at, self.prefixed(usage, owner, text));
     }
 }
 

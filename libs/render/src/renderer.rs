@@ -60,7 +60,6 @@ impl Renderer {
         {
             return Err(RenderError::Misuse { what: format!("the scene has no camera \"{name}\"") });
         }
-        self.report_unsupported(scene);
         let threads = match environment.threads {
             0 => usize::try_from(scene.int("limits:threads")).unwrap_or(1).max(1),
             n => n,
@@ -104,42 +103,6 @@ impl Renderer {
             report.statistics.push((view.name.clone(), statistics));
         }
         Ok(report)
-    }
-
-    /// Names the features of the scene that this renderer does not have.
-    fn report_unsupported(&self, scene: &Scene) {
-        let say = |what: &str| {
-            self.environment.reporter.once(
-                &format!("unsupported {what}"),
-                Severity::Warning,
-                &Location::default(),
-                format!("{what} is not supported yet"),
-            );
-        };
-        for camera in &scene.cameras {
-            if camera.params.float("stereo:separation").is_some_and(|s| s != 0.0) {
-                say("\"stereo:separation\" (the centre view is rendered)");
-            }
-            if camera.params.string("hider").is_some_and(|h| &**h != "default") {
-                say("a \"hider\" other than \"default\"");
-            }
-            if camera.params.string("shadertype").is_some_and(|s| &**s != "gsl") {
-                say("a \"shadertype\" other than \"gsl\"");
-            }
-            let limit = |name: &str, off: f32| camera.params.float(name).is_some_and(|v| v != off);
-            let preview = camera.params.float("preview").is_some_and(|p| p > 0.0);
-            if preview && (limit("preview:limitpixelsize", 0.0) || limit("preview:limitdistance", 1.0e38)) {
-                say("drawing objects as boxes in preview mode");
-            }
-        }
-        for (attribute, what) in [
-            ("griddump:filename", "\"griddump:filename\""),
-            ("net:workers", "network rendering (\"net:workers\")"),
-        ] {
-            if !scene.string(attribute).is_empty() {
-                say(what);
-            }
-        }
     }
 
     /// "statistics:level" and "statistics:filename" (reference 4.3.7).

@@ -36,6 +36,17 @@ pub enum DefaultValue {
     Text(&'static str),
 }
 
+/// What comes of setting an attribute.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effect {
+    /// What the reference says.
+    Full,
+    /// Nothing yet: who sets it to something else than its default is told so.
+    NotYet,
+    /// Nothing, and nothing is missing: it tunes how the work is done, and this renderer needs no tuning there.
+    Hint,
+}
+
 /// One attribute.
 #[derive(Clone, Copy, Debug)]
 pub struct AttributeRow {
@@ -53,6 +64,8 @@ pub struct AttributeRow {
     pub help: &'static str,
     /// The strings that it may take; empty for any.
     pub words: &'static [&'static str],
+    /// What comes of setting it.
+    pub effect: Effect,
 }
 
 impl AttributeRow {
@@ -65,6 +78,30 @@ impl AttributeRow {
             DefaultValue::Text(v) => ParamData::from(v),
         };
         Some(Param { name: self.name.into(), ty: self.ty, data })
+    }
+
+    /// Whether it takes a list of strings that grows with every call.
+    pub fn is_list(&self) -> bool {
+        self.name.starts_with("spatialdb:")
+    }
+
+    /// What to tell somebody who sets it to `value`: `None` when it has the effect that they expect.
+    pub fn caveat(&self, value: &ParamData) -> Option<String> {
+        let is_default = || self.default_param().is_some_and(|d| d.data == *value);
+        match self.effect {
+            Effect::NotYet if !is_default() => Some(format!("\"{}\" is not supported yet", self.name)),
+            _ => None,
+        }
+    }
+
+    /// The same row, of an attribute without effect.
+    const fn not_yet(self) -> Self {
+        Self { effect: Effect::NotYet, ..self }
+    }
+
+    /// The same row, of an attribute that this renderer has no use for.
+    const fn hint(self) -> Self {
+        Self { effect: Effect::Hint, ..self }
     }
 
     /// The declaration, as `"int[2] resolution"`.
@@ -91,7 +128,7 @@ const fn row(
     default: DefaultValue,
     help: &'static str,
 ) -> AttributeRow {
-    AttributeRow { name, ty, default, scope, section, help, words: &[] }
+    AttributeRow { name, ty, default, scope, section, help, words: &[], effect: Effect::Full }
 }
 
 /// A row whose value is one of some words; the first is the default.
@@ -102,7 +139,16 @@ const fn choice(
     words: &'static [&'static str],
     help: &'static str,
 ) -> AttributeRow {
-    AttributeRow { name, ty: STRING, default: DefaultValue::Text(words[0]), scope, section, help, words }
+    AttributeRow {
+        name,
+        ty: STRING,
+        default: DefaultValue::Text(words[0]),
+        scope,
+        section,
+        help,
+        words,
+        effect: Effect::Full,
+    }
 }
 
 /// Camera attributes (4.1).
@@ -148,34 +194,40 @@ pub const TABLE: &[AttributeRow] = &[
         &["horizontal", "vertical", "spiral"],
         "order in which buckets are made",
     ),
-    camera((INT, "limits:bucketblocksize"), Ints(&[2]), "buckets per side of a cluster"),
-    camera((INT, "limits:autopassreduction"), Ints(&[1]), "take fewer passes where there is little blur"),
+    camera((INT, "limits:bucketblocksize"), Ints(&[2]), "buckets per side of a cluster").hint(),
+    camera((INT, "limits:autopassreduction"), Ints(&[1]), "take fewer passes where there is little blur")
+        .hint(),
     camera((FLOAT, "preview"), Floats(&[0.0]), "shading quality of preview mode; 0 is no preview"),
     camera((INT2, "preview:spatialquality"), Ints(&[1, 1]), "spatialquality in preview mode"),
     camera((INT, "preview:temporalquality"), Ints(&[1]), "temporalquality in preview mode"),
     camera((INT, "preview:dofquality"), Ints(&[1]), "dofquality in preview mode"),
     camera((INT2, "preview:bucketsize"), Ints(&[2048, 2048]), "limits:bucketsize in preview mode"),
     camera((FLOAT, "preview:dicecurvature"), Floats(&[90.0]), "dice:curvature in preview mode"),
-    camera((INT, "preview:thincurves"), Ints(&[10]), "in preview mode, draw one of so many curves"),
-    camera((INT, "preview:thinpoints"), Ints(&[10]), "in preview mode, draw one of so many points"),
+    camera((INT, "preview:thincurves"), Ints(&[10]), "in preview mode, draw one of so many curves").not_yet(),
+    camera((INT, "preview:thinpoints"), Ints(&[10]), "in preview mode, draw one of so many points").not_yet(),
     camera(
         (FLOAT, "preview:limitpixelsize"),
         Floats(&[0.0]),
         "smaller objects (in pixels) are drawn as boxes",
-    ),
-    camera((FLOAT, "preview:limitdistance"), Floats(&[1.0e38]), "objects farther away are drawn as boxes"),
+    )
+    .not_yet(),
+    camera((FLOAT, "preview:limitdistance"), Floats(&[1.0e38]), "objects farther away are drawn as boxes")
+        .not_yet(),
     choice(Camera, "4.1", "hider", &["default"], "hidden surface method"),
     choice(Camera, "4.1", "shadertype", &["gsl", "defaultsurface", "keyfillrim"], "shading system"),
-    camera((FLOAT, "stereo:separation"), Floats(&[0.0]), "distance of the two views along x; 0 is no stereo"),
-    camera((FLOAT, "stereo:convergence"), Floats(&[0.0]), "depth at which the two views coincide"),
+    camera((FLOAT, "stereo:separation"), Floats(&[0.0]), "distance of the two views along x; 0 is no stereo")
+        .not_yet(),
+    camera((FLOAT, "stereo:convergence"), Floats(&[0.0]), "depth at which the two views coincide").not_yet(),
     choice(
         Camera,
         "4.1",
         "stereo:projection",
         &["off-axis", "parallel", "toe-in"],
         "how the two views converge",
-    ),
-    choice(Camera, "4.1", "stereo:shade", &["center", "left", "right"], "view from which stereo is shaded"),
+    )
+    .not_yet(),
+    choice(Camera, "4.1", "stereo:shade", &["center", "left", "right"], "view from which stereo is shaded")
+        .not_yet(),
     // 4.2 Output attributes
     choice(
         Output,
@@ -205,14 +257,15 @@ pub const TABLE: &[AttributeRow] = &[
         "integers of 0 and of 1, and their limits; all 0: floats",
     ),
     output((FLOAT, "dither"), Floats(&[0.5]), "amplitude of the noise added before rounding"),
-    output((STRING, "stereo:left"), Text(""), "file name of the left view"),
-    output((STRING, "stereo:right"), Text(""), "file name of the right view"),
-    output((INT, "zchannels"), Ints(&[3]), "depths per pixel of a volume shadow, 2 or more"),
+    output((STRING, "stereo:left"), Text(""), "file name of the left view").not_yet(),
+    output((STRING, "stereo:right"), Text(""), "file name of the right view").not_yet(),
+    output((INT, "zchannels"), Ints(&[3]), "depths per pixel of a volume shadow, 2 or more").not_yet(),
     output(
         (FLOAT, "opaquewidth"),
         Floats(&[0.05]),
         "depth range that counts as one opaque object in a volume shadow",
-    ),
+    )
+    .not_yet(),
     output((INT, "dynamic"), Ints(&[0]), "the image is made on demand and not written"),
     // 4.3 Scene-wide attributes
     row(Global, "4.3.1", (STRING, "pass"), Text(""), "name of the rendering pass"),
@@ -246,33 +299,38 @@ pub const TABLE: &[AttributeRow] = &[
         (INT, "rerender:memory"),
         Ints(&[0]),
         "memory for re-rendering in KB; 0 for what there is",
-    ),
+    )
+    .hint(),
     row(
         Global,
         "4.3.3",
         (INT, "rerender:reshaderays"),
         Ints(&[1]),
         "shade rays anew when what they see changed",
-    ),
+    )
+    .hint(),
     row(
         Global,
         "4.3.3",
         (STRING, "rerender:filepattern"),
         Text(".*"),
         "files to look at again before re-rendering",
-    ),
+    )
+    .hint(),
     row(Global, "4.3.4", (INT, "limits:threads"), Ints(&[1]), "threads that work on the frame"),
     row(Global, "4.3.4", (INT, "limits:gridsize"), Ints(&[256]), "most points shaded at once"),
     row(Global, "4.3.4", (INT, "limits:texturememory"), Ints(&[20480]), "size of the texture cache in KB"),
     row(Global, "4.3.4", (INT, "limits:texturefiles"), Ints(&[1000]), "texture files open at once"),
-    row(Global, "4.3.4", (FLOAT, "trimcurve:quality"), Floats(&[1.0]), "scale on the quality of trim curves"),
+    row(Global, "4.3.4", (FLOAT, "trimcurve:quality"), Floats(&[1.0]), "scale on the quality of trim curves")
+        .not_yet(),
     row(
         Global,
         "4.3.4",
         (INT, "limits:trimcurvememory"),
         Ints(&[10240]),
         "size of the trim curve cache in KB",
-    ),
+    )
+    .hint(),
     row(
         Global,
         "4.3.4",
@@ -300,21 +358,24 @@ pub const TABLE: &[AttributeRow] = &[
         (INT, "limits:transparentgrids"),
         Ints(&[32]),
         "layers of transparent grids done at once",
-    ),
+    )
+    .hint(),
     row(
         Global,
         "4.3.4",
         (STRING, "dice:fixeduname"),
         Text("u"),
         "variable that fixed dicing along u is measured by",
-    ),
+    )
+    .not_yet(),
     row(
         Global,
         "4.3.4",
         (STRING, "dice:fixedvname"),
         Text("v"),
         "variable that fixed dicing along v is measured by",
-    ),
+    )
+    .not_yet(),
     row(Global, "4.3.5", (INT, "ray:maxdepth"), Ints(&[2]), "most bounces of a reflected ray"),
     row(
         Global,
@@ -350,14 +411,16 @@ pub const TABLE: &[AttributeRow] = &[
         (STRING, "path:generator"),
         Text(".:$GELATOHOME/lib"),
         "where generators are looked for",
-    ),
+    )
+    .hint(),
     row(
         Global,
         "4.3.6",
         (STRING, "path:imageio"),
         Text(".:$GELATOHOME/lib"),
         "where image plugins are looked for",
-    ),
+    )
+    .hint(),
     row(
         Global,
         "4.3.7",
@@ -380,24 +443,29 @@ pub const TABLE: &[AttributeRow] = &[
         Text(""),
         "file for statistics; standard output when empty",
     ),
-    row(Global, "4.3.7", (INT, "debug:dso"), Ints(&[0]), "tell about every plugin looked at"),
+    row(Global, "4.3.7", (INT, "debug:dso"), Ints(&[0]), "tell about every plugin looked at").not_yet(),
     row(Global, "4.3.7", (STRING, "debug:filesread"), Text(""), "file for the names of all files read"),
     row(Global, "4.3.7", (INT, "debug:shadernan"), Ints(&[0]), "look for NaN in running shaders"),
-    row(Global, "4.3.7", (STRING, "griddump:filename"), Text(""), "file for all shaded grids, as Pyg"),
-    row(Global, "4.3.7", (INT, "griddump:binary"), Ints(&[0]), "write the grids as binary Pyg"),
+    row(Global, "4.3.7", (STRING, "griddump:filename"), Text(""), "file for all shaded grids, as Pyg")
+        .not_yet(),
+    row(Global, "4.3.7", (INT, "griddump:binary"), Ints(&[0]), "write the grids as binary Pyg").not_yet(),
     row(Global, "4.3.8", (STRING, "texture:substtexture"), Text(""), "texture that stands for all textures"),
     row(Global, "4.3.8", (STRING, "texture:substenv"), Text(""), "map that stands for all environment maps"),
     row(Global, "4.3.8", (INT, "texture:automipmap"), Ints(&[1]), "make a mip-map of textures that are none"),
-    row(Global, "4.3.9", (STRING, "spatialdb:write"), Unset, "spatial databases written after rendering"),
-    row(Global, "4.3.9", (STRING, "spatialdb:read"), Unset, "spatial databases loaded when first asked"),
+    row(Global, "4.3.9", (STRING, "spatialdb:write"), Unset, "spatial databases written after rendering")
+        .not_yet(),
+    row(Global, "4.3.9", (STRING, "spatialdb:read"), Unset, "spatial databases loaded when first asked")
+        .not_yet(),
     row(
         Global,
         "4.3.9",
         (STRING, "spatialdb:readonly"),
         Unset,
         "spatial databases loaded and never added to",
-    ),
-    row(Global, "4.3.9", (STRING, "spatialdb:writeonly"), Unset, "spatial databases written and never asked"),
+    )
+    .not_yet(),
+    row(Global, "4.3.9", (STRING, "spatialdb:writeonly"), Unset, "spatial databases written and never asked")
+        .not_yet(),
     row(ReadOnly, "4.3.10", (STRING, "renderer:name"), Text("Granita"), "name of the renderer"),
     row(ReadOnly, "4.3.10", (INT4, "renderer:version"), Unset, "major, minor, release and patch number"),
     row(ReadOnly, "4.3.10", (STRING, "renderer:versionstring"), Unset, "the version in words"),
@@ -409,9 +477,9 @@ pub const TABLE: &[AttributeRow] = &[
         "part of the frame that is done; 1 is all",
     ),
     row(ReadOnly, "4.3.10", (INT, "render:success"), Ints(&[0]), "whether the last frame was finished"),
-    row(Global, "4.3.11", (STRING, "net:workers"), Text(""), "machines that share the work"),
-    row(Global, "4.3.11", (STRING, "net:workercmd"), Text(""), "command that starts a worker"),
-    row(Global, "4.3.11", (INT, "net:tint"), Ints(&[0]), "tint buckets by worker, with this seed"),
+    row(Global, "4.3.11", (STRING, "net:workers"), Text(""), "machines that share the work").not_yet(),
+    row(Global, "4.3.11", (STRING, "net:workercmd"), Text(""), "command that starts a worker").not_yet(),
+    row(Global, "4.3.11", (INT, "net:tint"), Ints(&[0]), "tint buckets by worker, with this seed").not_yet(),
     row(Writer, "4.3.12", (INT, "pyg:binary"), Ints(&[0]), "write large arrays in binary"),
     row(Writer, "4.3.12", (INT, "pyg:separateparams"), Ints(&[0]), "write parameters as calls of their own"),
     row(Writer, "4.3.12", (INT, "pyg:indent"), Ints(&[0]), "blanks added to the indentation"),
@@ -459,8 +527,9 @@ pub const TABLE: &[AttributeRow] = &[
         (FLOAT, "dice:motionfactor"),
         Floats(&[1.0]),
         "how much coarser moving objects are diced",
-    ),
-    row(Object, "4.4.5", (INT, "dice:keepcreases"), Ints(&[0]), "split at every crease"),
+    )
+    .not_yet(),
+    row(Object, "4.4.5", (INT, "dice:keepcreases"), Ints(&[0]), "split at every crease").not_yet(),
     row(
         Object,
         "4.4.5",
@@ -481,7 +550,8 @@ pub const TABLE: &[AttributeRow] = &[
         (FLOAT, "dice:thincurve"),
         Floats(&[1.0]),
         "curves thinner than this in pixels are simplified",
-    ),
+    )
+    .hint(),
     row(Object, "4.4.5", (INT, "cull:occlusion"), Ints(&[1]), "do not shade what is hidden"),
     row(Object, "4.4.6", (FLOAT, "displace:maxradius"), Floats(&[0.0]), "largest displacement"),
     row(
@@ -505,7 +575,8 @@ pub const TABLE: &[AttributeRow] = &[
         (FLOAT, "trimcurve:curvature"),
         Floats(&[10.0]),
         "angle in degrees that forces more segments of trim curves",
-    ),
+    )
+    .not_yet(),
     row(Object, "2.4", (INT, "light:nsamples"), Ints(&[1]), "samples of an area light"),
     row(
         Object,
@@ -523,64 +594,73 @@ pub const TABLE: &[AttributeRow] = &[
         (FLOAT, "indirect:maxerror"),
         Floats(&[0.25]),
         "largest error of interpolated indirect light",
-    ),
+    )
+    .hint(),
     row(
         Object,
         "4.4.10",
         (FLOAT, "indirect:maxpixeldist"),
         Floats(&[20.0]),
         "largest distance in pixels of indirect samples",
-    ),
+    )
+    .hint(),
     row(
         Object,
         "4.4.10",
         (INT, "indirect:minsamples"),
         Ints(&[3]),
         "least number of indirect samples interpolated",
-    ),
+    )
+    .hint(),
     row(
         Object,
         "4.4.10",
         (STRING, "indirect:spatialdb"),
         Text("indirect.sdb"),
         "spatial database of indirect light",
-    ),
+    )
+    .not_yet(),
     row(
         Object,
         "4.4.11",
         (FLOAT, "occlusion:maxerror"),
         Floats(&[0.25]),
         "largest error of interpolated occlusion",
-    ),
+    )
+    .hint(),
     row(
         Object,
         "4.4.11",
         (FLOAT, "occlusion:maxpixeldist"),
         Floats(&[20.0]),
         "largest distance in pixels of occlusion samples",
-    ),
+    )
+    .hint(),
     row(
         Object,
         "4.4.11",
         (INT, "occlusion:minsamples"),
         Ints(&[3]),
         "least number of occlusion samples interpolated",
-    ),
+    )
+    .hint(),
     row(
         Object,
         "4.4.11",
         (STRING, "occlusion:spatialdb"),
         Text("occlusion.sdb"),
         "spatial database of occlusion",
-    ),
-    row(Object, "4.4.12", (INT, "rerender:locked"), Ints(&[0]), "keeps its shading when re-rendering"),
+    )
+    .not_yet(),
+    row(Object, "4.4.12", (INT, "rerender:locked"), Ints(&[0]), "keeps its shading when re-rendering").hint(),
     row(
         Object,
         "4.4.12",
         (INT, "rerender:cachelights"),
         Ints(&[1]),
         "lights keep their results when re-rendering",
-    ),
+    )
+    .hint(),
 ];
 
 /// Other spellings in use, and the row that each means.

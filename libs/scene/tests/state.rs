@@ -718,7 +718,8 @@ fn attributes_can_be_asked_for() {
     assert_eq!(floats("color C"), [1.0; 3]);
     assert!(run.state.attribute("int fov").is_none());
     assert!(run.state.attribute("float no:such").is_none());
-    assert!(run.state.attribute("screen").is_none());
+    assert!(run.state.attribute("focallength").is_none());
+    assert_eq!(floats("float[4] screen"), [-640.0 / 480.0, 640.0 / 480.0, -1.0, 1.0]);
 }
 
 #[test]

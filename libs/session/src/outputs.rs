@@ -1,9 +1,10 @@
 //! Images that the command line adds, and attributes that it replaces.
 
 use crate::{ExtraOutput, SessionOptions};
-use granita_base::{BaseType, Param, ParamType, Reporter};
+use granita_base::{BaseType, Location, MotionTransform, Param, ParamType, Reporter};
 use granita_image::FormatRegistry;
-use granita_scene::{Output, Scene};
+use granita_scene::{AttributeSet, Camera, Output, Scene, ShaderGroup, ShaderInstance};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -15,7 +16,8 @@ pub(crate) fn amended(
     reporter: &Reporter,
 ) -> Arc<Scene> {
     let changes_cameras = options.preview > 0.0 || options.shadertype.is_some();
-    if options.extra_outputs.is_empty() && !changes_cameras {
+    let proxy = |scene: &Scene| scene.cameras.first().and_then(proxy_shader);
+    if options.extra_outputs.is_empty() && !changes_cameras && proxy(scene).is_none() {
         return scene.clone();
     }
     let mut scene: Scene = (**scene).clone();
@@ -29,6 +31,10 @@ pub(crate) fn amended(
             camera.params.set(Param { name: "shadertype".into(), ty, data: name.as_str().into() });
         }
     }
+    // Shading looks from the first camera, so that one decides (reference 7.7).
+    if let Some(surface) = proxy(&scene) {
+        shade_plainly(&mut scene, surface);
+    }
     let own: Vec<Output> = scene.outputs.clone();
     // An output of the command line is an output: the automatic one of a scene without any is not needed then.
     if !options.extra_outputs.is_empty() && is_automatic(&own, &scene) {
@@ -38,6 +44,45 @@ pub(crate) fn amended(
         scene.outputs.extend(extra_outputs(extra, &own, &scene, registry, reporter));
     }
     Arc::new(scene)
+}
+
+/// The surface shader that stands for all shaders under the camera's "shadertype" (reference 4.1); `None` when the
+/// scene's own shaders run.
+fn proxy_shader(camera: &Camera) -> Option<&'static str> {
+    match camera.params.string("shadertype").map(|s| &**s) {
+        Some("defaultsurface") => Some("defaultsurface"),
+        Some("keyfillrim") => Some("keyfillrim"),
+        _ => None,
+    }
+}
+
+/// Replaces the shaders of all objects by one surface shader that needs no lights.
+fn shade_plainly(scene: &mut Scene, surface: &str) {
+    let layer = ShaderInstance {
+        shader: surface.into(),
+        layer: None,
+        params: granita_base::Params::new(),
+        to_world: MotionTransform::default(),
+        at: Location::default(),
+    };
+    let group = Arc::new(ShaderGroup { layers: vec![Arc::new(layer)], connections: Vec::new() });
+    // Objects that shared a state share the new one.
+    let mut plain: BTreeMap<usize, (Arc<AttributeSet>, Arc<AttributeSet>)> = BTreeMap::new();
+    for primitive in &mut scene.primitives {
+        let old = primitive.attributes.clone();
+        let (_, new) = plain.entry(Arc::as_ptr(&old) as usize).or_insert_with(|| {
+            let set = AttributeSet {
+                surface: Some(group.clone()),
+                displacement: None,
+                volume: None,
+                lights: [].into(),
+                ..(*old).clone()
+            };
+            (old, Arc::new(set))
+        });
+        Arc::make_mut(primitive).attributes = new.clone();
+    }
+    scene.lights.clear();
 }
 
 /// Whether the outputs are just the one that a scene without outputs gets.

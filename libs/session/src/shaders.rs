@@ -2,7 +2,7 @@
 
 use granita_base::{Location, Reporter, SearchPath, Severity};
 use granita_gsl::{CompileOptions, Module, compile};
-use granita_render::ShaderLibrary;
+use granita_render::{NoShader, ShaderLibrary};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub(crate) struct Shaders {
     path: SearchPath,
     reporter: Reporter,
-    known: Mutex<BTreeMap<String, Option<Arc<Module>>>>,
+    known: Mutex<BTreeMap<String, Result<Arc<Module>, NoShader>>>,
 }
 
 impl Shaders {
@@ -20,7 +20,7 @@ impl Shaders {
         Self { path, reporter, known: Mutex::default() }
     }
 
-    fn find(&self, name: &str) -> Option<Arc<Module>> {
+    fn find(&self, name: &str) -> Result<Arc<Module>, NoShader> {
         // A name may carry the extension of either form.
         let name = name.strip_suffix(".gso").or_else(|| name.strip_suffix(".gsl")).unwrap_or(name);
         if let Some(file) = self.path.find(&format!("{name}.gso")) {
@@ -31,7 +31,7 @@ impl Shaders {
                 Ok(source) => self.source(&source, &file.to_string_lossy(), file.parent()),
                 Err(error) => {
                     self.reporter.error(format!("{}: {error}", file.display()));
-                    None
+                    Err(NoShader::Broken)
                 }
             };
         }
@@ -39,32 +39,28 @@ impl Shaders {
             return self.source(source, &format!("{name}.gsl"), None);
         }
         let folders: Vec<String> = self.path.folders().iter().map(|f| f.display().to_string()).collect();
-        self.reporter.error(format!(
-            "cannot find the shader \"{name}\" (looked in {}, and among the bundled ones)",
-            folders.join(", ")
-        ));
-        None
+        Err(NoShader::Missing(format!("looked in {}, and among the bundled ones", folders.join(", "))))
     }
 
-    fn compiled(&self, file: &Path) -> Option<Arc<Module>> {
+    fn compiled(&self, file: &Path) -> Result<Arc<Module>, NoShader> {
         self.reporter.info(format!("shader {}", file.display()));
         let bytes = match std::fs::read(file) {
             Ok(bytes) => bytes,
             Err(error) => {
                 self.reporter.error(format!("{}: {error}", file.display()));
-                return None;
+                return Err(NoShader::Broken);
             }
         };
         match granita_gsl::gso::read(&bytes, &file.to_string_lossy()) {
-            Ok(module) => Some(Arc::new(module)),
+            Ok(module) => Ok(Arc::new(module)),
             Err(error) => {
                 self.reporter.error(error.to_string());
-                None
+                Err(NoShader::Broken)
             }
         }
     }
 
-    fn source(&self, source: &str, file: &str, folder: Option<&Path>) -> Option<Arc<Module>> {
+    fn source(&self, source: &str, file: &str, folder: Option<&Path>) -> Result<Arc<Module>, NoShader> {
         self.reporter.info(format!("compiling {file}"));
         let folders: Vec<String> = folder
             .into_iter()
@@ -87,20 +83,20 @@ impl Shaders {
                 for warning in &compiled.warnings {
                     self.reporter.warning(warning.to_string());
                 }
-                Some(Arc::new(compiled.module))
+                Ok(Arc::new(compiled.module))
             }
             Err(diagnostics) => {
                 for diagnostic in &diagnostics {
                     self.reporter.say(Severity::Error, &Location::default(), diagnostic.to_string());
                 }
-                None
+                Err(NoShader::Broken)
             }
         }
     }
 }
 
 impl ShaderLibrary for Shaders {
-    fn load(&self, name: &str) -> Option<Arc<Module>> {
+    fn load(&self, name: &str) -> Result<Arc<Module>, NoShader> {
         // Held while it compiles: whoever else needs the shader waits for it instead of compiling it again.
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(module) = known.get(name) {

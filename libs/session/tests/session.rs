@@ -181,3 +181,58 @@ Render ()
     let p = clip.point(granita_base::Vec3::new(2.0, -1.0, 2.0));
     assert!((p.x - 1.0).abs() < 1e-5 && (p.y + 0.5).abs() < 1e-5, "{p}");
 }
+
+#[test]
+fn shading_systems_bypass_the_scenes_shaders() {
+    let folder = tempfile::tempdir().unwrap();
+    let (text, image) = scene(folder.path());
+    // Neither the surface nor the light exists, and nobody asks for them.
+    let text = text
+        .replace("\"constant\"", "\"nosuchshader\"")
+        .replace("World ()", "World ()\nLight (\"a\", \"nosuchlight\")");
+    let mut means = Vec::new();
+    for name in ["defaultsurface", "keyfillrim"] {
+        let by_option = SessionOptions { shadertype: Some(name.to_owned()), ..options() };
+        let (outcome, said) = run(&text, by_option);
+        assert!(outcome.complete && said.is_empty(), "{said:?}");
+        let rgba = middle(&image).2;
+        assert!(
+            rgba[0] > 0.05 && rgba[3] == 1.0 && (rgba[2] / rgba[0] - 4.0).abs() < 0.9,
+            "{name}: {rgba:?}"
+        );
+        // The same by attribute, and by parameter of the camera that shades.
+        let by_attribute = format!("Attribute (\"string shadertype\", \"{name}\")\n{text}");
+        run(&by_attribute, options());
+        assert_eq!(middle(&image).2, rgba);
+        means.push(rgba);
+    }
+    assert_ne!(means[0], means[1]);
+}
+
+#[test]
+fn every_command_is_known() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let text = format!(
+        r#"
+Command ("mkdir", "string name", "{0}")
+Command ("system", "string[2] command", ("touch", "{1}"), "int wait", 1)
+Command ("system test -f {1}")
+Command ("unlink", "string name", "{1}")
+Command ("fileread", "string name", "some file")
+Command ("wait", "float time", 1)
+Command ("bucketpriority", "int[2] center", (10, 10))
+Command ("bucketpriority", "int[4] rectangle", (0, 0, 10, 10))
+Command ("return")
+Command ("exit")
+Command ("never reached")
+"#,
+        at("made"),
+        at("touched")
+    );
+    let (outcome, said) = run(&text, options());
+    assert!(said.is_empty() && outcome.errors == 0, "{said:?}");
+    assert!(folder.path().join("made").is_dir() && !folder.path().join("touched").exists());
+    let (_, said) = run("Command (\"mkdirr\")", options());
+    assert!(said[0].contains("unknown command \"mkdirr\"; did you mean \"mkdir\"?"), "{said:?}");
+}

@@ -58,8 +58,8 @@ struct Options {
     #[arg(long, value_name = "P", default_value_t = 0.0, hide_default_value = true)]
     preview: f32,
 
-    /// Shading system: "gsl", "defaultsurface" or "keyfillrim" (only "gsl" is supported yet)
-    #[arg(long, value_name = "NAME")]
+    /// Shading system; the last two need no lights, run none of the scene's shaders and cast no shadows
+    #[arg(long, value_name = "NAME", value_parser = ["gsl", "defaultsurface", "keyfillrim"])]
     shade: Option<String>,
 
     /// Show the image in an iv window while it is rendered (not supported yet)

@@ -40,7 +40,8 @@ impl DiceSettings {
         let preview = camera.preview > 0.0;
         let positive = |v: f32, default: f32| if v.is_finite() && v > 0.0 { v } else { default };
         let quality = if preview { camera.preview } else { attributes.float("shadingquality") };
-        let curvature_deg = if preview { 90.0 } else { attributes.float("dice:curvature") };
+        let curvature_deg =
+            if preview { camera.preview_dicecurvature_deg } else { attributes.float("dice:curvature") };
         let fixed = attributes.floats("dice:fixed");
         Self {
             quality: positive(quality, 1.0).clamp(1e-4, 1e3),

@@ -9,26 +9,46 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// The parameter with its values converted to `row`'s type, or what is wrong with it.
+///
+/// Any numeric type converts to the declared one, as long as nothing is lost; strings and numbers do not mix.
 pub(super) fn convert(param: &Param, row: &AttributeRow) -> Result<Param, String> {
-    let data = match row.ty.base {
-        BaseType::String => match &param.data {
-            ParamData::String(_) => Some(param.data.clone()),
-            _ => None,
-        },
-        BaseType::Int => param.data.to_ints().map(ParamData::Int),
-        _ => param.data.to_floats().map(ParamData::Float),
+    let declared = param.ty;
+    let is_string = |base: BaseType| base == BaseType::String;
+    if declared.base != BaseType::Unknown && is_string(declared.base) != is_string(row.ty.base) {
+        let given = if is_string(declared.base) { "a string" } else { "a number" };
+        return Err(format!("\"{}\" wants {}, not {given}", row.name, row.ty));
+    }
+    let whole = |v: &[f32]| v.iter().all(|f| f.fract() == 0.0);
+    let data = match (row.ty.base, &param.data) {
+        (BaseType::String, ParamData::String(_)) => Some(param.data.clone()),
+        (BaseType::String, _) => None,
+        (BaseType::Int, ParamData::Float(v)) if !whole(v) => None,
+        (BaseType::Int, data) => data.to_ints().map(ParamData::Int),
+        (_, data) => data.to_floats().map(ParamData::Float),
     };
     let Some(data) = data else {
         let given = match &param.data {
-            ParamData::String(_) => "a string",
-            _ if row.ty.base == BaseType::String => "a number",
-            _ => "a number out of range",
+            ParamData::String(_) => "a string".to_owned(),
+            _ if is_string(row.ty.base) => "a number".to_owned(),
+            ParamData::Float(v) => {
+                let bad = v.iter().find(|f| f.fract() != 0.0 || f.abs() >= 2_147_483_648.0);
+                bad.map_or_else(|| "these numbers".to_owned(), ToString::to_string)
+            }
+            ParamData::Int(_) => "these numbers".to_owned(),
         };
         return Err(format!("\"{}\" wants {}, not {given}", row.name, row.ty));
     };
-    if data.len() != row.ty.width() {
-        let (got, want) = (data.len(), row.ty.width());
-        return Err(format!("\"{}\" wants {want} values ({}), not {got}", row.name, row.ty));
+    let (got, mut want) = (data.len(), row.ty.width());
+    if row.is_list() {
+        want = got.max(1);
+    }
+    if got != want {
+        return Err(format!("\"{}\" wants {} ({}), not {got}", row.name, values(want), row.ty));
+    }
+    // The values fit the attribute, so the mistake is in the declaration.
+    if declared.base != BaseType::Unknown && declared.width() != got {
+        let declaration = param.declaration();
+        return Err(format!("\"{declaration}\" declares {} and is given {got}", values(declared.width())));
     }
     if let ParamData::Float(v) = &data
         && v.iter().any(|x| x.is_nan())
@@ -43,6 +63,11 @@ pub(super) fn convert(param: &Param, row: &AttributeRow) -> Result<Param, String
         return Err(format!("\"{}\" cannot be \"{word}\"{hint}", row.name));
     }
     Ok(Param { name: row.name.into(), ty: row.ty, data })
+}
+
+/// A number of values, in words.
+fn values(n: usize) -> String {
+    format!("{n} value{}", if n == 1 { "" } else { "s" })
 }
 
 fn string_of(data: &ParamData) -> Option<&str> {
@@ -78,9 +103,7 @@ impl State {
         };
         match row.scope {
             Scope::Object => self.set_object(row, param, at),
-            Scope::Writer => {
-                self.writer_values.insert(param.name.clone(), param);
-            }
+            Scope::Writer => self.set_writer(param),
             Scope::ReadOnly => {
                 let text = format!("attribute \"{}\" can be asked for, not set", row.name);
                 self.report(Severity::Error, at, "attribute", text);
@@ -94,10 +117,31 @@ impl State {
                 self.report(Severity::Error, at, "attribute", text);
             }
             Scope::Camera => {
+                self.tell_caveat(row, &param, at);
                 self.camera_values.insert(param.name.clone(), param);
             }
-            Scope::Global => self.set_global(param),
+            Scope::Global => {
+                self.tell_caveat(row, &param, at);
+                self.set_global(param);
+            }
         }
+    }
+
+    /// Says, once per attribute, that setting it to this value does not do what it should.
+    pub(super) fn tell_caveat(&self, row: &AttributeRow, param: &Param, at: &Location) {
+        if let Some(text) = row.caveat(&param.data) {
+            self.report(Severity::Warning, at, "caveat", text);
+        }
+    }
+
+    /// Kept to be asked for; "pyg:indent" is relative to what it was (reference 4.3.12).
+    fn set_writer(&mut self, mut param: Param) {
+        if &*param.name == "pyg:indent" {
+            let int = |p: &Param| p.data.to_ints().and_then(|v| v.first().copied()).unwrap_or(0);
+            let old = self.writer_values.get("pyg:indent").map_or(0, int);
+            param.data = old.saturating_add(int(&param)).max(0).into();
+        }
+        self.writer_values.insert(param.name.clone(), param);
     }
 
     fn set_user(&mut self, param: Param, at: &Location) {
@@ -114,6 +158,7 @@ impl State {
     }
 
     fn set_object(&mut self, row: &'static AttributeRow, param: Param, at: &Location) {
+        self.tell_caveat(row, &param, at);
         match row.name {
             "geometryset" => {
                 let change = string(&param).unwrap_or("").to_owned();
@@ -168,6 +213,9 @@ impl State {
                     all.push(name);
                 }
             }
+            if all.len() > 1 {
+                param.ty.array = u32::try_from(all.len()).ok();
+            }
             param.data = ParamData::String(all.into());
         }
         self.renderer.attribute(&param);
@@ -188,8 +236,9 @@ impl State {
             Some(Scope::Output) => attribute_default(name),
             Some(Scope::ReadOnly) => self.read_only(name),
         }?;
-        let matches =
-            ty.base == BaseType::Unknown || (ty.base == found.ty.base && ty.array == found.ty.array);
+        let list = row.is_some_and(AttributeRow::is_list) && ty.array.is_none();
+        let matches = ty.base == BaseType::Unknown
+            || (ty.base == found.ty.base && (ty.array == found.ty.array || list));
         matches.then_some(found)
     }
 
@@ -200,6 +249,16 @@ impl State {
             Some(camera) => camera.params.get(name).cloned(),
             None => self.camera_values.get(name).cloned(),
         };
+        if name == "screen" && set.is_none() {
+            // Follows from the resolution, as long as nobody sets it (reference 4.1).
+            let number = |name| self.camera_value(name).and_then(|p| p.data.to_floats());
+            let (Some(resolution), Some(pixelaspect)) = (number("resolution"), number("pixelaspect")) else {
+                return None;
+            };
+            let row = attribute_row(name)?;
+            let window = crate::camera::default_window([resolution[0], resolution[1]], pixelaspect[0]);
+            return Some(Param { name: row.name.into(), ty: row.ty, data: ParamData::from(&window[..]) });
+        }
         set.or_else(|| attribute_default(name))
     }
 
@@ -287,10 +346,10 @@ pub(super) fn typed(param: &Param) -> Result<Param, String> {
     let width = param.ty.width();
     let constant = param.ty.interp == granita_base::Interp::Constant && param.ty.base != BaseType::Unknown;
     if constant && data.len() != width {
-        return Err(format!("{} wants {width} values, not {}", what(), data.len()));
+        return Err(format!("{} wants {}, not {}", what(), values(width), data.len()));
     }
     if width == 0 || !data.len().is_multiple_of(width) {
-        return Err(format!("{} is given {} values, not a multiple of {width}", what(), data.len()));
+        return Err(format!("{} is given {}, not a multiple of {width}", what(), values(data.len())));
     }
     Ok(Param { name: param.name.clone(), ty: param.ty, data })
 }
@@ -317,6 +376,12 @@ mod tests {
         let row = attribute_row("resolution").unwrap();
         let ok = convert(&Param::declared("float[2] resolution", &[640.0, 480.0][..]).unwrap(), row).unwrap();
         assert_eq!(ok.data, ParamData::from(&[640, 480][..]));
+        let lossy = Param::declared("float[2] resolution", &[640.5, 480.0][..]).unwrap();
+        assert!(convert(&lossy, row).unwrap_err().contains("not 640.5"));
+        let other = Param::declared("int resolution", &[640, 480][..]).unwrap();
+        assert!(convert(&other, row).unwrap_err().contains("declares 1 value and is given 2"));
+        let other = Param::declared("string[2] resolution", &[640, 480][..]).unwrap();
+        assert!(convert(&other, row).unwrap_err().contains("wants int[2], not a string"));
         assert!(convert(&Param::declared("resolution", 640).unwrap(), row).unwrap_err().contains("2 values"));
         assert!(
             convert(&Param::declared("resolution", "a").unwrap(), row).unwrap_err().contains("not a string")

@@ -58,7 +58,10 @@ impl State {
         for param in params {
             match attribute_row(&param.name).filter(|r| r.scope == Scope::Camera) {
                 Some(row) => match convert(param, row) {
-                    Ok(param) => all.set(param),
+                    Ok(param) => {
+                        self.tell_caveat(row, &param, at);
+                        all.set(param);
+                    }
                     Err(text) => {
                         let text = format!("Camera \"{camera}\": {text}");
                         self.report(Severity::Error, at, "camera parameter", text);
@@ -88,7 +91,12 @@ impl State {
                 None => typed(param),
             };
             match checked {
-                Ok(param) => params.set(param),
+                Ok(param) => {
+                    if let Some(row) = row {
+                        self.tell_caveat(row, &param, at);
+                    }
+                    params.set(param);
+                }
                 Err(text) => {
                     let text = format!("Output \"{}\": {text}", output.name);
                     self.report(Severity::Error, at, "output parameter", text);

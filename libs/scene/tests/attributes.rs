@@ -1,0 +1,352 @@
+//! Every attribute of the reference's list: set, asked for, saved, restored, put back, refused.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
+
+use granita_base::{BaseType, Location, Param, ParamData, ParamType, Params, Reporter};
+use granita_scene::attribute::{AttributeRow, Effect, Scope, TABLE};
+use granita_scene::{Call, FrameRenderer, InputReader, Scene, SceneSink, State, Stop, attribute_row};
+use std::sync::{Arc, Mutex};
+
+struct Nothing;
+
+impl FrameRenderer for Nothing {
+    fn render(&mut self, _: Arc<Scene>, _: Option<&str>) -> Result<(), Stop> {
+        Ok(())
+    }
+    fn command(&mut self, _: &str, _: &Params, _: &Location) -> Result<bool, Stop> {
+        Ok(true)
+    }
+    fn input(&mut self, _: &str, _: &str, _: &Location) -> Result<Option<InputReader>, Stop> {
+        Ok(None)
+    }
+}
+
+struct Run {
+    state: State,
+    said: Arc<Mutex<Vec<granita_base::report::Message>>>,
+}
+
+impl Run {
+    fn new() -> Self {
+        let (reporter, said) = Reporter::collecting();
+        Self { state: State::new(Box::new(Nothing), reporter), said }
+    }
+
+    fn call(&mut self, call: Call) {
+        self.state.call(call, &Location::default()).unwrap();
+    }
+
+    fn set(&mut self, param: Param) {
+        self.call(Call::Attribute(param));
+    }
+
+    fn get(&self, row: &AttributeRow) -> Option<ParamData> {
+        let found = self.state.attribute(&row.declaration())?;
+        assert_eq!(&*found.name, row.name);
+        assert_eq!(found.ty, row.ty, "{}", row.name);
+        let by_name = self.state.attribute(row.name).map(|p| p.data);
+        assert_eq!(by_name.as_ref(), Some(&found.data), "{} without a type", row.name);
+        Some(found.data)
+    }
+
+    /// What was said since the last time, caveats about missing features apart.
+    fn said(&self) -> Vec<String> {
+        let said = std::mem::take(&mut *self.said.lock().unwrap());
+        let caveat = |text: &str| text.ends_with("is not supported yet");
+        said.iter().map(ToString::to_string).filter(|text| !caveat(text)).collect()
+    }
+}
+
+/// The rows of the list: scope, type and name, default ("-" for none).
+fn list() -> Vec<(&'static str, &'static AttributeRow, &'static str)> {
+    let lines = include_str!("data/attributes.tsv").lines();
+    let rows = lines.map(|line| {
+        let mut columns = line.split('\t');
+        let (scope, declaration) = (columns.next().unwrap(), columns.next().unwrap());
+        let (ty, name) = ParamType::parse(declaration).unwrap();
+        let row = attribute_row(&name).unwrap_or_else(|| panic!("no row for {name}"));
+        assert_eq!(row.ty, ty, "{name}");
+        (scope, row, columns.next().unwrap_or(""))
+    });
+    rows.collect()
+}
+
+/// A value of the row's type that is not its default.
+fn other(row: &AttributeRow) -> ParamData {
+    if let Some(word) = row.words.get(1) {
+        return (*word).into();
+    }
+    match row.ty.base {
+        BaseType::String if !row.words.is_empty() => row.words[0].into(),
+        BaseType::String if row.name == "geometryset" => "camera,mirror".into(),
+        BaseType::String => "something else".into(),
+        BaseType::Int => ParamData::Int((5..).take(row.ty.width()).collect()),
+        _ => ParamData::Float((3..).map(|i| i as f32 / 8.0).take(row.ty.width()).collect()),
+    }
+}
+
+fn param(row: &AttributeRow, data: ParamData) -> Param {
+    Param { name: row.name.into(), ty: row.ty, data }
+}
+
+/// What `GetAttribute` answers when nothing was set.
+fn default_of(row: &AttributeRow, text: &str) -> Option<ParamData> {
+    if row.name == "screen" {
+        return Some(ParamData::from(&[-640.0 / 480.0, 640.0 / 480.0, -1.0, 1.0][..]));
+    }
+    if text == "-" || text.is_empty() {
+        return None;
+    }
+    let words = || text.split(' ').map(|w| w.parse::<f64>().unwrap());
+    Some(match row.ty.base {
+        BaseType::String => text.trim_matches('"').into(),
+        BaseType::Int => ParamData::Int(words().map(|v| v as i32).collect()),
+        _ => ParamData::Float(words().map(|v| v as f32).collect()),
+    })
+}
+
+#[test]
+fn every_attribute_is_set_got_and_put_back() {
+    let mut settable = 0;
+    for (_, row, default) in list() {
+        if matches!(row.scope, Scope::ReadOnly | Scope::Output) {
+            continue;
+        }
+        settable += 1;
+        let mut run = Run::new();
+        let default = default_of(row, default);
+        assert_eq!(run.get(row), default, "default of {}", row.name);
+        let value = other(row);
+        run.set(param(row, value.clone()));
+        assert_eq!(run.get(row), Some(value.clone()), "{}", row.name);
+        // By its name alone, and with another numeric type.
+        run.set(Param { ty: ParamType::default(), ..param(row, value.clone()) });
+        if let (BaseType::Int, Some(v)) = (row.ty.base, value.to_floats())
+            && row.name != "pyg:indent"
+        {
+            let ty = ParamType { base: BaseType::Float, ..row.ty };
+            run.set(Param { name: row.name.into(), ty, data: ParamData::Float(v) });
+        }
+        if row.name != "pyg:indent" {
+            assert_eq!(run.get(row), Some(value), "{}", row.name);
+        }
+        if let Some(default) = &default
+            && row.name != "pyg:indent"
+        {
+            run.set(param(row, default.clone()));
+            assert_eq!(run.get(row).as_ref(), Some(default), "{} put back", row.name);
+        }
+        assert!(run.said().is_empty(), "{}: {:?}", row.name, run.said());
+    }
+    assert_eq!(settable, TABLE.len() - 11 - 6, "all but outputs and what can only be asked for");
+}
+
+#[test]
+fn indentation_is_relative() {
+    let row = attribute_row("pyg:indent").unwrap();
+    let mut run = Run::new();
+    for (change, now) in [(4, 4), (2, 6), (-4, 2), (-9, 0)] {
+        run.set(param(row, change.into()));
+        assert_eq!(run.get(row), Some(now.into()));
+    }
+}
+
+#[test]
+fn object_attributes_follow_the_state() {
+    for (_, row, default) in list().into_iter().filter(|(_, row, _)| row.scope == Scope::Object) {
+        let default = default_of(row, default);
+        let value = other(row);
+        let mut run = Run::new();
+        run.call(Call::World);
+        run.call(Call::PushAttributes);
+        run.set(param(row, value.clone()));
+        run.call(Call::SaveAttributes { name: "one".into(), attributes: Some(row.name.into()) });
+        run.call(Call::SaveAttributes { name: "all".into(), attributes: None });
+        run.call(Call::PopAttributes);
+        assert_eq!(run.get(row), default, "{} after PopAttributes", row.name);
+        for (saved, items) in [("one", None), ("one", Some(row.name)), ("all", None), ("all", Some(row.name))]
+        {
+            run.call(Call::PushAttributes);
+            run.call(Call::RestoreAttributes { name: saved.into(), attributes: items.map(Into::into) });
+            assert_eq!(run.get(row).as_ref(), Some(&value), "{} restored from {saved} {items:?}", row.name);
+            run.call(Call::PopAttributes);
+        }
+        // A saved default is restored over another value.
+        run.call(Call::SaveAttributes { name: "default".into(), attributes: Some(row.name.into()) });
+        run.set(param(row, value));
+        run.call(Call::RestoreAttributes { name: "default".into(), attributes: None });
+        assert_eq!(run.get(row), default, "{} restored to its default", row.name);
+        assert!(run.said().is_empty(), "{}: {:?}", row.name, run.said());
+    }
+}
+
+#[test]
+fn every_attribute_refuses_the_wrong_type() {
+    for (_, row, default) in list() {
+        if matches!(row.scope, Scope::ReadOnly) {
+            continue;
+        }
+        let string = row.ty.base == BaseType::String;
+        let width = row.ty.width();
+        let number = |n: usize| ParamData::Float((1..).map(|i| i as f32).take(n).collect());
+        let text = |n: usize| ParamData::String((0..n).map(|_| Arc::from("x")).collect());
+        let kind = |base, data: ParamData| {
+            let array = Some(data.len() as u32).filter(|n| *n > 1);
+            let ty = ParamType { base, array, ..ParamType::default() };
+            Param { name: row.name.into(), ty, data }
+        };
+        let mut wrong = Vec::new();
+        if string {
+            wrong.push(kind(BaseType::Float, number(1)));
+            wrong.push(kind(BaseType::Unknown, number(1)));
+            if !row.is_list() {
+                wrong.push(kind(BaseType::String, text(2)));
+            }
+            wrong.push(kind(BaseType::String, text(0)));
+            if !row.words.is_empty() {
+                wrong.push(kind(BaseType::String, text(1)));
+            }
+        } else {
+            wrong.push(kind(BaseType::String, text(width)));
+            wrong.push(kind(BaseType::Unknown, text(width)));
+            wrong.push(kind(BaseType::Float, number(width + 1)));
+            wrong.push(kind(BaseType::Float, number(0)));
+            // The number of values is right and the declaration wrong.
+            wrong.push(Param {
+                ty: ParamType::array(BaseType::Float, 7),
+                ..kind(BaseType::Float, number(width))
+            });
+            wrong.push(kind(BaseType::Unknown, ParamData::Float(vec![f32::NAN; width].into())));
+            if row.ty.base == BaseType::Int {
+                wrong.push(kind(BaseType::Unknown, ParamData::Float(vec![0.5; width].into())));
+                wrong.push(kind(BaseType::Unknown, ParamData::Float(vec![3.0e9; width].into())));
+            }
+        }
+        for param in wrong {
+            let mut run = Run::new();
+            let shown = format!("{param:?}");
+            match row.scope {
+                Scope::Output => {
+                    let call = Call::Output {
+                        name: "a.tif".into(),
+                        format: "tiff".into(),
+                        data: "rgba".into(),
+                        camera: "c".into(),
+                        params: Params(vec![param]),
+                    };
+                    run.call(call);
+                }
+                _ => run.set(param),
+            }
+            let said = run.said();
+            assert!(
+                said.len() == 1 && said[0].contains(&format!("\"{}\"", row.name))
+                    || said[0].contains(row.name),
+                "{shown}: {said:?}"
+            );
+            assert!(said[0].starts_with("error"), "{said:?}");
+            if row.scope != Scope::Output {
+                assert_eq!(run.get(row), default_of(row, default), "{shown} left a trace");
+            }
+        }
+    }
+}
+
+#[test]
+fn scopes_are_kept() {
+    for (_, row, default) in list() {
+        let mut run = Run::new();
+        run.call(Call::World);
+        run.set(param(row, other(row)));
+        let said = run.said();
+        let refused = match row.scope {
+            Scope::Camera | Scope::Global => "cannot be set after World",
+            Scope::ReadOnly => "can be asked for, not set",
+            Scope::Output => "is a parameter of Output",
+            Scope::Object | Scope::Writer => {
+                assert!(said.is_empty(), "{}: {said:?}", row.name);
+                continue;
+            }
+        };
+        assert!(said.len() == 1 && said[0].contains(refused), "{}: {said:?}", row.name);
+        if !matches!(row.scope, Scope::ReadOnly) {
+            assert_eq!(run.get(row), default_of(row, default), "{} left a trace", row.name);
+        }
+    }
+}
+
+#[test]
+fn cameras_and_outputs_take_theirs_and_no_others() {
+    for (_, row, _) in list() {
+        let params = || Params(vec![param(row, other(row))]);
+        let mut run = Run::new();
+        run.call(Call::Camera { name: "c".into(), params: params() });
+        let said = run.said();
+        if row.scope == Scope::Camera {
+            assert!(said.is_empty(), "{}: {said:?}", row.name);
+            run.call(Call::World);
+            assert_eq!(run.get(row), Some(other(row)), "{} of the first camera", row.name);
+        } else {
+            assert!(said.len() == 1 && said[0].contains("unknown parameter"), "{}: {said:?}", row.name);
+        }
+        // Outputs hand what they do not know to the image format.
+        let mut run = Run::new();
+        let (name, format, data, camera) = ("a.tif".into(), "tiff".into(), "rgba".into(), "c".into());
+        run.call(Call::Output { name, format, data, camera, params: params() });
+        assert!(run.said().is_empty(), "{}", row.name);
+    }
+}
+
+#[test]
+fn what_has_no_effect_yet_says_so_once() {
+    for row in TABLE {
+        let mut run = Run::new();
+        let call = |run: &mut Run, data: ParamData| match row.scope {
+            Scope::Output => {
+                let (name, format, data_, camera) =
+                    ("a.tif".into(), "tiff".into(), "rgba".into(), "c".into());
+                let params = Params(vec![param(row, data)]);
+                run.call(Call::Output { name, format, data: data_, camera, params });
+            }
+            Scope::Camera => {
+                run.call(Call::Camera { name: "c".into(), params: Params(vec![param(row, data)]) })
+            }
+            _ => run.set(param(row, data)),
+        };
+        if row.scope == Scope::ReadOnly {
+            continue;
+        }
+        if let Some(default) = row.default_param() {
+            call(&mut run, default.data);
+            assert!(run.said.lock().unwrap().is_empty(), "{} set to its default", row.name);
+        }
+        call(&mut run, other(row));
+        call(&mut run, other(row));
+        let said: Vec<String> = run.said.lock().unwrap().iter().map(ToString::to_string).collect();
+        if row.effect == Effect::NotYet {
+            assert_eq!(said, [format!("warning: \"{}\" is not supported yet", row.name)]);
+        } else {
+            assert!(said.is_empty(), "{said:?}");
+        }
+    }
+}
+
+#[test]
+fn user_attributes_need_a_type() {
+    let mut run = Run::new();
+    run.set(Param::declared("user:x", 1.0).unwrap());
+    assert!(run.said()[0].contains("needs a type, as in \"float user:x\""));
+    let mut set = |declaration: &str, data: ParamData| {
+        run.set(Param { data: data.clone(), ..Param::declared(declaration, 0.0).unwrap() });
+        assert_eq!(run.state.attribute(declaration).map(|p| p.data), Some(data), "{declaration}");
+    };
+    set("float user:a", 2.5.into());
+    set("int[2] user:b", ParamData::from(&[1, 2][..]));
+    set("string user:c", "word".into());
+    set("matrix user:m", ParamData::Float((0..16).map(|i| i as f32).collect()));
+    set("color[2] user:colors", ParamData::Float((0..6).map(|i| i as f32).collect()));
+    // Of another type they are others: the last declaration counts.
+    set("string user:a", "now a word".into());
+    assert!(run.state.attribute("float user:a").is_none());
+    run.set(Param::declared("float[3] user:d", 1.0).unwrap());
+    assert!(run.said()[0].contains("wants 3 values, not 1"));
+}
