@@ -505,6 +505,37 @@ impl Signature {
     }
 }
 
+/// One form of a function of the standard library: what tools and tests walk through.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Overload {
+    /// The function.
+    pub func: Func,
+    /// As messages spell it: `mix (type, type, float)`. No two forms are spelled the same.
+    pub form: String,
+    /// What it can return, in order of preference; empty where it returns nothing.
+    pub results: Vec<ValueType>,
+}
+
+/// Every form of every function (reference 5.8), in the reference's order.
+pub fn overloads() -> impl Iterator<Item = Overload> {
+    TABLE.iter().map(|row| {
+        let shared = || {
+            let of = |arg: &Arg| match *arg {
+                Arg::Same(set) | Arg::SameArray(set) => Some(set),
+                _ => None,
+            };
+            row.args.iter().find_map(of).unwrap_or(NUMBERS).iter().collect()
+        };
+        let results = match row.ret {
+            Ret::Is(Void) => Vec::new(),
+            Ret::Is(ty) => vec![ty],
+            Ret::Same => shared(),
+            Ret::Wanted(set) => set.iter().collect(),
+        };
+        Overload { func: row.func, form: row.spell(), results }
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -524,6 +555,17 @@ mod tests {
             assert!(Func::ALL.contains(&s.func));
             assert!(named(s.func.word()).any(|r| std::ptr::eq(r, s) || r.args == s.args));
         }
+    }
+
+    #[test]
+    fn forms_are_told_apart() {
+        let mut forms: Vec<_> = overloads().map(|o| o.form).collect();
+        forms.sort();
+        let count = forms.len();
+        forms.dedup();
+        assert_eq!((forms.len(), count), (TABLE.len(), TABLE.len()));
+        let mix = overloads().find(|o| o.func == Func::Mix).unwrap();
+        assert_eq!((mix.form.as_str(), mix.results.len()), ("mix (type, type, float)", 6));
     }
 
     #[test]

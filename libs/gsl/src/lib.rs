@@ -44,6 +44,7 @@ mod token;
 mod validate;
 
 pub use args::{Arg, ArgDefault, GsoArgs};
+pub use builtins::{Overload, overloads};
 pub use diagnostic::Diagnostic;
 pub use func::Func;
 pub use gso::GslError;

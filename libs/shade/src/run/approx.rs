@@ -162,6 +162,106 @@ pub(crate) fn exp_near(x: f32) -> f32 {
     y * f32::from_bits(((k as i32).wrapping_add(127) as u32) << 23)
 }
 
+/// Of any argument: a polynomial near 0, `1 - 2 / (e^2x + 1)` beyond.
+#[inline(always)]
+pub(crate) fn tanh(x: f32) -> f32 {
+    let a = x.abs();
+    let z = x * x;
+    let p = ((((-5.704_988_7e-3 * z + 2.063_908_9e-2) * z - 5.373_971_6e-2) * z + 1.333_144_2e-1) * z
+        - 3.333_328e-1)
+        * z
+        * x
+        + x;
+    // From 9.1 on the nearest number is 1. NaN stays.
+    let far = 1.0 - 2.0 / (exp_near(pick(a > 9.5, 19.0, a + a)) + 1.0);
+    pick(a < 0.625, p, far.copysign(x))
+}
+
+/// Where [`exp_near`] knows the argument.
+#[inline(always)]
+pub(crate) fn sinh_near(x: f32) -> f32 {
+    let z = x * x;
+    let p = ((2.037_219_1e-4 * z + 8.330_284e-3) * z + 1.666_671_6e-1) * z * x + x;
+    let e = exp_near(x.abs());
+    pick(x.abs() <= 1.0, p, (0.5 * e - 0.5 / e).copysign(x))
+}
+
+/// Where [`exp_near`] knows the argument.
+#[inline(always)]
+pub(crate) fn cosh_near(x: f32) -> f32 {
+    let e = exp_near(x.abs());
+    0.5 * e + 0.5 / e
+}
+
+/// `e^-x^2 P (1 / (1 + x / 2)) / (1 + x / 2)` in double precision, for `x` from 0; the polynomial is a
+/// Chebyshev fit over 0 to 10.4, beyond which the result is less than the smallest float.
+#[inline(always)]
+fn erfc_positive(x: f64) -> f64 {
+    const P: [f64; 13] = [
+        -0.005_421_137_600_800_485,
+        0.007_124_948_478_718_964,
+        0.110_986_260_243_748_5,
+        -0.511_887_639_943_664_2,
+        0.992_476_599_350_474_2,
+        -0.987_132_185_097_889_8,
+        0.499_952_050_919_802_8,
+        -0.229_191_354_822_359_7,
+        0.146_191_083_757_696_7,
+        0.164_542_298_060_953_94,
+        0.248_268_341_391_452_2,
+        0.281_992_740_538_562_6,
+        0.282_097_994_658_324_5,
+    ];
+    let x = if x > 10.4 { 10.4 } else { x };
+    let t = 1.0 / (1.0 + 0.5 * x);
+    let p = P.iter().fold(0.0, |sum, c| sum * t + c);
+    t * p * exp_double(-(x * x))
+}
+
+/// Exponential function for -500 to 500 within 1e-8.
+#[inline(always)]
+fn exp_double(x: f64) -> f64 {
+    const BIG: f64 = 6_755_399_441_055_744.0;
+    let k = (x * std::f64::consts::LOG2_E + BIG) - BIG;
+    let r = x - k * std::f64::consts::LN_2;
+    let p = 1.0
+        + r * (1.0
+            + r * (0.5
+                + r * (1.0 / 6.0
+                    + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0 + r * (1.0 / 5040.0)))))));
+    // The power of two in two halves, each a float.
+    let half = k as i32 >> 1;
+    let power = |k: i32| f64::from(f32::from_bits((k.wrapping_add(127) as u32) << 23));
+    p * power(half) * power((k as i32).wrapping_sub(half))
+}
+
+/// The error function of any argument.
+#[inline(always)]
+pub(crate) fn erf(x: f32) -> f32 {
+    const T: [f64; 8] = [
+        -9.667_044_571_486_997e-6,
+        0.000_112_659_590_256_066_09,
+        -0.000_848_408_040_553_510_6,
+        0.005_221_031_807_858_023,
+        -0.026_865_430_727_670_243,
+        0.112_837_824_952_368_45,
+        -0.376_126_384_680_287_1,
+        1.128_379_167_061_543_4,
+    ];
+    let y = f64::from(x);
+    let z = y * y;
+    let near = (y * T.iter().fold(0.0, |sum, c| sum * z + c)) as f32;
+    let far = ((1.0 - erfc_positive(y.abs())) as f32).copysign(x);
+    pick(x.is_nan(), x, pick(x.abs() < 1.0, near, far))
+}
+
+/// Its complement, also where it is tiny.
+#[inline(always)]
+pub(crate) fn erfc(x: f32) -> f32 {
+    let tail = erfc_positive(f64::from(x.abs()));
+    pick(x.is_nan(), x, (if x < 0.0 { 2.0 - tail } else { tail }) as f32)
+}
+
 /// Whether a number is positive, normal and finite, as logarithms need it.
 #[inline(always)]
 pub(crate) fn is_ordinary(x: f32) -> bool {
@@ -295,6 +395,11 @@ mod tests {
             ("acos", worst((1e-6, 1.0), &both, acos_inside, f64::acos), 3.0),
             ("atan", worst((1e-6, 1e6), &both, atan, f64::atan), 3.0),
             ("tan, to pi/4", worst((1e-6, 0.785), &both, tan_near, f64::tan), 3.0),
+            ("tanh", worst((1e-6, 12.0), &both, tanh, f64::tanh), 2.0),
+            ("sinh", worst((1e-6, 86.9), &both, sinh_near, f64::sinh), 2.0),
+            ("cosh", worst((1e-6, 86.9), &both, cosh_near, f64::cosh), 2.0),
+            ("erf", worst((1e-6, 6.0), &both, erf, libm::erf), 1.0),
+            ("erfc", worst((1e-6, 9.0), &both, erfc, libm::erfc), 1.0),
             ("sin, to pi/4", worst((1e-6, 0.785), &both, sin_near, f64::sin), 2.0),
             ("cos, to pi/4", worst((1e-6, 0.785), &both, cos_near, f64::cos), 2.0),
         ];

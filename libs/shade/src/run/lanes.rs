@@ -140,9 +140,9 @@ pub(super) fn unary(f: Unary, out: &mut [f32], a: Lane<'_>) {
         Unary::Asin => map1(out, a, |v| x::asin_inside(v.clamp(-1.0, 1.0))),
         Unary::Acos => map1(out, a, |v| x::acos_inside(v.clamp(-1.0, 1.0))),
         Unary::Atan => map1(out, a, x::atan),
-        Unary::Sinh => map1(out, a, libm::sinhf),
-        Unary::Cosh => map1(out, a, libm::coshf),
-        Unary::Tanh => map1(out, a, libm::tanhf),
+        Unary::Sinh => with_far(out, a, x::exp_is_near, x::sinh_near, libm::sinhf),
+        Unary::Cosh => with_far(out, a, x::exp_is_near, x::cosh_near, libm::coshf),
+        Unary::Tanh => map1(out, a, x::tanh),
         Unary::Exp => with_far(out, a, x::exp_is_near, x::exp_near, libm::expf),
         Unary::Log => with_far(out, a, x::is_ordinary, x::ln_ordinary, libm::logf),
         Unary::Log2 => with_far(out, a, x::is_ordinary, x::log2_ordinary, libm::log2f),
@@ -159,8 +159,8 @@ pub(super) fn unary(f: Unary, out: &mut [f32], a: Lane<'_>) {
         Unary::IsNan => map1(out, a, |v| f32::from(v.is_nan())),
         Unary::IsInf => map1(out, a, |v| f32::from(v == f32::INFINITY) - f32::from(v == f32::NEG_INFINITY)),
         Unary::Finite => map1(out, a, |v| f32::from(v.is_finite())),
-        Unary::Erf => map1(out, a, libm::erff),
-        Unary::Erfc => map1(out, a, libm::erfcf),
+        Unary::Erf => map1(out, a, x::erf),
+        Unary::Erfc => map1(out, a, x::erfc),
     }
 }
 

@@ -74,9 +74,13 @@ fn chunks<const D: usize>(task: &NoiseTask<'_>, component: u32, out: &mut [f32])
                     }
                 }
             }
-            for l in 0..CHUNK {
-                let periods = std::array::from_fn(|k| periods[k][l]);
-                result[l] = smooth::<D>(std::array::from_fn(|k| x[k][l]), periods, true, component);
+            if D == 4 {
+                smooth_passes::<D>(&x, Some(&periods), component, &mut result);
+            } else {
+                for l in 0..CHUNK {
+                    let periods = std::array::from_fn(|k| periods[k][l]);
+                    result[l] = smooth::<D>(std::array::from_fn(|k| x[k][l]), periods, true, component);
+                }
             }
             if task.kind == NoiseKind::Unsigned {
                 result.iter_mut().for_each(|v| *v = 0.5 + 0.5 * *v);
@@ -85,6 +89,12 @@ fn chunks<const D: usize>(task: &NoiseTask<'_>, component: u32, out: &mut [f32])
             continue;
         }
         match task.kind {
+            NoiseKind::Signed | NoiseKind::Unsigned if D == 4 => {
+                smooth_passes::<D>(&x, None, component, &mut result);
+                if task.kind == NoiseKind::Unsigned {
+                    result.iter_mut().for_each(|v| *v = 0.5 + 0.5 * *v);
+                }
+            }
             NoiseKind::Signed => {
                 for l in 0..CHUNK {
                     result[l] = smooth::<D>(std::array::from_fn(|k| x[k][l]), [0; D], false, component);
@@ -249,6 +259,65 @@ fn smooth<const D: usize>(x: [f32; D], periods: [u32; D], periodic: bool, compon
     (values[0] * scale(D)).clamp(-1.0, 1.0)
 }
 
+/// As [`smooth`], of all lanes at once: a pass over the lanes for each corner. Sixteen corners are too many
+/// for a loop over lanes that holds them all.
+#[inline(always)]
+fn smooth_passes<const D: usize>(
+    x: &[[f32; CHUNK]; D],
+    periods: Option<&[[u32; CHUNK]; D]>,
+    component: u32,
+    out: &mut [f32; CHUNK],
+) {
+    let mut lattice = [[[0_i32; CHUNK]; 2]; D];
+    let mut t = [[0.0_f32; CHUNK]; D];
+    for k in 0..D {
+        let [low, high] = &mut lattice[k];
+        for l in 0..CHUNK {
+            (low[l], t[k][l]) = cell(x[k][l]);
+            high[l] = low[l].wrapping_add(1);
+        }
+        if let Some(periods) = periods {
+            for side in [low, high] {
+                for (i, p) in side.iter_mut().zip(&periods[k]) {
+                    *i = wrap(*i, *p);
+                }
+            }
+        }
+    }
+    // Bit k of a corner's number is its side along axis k.
+    let mut hashes = [[0_u32; CHUNK]; 16];
+    hashes[0].fill(step(0x736e_6f69, component as i32 ^ ((D as i32) << 8)));
+    for (k, [low, high]) in lattice.iter().enumerate() {
+        let (known, next) = hashes.split_at_mut(1 << k);
+        for (a, b) in known.iter_mut().zip(next) {
+            for l in 0..CHUNK {
+                b[l] = step(a[l], high[l]);
+                a[l] = step(a[l], low[l]);
+            }
+        }
+    }
+    let mut values = [[0.0_f32; CHUNK]; 16];
+    for (corner, (values, hashes)) in values.iter_mut().zip(&hashes).take(1 << D).enumerate() {
+        let sides: [f32; D] = std::array::from_fn(|k| (corner >> k & 1) as f32);
+        for l in 0..CHUNK {
+            values[l] = gradient::<D>(mix32(hashes[l]), std::array::from_fn(|k| t[k][l] - sides[k]));
+        }
+    }
+    for k in (0..D).rev() {
+        let mut w = t[k];
+        w.iter_mut().for_each(|t| *t = fade(*t));
+        let (near, far) = values.split_at_mut(1 << k);
+        for (a, b) in near.iter_mut().zip(far) {
+            for l in 0..CHUNK {
+                a[l] = lerp(w[l], a[l], b[l]);
+            }
+        }
+    }
+    for (o, v) in out.iter_mut().zip(&values[0]) {
+        *o = (v * scale(D)).clamp(-1.0, 1.0);
+    }
+}
+
 /// A number in (0, 1) for the cell of `x`.
 #[inline(always)]
 fn cellular<const D: usize>(x: [f32; D], component: u32) -> f32 {
@@ -268,6 +337,66 @@ pub(crate) fn open_unit(h: u32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Wide, narrow and one by one: the same to the bit.
+    #[test]
+    fn all_ways_agree() {
+        let mut values: Vec<f32> = (0..75).map(|k| (k as f32 - 37.0) * 1.37).collect();
+        values.extend([0.0, -0.0, 1.0, -1.0, 1e-30, 3e9, -3e9, 1e30, f32::MAX]);
+        values.extend([f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 16_777_217.0, -2_147_483_648.0]);
+        let lists: [Vec<f32>; 4] = std::array::from_fn(|k| {
+            let mut list = values.clone();
+            list.rotate_left(k * 7);
+            list
+        });
+        let periods: [Vec<f32>; 4] = std::array::from_fn(|k| {
+            (0..values.len()).map(|i| [3.0, 1.0, 0.5, 70_000.0, -2.0, 7.9][(i + k) % 6]).collect()
+        });
+        let lane = |v| Lane { values: v, stride: 1 };
+        let n = values.len();
+        for d in 1..=4 {
+            for kind in [NoiseKind::Signed, NoiseKind::Unsigned, NoiseKind::Cell] {
+                for periodic in [false, true] {
+                    if periodic && kind == NoiseKind::Cell {
+                        continue;
+                    }
+                    // Sometimes a coordinate is the same for all.
+                    for uniform in [5, d - 1] {
+                        let coordinate = |k: usize| {
+                            if k == uniform {
+                                Lane { values: &lists[k][..1], stride: 0 }
+                            } else {
+                                lane(&lists[k])
+                            }
+                        };
+                        let task = NoiseTask {
+                            x: std::array::from_fn(|k| (k < d).then(|| coordinate(k))),
+                            periods: periodic.then(|| std::array::from_fn(|k| lane(&periods[k]))),
+                            kind,
+                        };
+                        let (mut wide, mut narrow) = (vec![9.0; n], vec![9.0; n]);
+                        super::super::simd::noise(&task, 2, &mut wide);
+                        noise(&task, 2, &mut narrow);
+                        let bits = |v: &[f32]| v.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+                        assert_eq!(bits(&wide), bits(&narrow), "{d} {task:?}");
+                        for i in 0..n {
+                            let x = std::array::from_fn::<_, 4, _>(|k| task.x[k].map(|x| [x.get(i)]));
+                            let p = task.periods.map(|p| p.map(|p| [p.get(i)]));
+                            let one = |v| Lane { values: v, stride: 0 };
+                            let alone = NoiseTask {
+                                x: std::array::from_fn(|k| x[k].as_ref().map(|v| one(&v[..]))),
+                                periods: p.as_ref().map(|p| std::array::from_fn(|k| one(&p[k][..]))),
+                                kind,
+                            };
+                            let mut value = [9.0];
+                            noise(&alone, 2, &mut value);
+                            assert_eq!(value[0].to_bits(), wide[i].to_bits(), "{d} {kind:?} {i}");
+                        }
+                    }
+                }
+            }
+        }
+    }
 
     #[test]
     fn remainders() {
