@@ -1,11 +1,11 @@
 //! Geometric functions (reference 5.8.3) that need no spaces.
 
-use super::{compute, compute_as};
+use super::{compute, compute_as, matrix};
 use crate::run::kernel::{fold2, map2};
 use crate::run::lanes::Unary;
 use crate::run::machine::Machine;
 use crate::run::simd;
-use granita_base::{Transform, Vec3};
+use granita_base::Vec3;
 use granita_gsl::Func;
 use granita_gsl::ir::{Global, Op, SymbolId};
 
@@ -152,7 +152,7 @@ fn fresnel(m: &mut Machine<'_>, op: &Op) {
 /// `rotate (Q, angle, P0, P1)`: about the axis from P0 to P1, counter-clockwise as `Rotate` does.
 fn rotate(m: &mut Machine<'_>, op: &Op) {
     triples(m, op, |x, v| {
-        let turn = Transform::rotate(x[1], v[3] - v[2]);
+        let turn = matrix::rotation(x[1], v[3] - v[2]);
         v[2] + turn.vector(v[0] - v[2])
     });
 }

@@ -45,6 +45,31 @@ pub(super) fn inverse(matrix: &Transform, singular: &Cell<bool>) -> Transform {
     })
 }
 
+/// Turns about an axis, counter-clockwise seen against it (Rodrigues' formula), by sines that are the same
+/// on every machine. Without an axis nothing turns.
+pub(super) fn rotation(angle_rad: f32, axis: Vec3) -> Transform {
+    let [x, y, z] = axis.to_array().map(f64::from);
+    let length = (x * x + y * y + z * z).sqrt();
+    // NaN is no axis either.
+    if !(length > 0.0 && length.is_finite()) {
+        return Transform::IDENTITY;
+    }
+    let [x, y, z] = [x / length, y / length, z / length];
+    let (s, c) = (libm::sin(f64::from(angle_rad)), libm::cos(f64::from(angle_rad)));
+    let d = 1.0 - c;
+    let rows = [
+        [c + x * x * d, x * y * d + z * s, x * z * d - y * s, 0.0],
+        [x * y * d - z * s, c + y * y * d, y * z * d + x * s, 0.0],
+        [x * z * d + y * s, y * z * d - x * s, c + z * z * d, 0.0],
+        [0.0, 0.0, 0.0, 1.0],
+    ];
+    let mut list = [0.0; 16];
+    for (to, from) in list.iter_mut().zip(rows.as_flattened()) {
+        *to = *from as f32;
+    }
+    Transform::from_rows(&list)
+}
+
 /// Functions of matrices. The new transformation applies first, as those of the scene interface do.
 pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     match func {
@@ -58,7 +83,7 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
         // rotate (M, angle, axis)
         Func::Rotate => {
             let axis = op.args[2];
-            prepend_with(m, op, axis, |a, axis, angle| Transform::rotate(angle, axis).then(a));
+            prepend_with(m, op, axis, |a, axis, angle| rotation(angle, axis).then(a));
         }
         _ => math::run(m, func, op),
     }

@@ -259,5 +259,5 @@ fn unit_factor(m: &mut Machine<'_>, from: f32, to: f32) -> Option<f32> {
 /// Cube root of the volume scale.
 pub(super) fn linear_scale(m: &Transform) -> f32 {
     let (x, y, z) = (m.vector(Vec3::X), m.vector(Vec3::Y), m.vector(Vec3::Z));
-    x.cross(y).dot(z).abs().cbrt()
+    libm::cbrtf(x.cross(y).dot(z).abs())
 }

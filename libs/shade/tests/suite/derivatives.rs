@@ -117,6 +117,8 @@ fn displacement_moves_along_the_normal() {
         ("displace (\"double\", 0.5);", -1.0),
         ("displace (\"cm\", 1);", -2.0),
         ("bump (0.5);", 0.0),
+        ("bump (\"double\", 0.5);", 0.0),
+        ("bump (vector (0, 0, 3));", 0.0),
     ] {
         let mut grid = square(4, 4);
         displaced(body, &mut grid);
@@ -128,7 +130,13 @@ fn displacement_moves_along_the_normal() {
 
 #[test]
 fn slopes_turn_normals() {
-    for body in ["displace (u);", "bump (u);", "P -= vector (0, 0, u); N = normalize (surfacenormal (P));"] {
+    for body in [
+        "displace (u);",
+        "bump (u);",
+        "bump (vector (0, 0, -u));",
+        "bump (\"double\", 0.5 * u);",
+        "P -= vector (0, 0, u); N = normalize (surfacenormal (P));",
+    ] {
         let mut grid = square(5, 3);
         displaced(body, &mut grid);
         let expected = Vec3::new(-1.0, 0.0, -1.0).normalize();

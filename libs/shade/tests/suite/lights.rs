@@ -133,7 +133,9 @@ fn shadows_know_where_the_light_is() {
         &shadowed("emit (vector (0, 0, 1), 0)"),
         &shadowed("emit (vector (0, 0, 1), 0.25)"),
     ]);
-    let r = floats_with("r = 0; lights (P) { r += Cl[0]; } r += shadow (\"map\", P);", &mut services);
+    let body = "r = 0; lights (P) { r += Cl[0]; } r += shadow (\"map\", P); \
+                color c = shadow (\"map\", P, vector (1), vector (2)); r += c[1] - 0.25;";
+    let r = floats_with(body, &mut services);
     assert_eq!(r[0], 2.5);
     assert_eq!(
         services.shadow_queries,
@@ -141,6 +143,7 @@ fn shadows_know_where_the_light_is() {
             (Vec3::new(0.0, 0.0, -2.0), false, None),
             (Vec3::new(0.0, 0.0, -1.0), true, None),
             (Vec3::new(0.0, 0.0, -1.0), true, Some(0.25)),
+            (Vec3::ZERO, false, None),
             (Vec3::ZERO, false, None),
         ]
     );
@@ -157,6 +160,7 @@ fn rays() {
     assert_eq!(floats(body)[..3], [1.0, 2.0, 3.0]);
     assert_eq!(corner(&[], "r = 7; trace (\"set\", P, N, 0.5, 0) r += 1;"), 7.0);
     assert_eq!(corner(&[], "float x = 0; r = getmessage (\"trace\", \"hit\", x);"), 0.0);
+    assert_eq!(corner(&[], "r = occlusion (\"set\", P, N, 0.5, \"samples\", 16);"), 0.0);
     // Nobody hit anything; the mean open direction is the axis.
     assert_eq!(
         corner(&[], "vector o = 0; r = occlusion (\"set\", P, N, 0.5, o, \"samples\", 16) + o[2];"),
