@@ -16,7 +16,8 @@ pub(crate) const MAX_ARRAY: u32 = 65_536;
 #[derive(Default)]
 struct Scope {
     vars: BTreeMap<Arc<str>, VarId>,
-    funcs: BTreeMap<Arc<str>, FuncId>,
+    /// Functions of one name differ in their parameters or their result.
+    funcs: BTreeMap<Arc<str>, Vec<FuncId>>,
 }
 
 /// What `break` and `continue` would leave.
@@ -134,9 +135,9 @@ impl Checker<'_> {
         self.scopes.iter().rev().find_map(|s| s.vars.get(name)).copied()
     }
 
-    /// The function of the source that a name means here.
-    pub(crate) fn user_function(&self, name: &str) -> Option<FuncId> {
-        self.scopes.iter().rev().find_map(|s| s.funcs.get(name)).copied()
+    /// The functions of the source that a name means here: those of the innermost scope that has one.
+    pub(crate) fn user_functions(&self, name: &str) -> &[FuncId] {
+        self.scopes.iter().rev().find_map(|s| s.funcs.get(name)).map_or(&[], Vec::as_slice)
     }
 
     pub(crate) fn suggest_variable(&self, name: &str) -> Option<String> {
@@ -284,10 +285,8 @@ impl Checker<'_> {
             complete: false,
             returns: false,
         });
-        let old = self.scopes.last_mut().and_then(|s| s.funcs.insert(name.text.clone(), id));
-        if old.is_some() {
-            self.diags
-                .error(name.pos, format!("function `{}` is declared twice in the same scope", name.text));
+        if let Some(scope) = self.scopes.last_mut() {
+            scope.funcs.entry(name.text.clone()).or_default().push(id);
         }
         self.scopes.push(Scope::default());
         self.inside.push(id);
@@ -299,6 +298,11 @@ impl Checker<'_> {
             formals.push(self.declare(&formal.name, ty, VarKind::Formal { output: formal.output }));
         }
         self.funcs[id.0].formals = formals;
+        if self.is_declared_again(id) {
+            let what = format!("function `{}` is declared twice in the same scope", name.text);
+            let help = Some("functions of one name differ in their parameters or their result".to_owned());
+            self.diags.error_help(name.pos, what, help);
+        }
         let body = self.statements(function.body);
         self.around = around;
         self.inside.pop();
@@ -310,6 +314,18 @@ impl Checker<'_> {
             let what = format!("function `{}` never returns a value", func.name);
             self.diags.warning(name.pos, what);
         }
+    }
+
+    /// Whether another function of its scope has the same name, parameters and result.
+    fn is_declared_again(&self, id: FuncId) -> bool {
+        let types = |id: FuncId| {
+            let f = &self.funcs[id.0];
+            (f.ret, f.formals.iter().map(|v| self.vars[v.0].ty).collect::<Vec<_>>())
+        };
+        // Its own scope of parameters is the innermost.
+        let scope = self.scopes.len().checked_sub(2).map(|k| &self.scopes[k]);
+        let others = scope.and_then(|s| s.funcs.get(&self.funcs[id.0].name));
+        others.is_some_and(|list| list.iter().any(|other| *other != id && types(*other) == types(id)))
     }
 
     // Statements.

@@ -38,10 +38,10 @@ impl Checker<'_> {
             ast::ExprKind::Text(_) => Value(ValueType::String),
             ast::ExprKind::Variable(name, subscripts) => self.possible_variable(&name.text, subscripts.len()),
             ast::ExprKind::Call(name, args) => {
-                if let Some(id) = self.user_function(&name.text) {
-                    return Value(self.funcs[id.0].ret);
-                }
                 let args: Vec<Possible> = args.iter().map(|a| self.possible(a)).collect();
+                if !self.user_functions(&name.text).is_empty() {
+                    return self.possible_user_call(&name.text, &args);
+                }
                 match self.choose(&name.text, &args, None) {
                     Some((row, same)) => match row.ret {
                         Ret::Is(ty) => Value(ty),
@@ -147,7 +147,7 @@ impl Checker<'_> {
         self.statement_expr_wanted(expr, None)
     }
 
-    fn bad(&self, pos: Pos, wanted: Option<ValueType>) -> Expr {
+    pub(crate) fn bad(&self, pos: Pos, wanted: Option<ValueType>) -> Expr {
         Expr { ty: SymbolType::of(wanted.unwrap_or(ValueType::Float)), kind: ExprKind::Bad, pos }
     }
 
@@ -234,7 +234,7 @@ impl Checker<'_> {
                 return None;
             }
             let function =
-                self.user_function(&name.text).is_some() || builtins::named(&name.text).next().is_some();
+                !self.user_functions(&name.text).is_empty() || builtins::named(&name.text).next().is_some();
             if function {
                 let help = Some(format!("write `{} (...)` to call it", name.text));
                 self.diags.error_help(name.pos, format!("`{}` is a function", name.text), help);
@@ -486,8 +486,8 @@ impl Checker<'_> {
     }
 
     fn call(&mut self, name: &ast::Name, args: &[ast::Expr], wanted: Option<ValueType>) -> Expr {
-        if let Some(id) = self.user_function(&name.text) {
-            return self.user_call(id, name, args);
+        if !self.user_functions(&name.text).is_empty() {
+            return self.user_call(name, args, wanted);
         }
         let pos = name.pos;
         if &*name.text == "exit" {
@@ -565,7 +565,7 @@ impl Checker<'_> {
     }
 
     /// An argument that the function writes.
-    fn output(&mut self, arg: &ast::Expr, ty: Option<ValueType>) -> Expr {
+    pub(crate) fn output(&mut self, arg: &ast::Expr, ty: Option<ValueType>) -> Expr {
         let Some((place, found)) = self.output_place(arg) else { return self.bad(arg.pos, ty) };
         let fits = ty.is_none_or(|ty| {
             found.array.is_none()
@@ -580,7 +580,7 @@ impl Checker<'_> {
         Expr { ty: found, kind: ExprKind::Read(place), pos: arg.pos }
     }
 
-    fn output_place(&mut self, arg: &ast::Expr) -> Option<(Place, SymbolType)> {
+    pub(crate) fn output_place(&mut self, arg: &ast::Expr) -> Option<(Place, SymbolType)> {
         if !matches!(arg.kind, ast::ExprKind::Variable(..)) {
             self.diags.error(arg.pos, "the function writes this argument, so it must be a variable");
             return None;
@@ -676,67 +676,5 @@ impl Checker<'_> {
             let what = format!("the template prints {wanted} values, {given} given");
             self.diags.warning(template.pos, what);
         }
-    }
-
-    fn user_call(&mut self, id: FuncId, name: &ast::Name, args: &[ast::Expr]) -> Expr {
-        let pos = name.pos;
-        let ret = self.funcs[id.0].ret;
-        if self.is_recursive(id) {
-            self.diags.error(pos, format!("function `{}` calls itself; recursion is not allowed", name.text));
-            return self.bad(pos, Some(ret));
-        }
-        let formals = self.funcs[id.0].formals.clone();
-        if formals.len() != args.len() {
-            let (n, m) = (formals.len(), args.len());
-            let plural = if n == 1 { "" } else { "s" };
-            self.diags.error(pos, format!("function `{}` takes {n} argument{plural}, {m} given", name.text));
-            return self.bad(pos, Some(ret));
-        }
-        let mut checked = Vec::with_capacity(args.len());
-        for (arg, formal) in args.iter().zip(formals) {
-            checked.push(self.user_argument(arg, formal, &name.text));
-        }
-        Expr { ty: SymbolType::of(ret), kind: ExprKind::Call { func: id, args: checked }, pos }
-    }
-
-    fn user_argument(&mut self, arg: &ast::Expr, formal: VarId, function: &str) -> Expr {
-        let formal = &self.vars[formal.0];
-        let (ty, written, formal_name) = (formal.ty, formal.written, formal.name.clone());
-        let output = matches!(formal.kind, VarKind::Formal { output: true });
-        if ty.array.is_some() {
-            let value = if output || written {
-                match self.output_place(arg) {
-                    Some((place, ty)) => Expr { ty, kind: ExprKind::Read(place), pos: arg.pos },
-                    None => return self.bad(arg.pos, None),
-                }
-            } else {
-                self.expr(arg, None)
-            };
-            let fits = value.ty.value == ty.value
-                && value.ty.array.is_some()
-                && (ty.open || value.ty.array == ty.array && !value.ty.open);
-            if !fits && !matches!(value.kind, ExprKind::Bad) {
-                let what = format!(
-                    "parameter `{formal_name}` of `{function}` is {}, {} given",
-                    describe(ty),
-                    describe(value.ty)
-                );
-                self.diags.error(arg.pos, what);
-                return self.bad(arg.pos, None);
-            }
-            return value;
-        }
-        let variable = matches!(arg.kind, ast::ExprKind::Variable(..))
-            && !builtins::CONSTANTS.iter().any(|(n, _)| self.is_constant(arg, n));
-        if !(output || written && variable) {
-            let value = self.expr(arg, Some(ty.value));
-            return self.coerce(value, ty.value);
-        }
-        self.output(arg, Some(ty.value))
-    }
-
-    fn is_constant(&self, arg: &ast::Expr, constant: &str) -> bool {
-        matches!(&arg.kind, ast::ExprKind::Variable(name, _)
-            if *name.text == *constant && self.variable(constant).is_none())
     }
 }

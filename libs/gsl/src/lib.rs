@@ -41,6 +41,7 @@ mod parse;
 mod preprocess;
 mod source;
 mod token;
+mod user_call;
 mod validate;
 
 pub use args::{Arg, ArgDefault, GsoArgs};

@@ -63,7 +63,7 @@ const BODIES: &[(&str, &str)] = &[
     ),
     (
         "float f () { return 1; } float f () { return 2; } C = f ();",
-        "2:32: error: function `f` is declared twice in the same scope",
+        "2:32: error: function `f` is declared twice in the same scope [functions of one name differ in their parameters or their result]",
     ),
     ("{ float x = 1; C = x; } opacity = x;", "2:35: error: unknown variable `x`"),
     // Types.

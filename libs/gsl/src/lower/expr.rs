@@ -305,11 +305,31 @@ impl<'a> Lowerer<'a> {
         if place.is_whole() {
             return (spot.symbol, None);
         }
-        // Copied in and out: the function may leave it as it is.
+        // Copied in and out: the function may leave it as it is. It may change the variables of the subscripts
+        // too; the element is the one that the call named.
+        let spot = Spot {
+            element: spot.element.map(|i| self.kept(i, expr.pos)),
+            part: match spot.part {
+                Part::All => Part::All,
+                Part::One(i) => Part::One(self.kept(i, expr.pos)),
+                Part::Cell(r, c) => Part::Cell(self.kept(r, expr.pos), self.kept(c, expr.pos)),
+            },
+            ..spot
+        };
         let value = self.load(spot, expr.ty.value, expr.pos);
         let copy = self.local(expr.ty.value);
         self.op(OpCode::Assign, Some(copy), vec![value], expr.pos);
         (copy, Some(spot))
+    }
+
+    /// The value that a subscript has now.
+    fn kept(&mut self, index: SymbolId, pos: Pos) -> SymbolId {
+        if matches!(self.symbols[index.0 as usize].kind, SymbolKind::Const(_) | SymbolKind::Temp) {
+            return index;
+        }
+        let copy = self.temp(ValueType::Float);
+        self.op(OpCode::Assign, Some(copy), vec![index], pos);
+        copy
     }
 
     fn builtin(
