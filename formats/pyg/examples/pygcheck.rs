@@ -3,7 +3,7 @@
 
 use granita_base::{Location, Param, Params, Reporter};
 use granita_pyg::{PygOptions, PygSource, read};
-use granita_scene::{FrameRenderer, InputReader, Scene, State, Stop};
+use granita_scene::{FoundInput, FrameRenderer, InputPaths, Scene, State, Stop};
 use std::sync::Arc;
 
 struct Tell;
@@ -23,7 +23,7 @@ impl FrameRenderer for Tell {
         println!("  Command {name} {:?}", params.iter().map(Param::declaration).collect::<Vec<_>>());
         Ok(true)
     }
-    fn input(&mut self, command: &str, _: &str, _: &Location) -> Result<Option<InputReader>, Stop> {
+    fn input(&mut self, command: &str, _: InputPaths<'_>, _: &Location) -> Result<Option<FoundInput>, Stop> {
         println!("  Input {command}");
         Ok(None)
     }

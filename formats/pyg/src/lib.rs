@@ -29,7 +29,6 @@
 mod bytes;
 mod calls;
 mod flat;
-mod input;
 mod names;
 mod python;
 mod read;
@@ -38,7 +37,6 @@ mod text;
 mod value;
 mod write;
 
-pub use input::runs_program;
 pub use read::{Chunking, PygError, PygOptions, PygSource, read};
 pub use write::{Writer, WriterOptions};
 

@@ -7,7 +7,9 @@ use granita_base::{
     TrimDesc,
 };
 use granita_pyg::{PygOptions, PygSource, Writer, WriterOptions, read};
-use granita_scene::{Call, FrameRenderer, InputReader, Scene, SceneSink, State, Stop, TransformTarget};
+use granita_scene::{
+    Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, State, Stop, TransformTarget,
+};
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -235,10 +237,11 @@ impl FrameRenderer for Blank {
     fn command(&mut self, _: &str, _: &Params, _: &Location) -> Result<bool, Stop> {
         Ok(false)
     }
-    fn input(&mut self, _: &str, _: &str, _: &Location) -> Result<Option<InputReader>, Stop> {
+    fn input(&mut self, _: &str, _: InputPaths<'_>, _: &Location) -> Result<Option<FoundInput>, Stop> {
         let shape = ShapeDesc::Sphere { radius: 1.0, zmin: -1.0, zmax: 1.0, thetamax_deg: 360.0 };
         let call = Call::Shape { shape: Box::new(shape), params: Params::new() };
-        Ok(Some(Box::new(move |sink| sink.call(call, &Location::default()))))
+        let reader = Box::new(move |sink: &mut dyn SceneSink| sink.call(call, &Location::default()));
+        Ok(Some(FoundInput { identity: "sphere".into(), bound: None, reader }))
     }
 }
 

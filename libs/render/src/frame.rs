@@ -9,6 +9,7 @@ use crate::environment::Progress;
 use crate::hider::{CompositeSettings, Projector, SamplePattern};
 use crate::output::OutputSet;
 use crate::statistics::{Counters, Statistics, add};
+use crate::unread::is_moving;
 use crate::{CameraView, PixelRect, RenderError};
 use granita_base::{Color, Location, Reporter, Severity};
 use granita_gsl::ir::ValueType;
@@ -107,8 +108,7 @@ pub(crate) fn render<S: FrameShader>(
     let (camera, threads) = (options.camera, options.threads.max(1));
     let (progress, stop) = (options.progress, options.stop);
     // The whole scene counts, not what is in view: a crop must not change the samples.
-    let moving = camera.world_to_camera.is_moving()
-        || scene.primitives.iter().any(|p| p.keys.len() > 1 || p.attributes.to_world.is_moving());
+    let moving = is_moving(scene, camera);
     let pattern = SamplePattern::new(camera, moving);
     let margin = outputs.margin();
     let margin = margin[0].max(margin[1]);

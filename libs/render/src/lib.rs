@@ -43,6 +43,7 @@ mod services;
 mod shading;
 mod spaces;
 mod statistics;
+mod unread;
 
 #[cfg(test)]
 mod fixture;

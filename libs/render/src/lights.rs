@@ -2,7 +2,7 @@
 
 use crate::arealight::AreaLight;
 use crate::object::{LinkedShaders, Linker};
-use granita_base::Vec3;
+use granita_base::{Vec3, hash};
 use granita_scene::{AttributeSet, Light, ShaderUsage};
 use granita_shade::{IlluminateQuery, Lane3, Lanes3, LightInfo, LightResult};
 use std::sync::Arc;
@@ -12,6 +12,8 @@ use std::sync::Arc;
 pub(crate) struct LightState {
     /// Its `lightid`.
     pub(crate) name: Arc<str>,
+    /// Seeds everything random about it: a hash of its name, which does not depend on other lights.
+    pub(crate) seed: u32,
     /// Its shaders.
     pub(crate) shaders: LinkedShaders,
     /// What is known without running it.
@@ -35,6 +37,7 @@ impl LightState {
         let geometry = shaders.group.param_string("geometry").filter(|set| !set.is_empty());
         Some(Self {
             name: light.name.clone(),
+            seed: hash::words(&light.name.bytes().map(u32::from).collect::<Vec<_>>()),
             shaders,
             info,
             attributes: light.attributes.clone(),

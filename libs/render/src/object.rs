@@ -345,6 +345,6 @@ impl ObjectState {
 }
 
 /// Length of the longest of the three transformed unit axes.
-fn longest_axis(vector: impl Fn(Vec3) -> Vec3) -> f32 {
+pub(crate) fn longest_axis(vector: impl Fn(Vec3) -> Vec3) -> f32 {
     [Vec3::X, Vec3::Y, Vec3::Z].into_iter().map(|v| vector(v).length()).fold(0.0, f32::max)
 }

@@ -8,7 +8,7 @@ use crate::shading::{ShaderThread, ShadingContext};
 use crate::{CameraView, RenderError, Statistics, hider};
 use granita_base::{Location, Severity};
 use granita_gsl::ir::ValueType;
-use granita_scene::{Output, Primitive, Scene};
+use granita_scene::{InputCounts, Output, Primitive, Scene};
 use granita_shade::Grid;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// Renders scenes. Holds nothing of a scene after its frame is done.
 #[derive(Clone, Debug)]
 pub struct Renderer {
-    environment: RenderEnvironment,
+    pub(crate) environment: RenderEnvironment,
 }
 
 /// What came out of a frame.
@@ -46,12 +46,7 @@ impl Renderer {
     pub fn render(&self, scene: &Arc<Scene>, camera: Option<&str>) -> Result<FrameReport, RenderError> {
         let environment = &self.environment;
         let reporter = &environment.reporter;
-        let mut views: Vec<CameraView> = scene.cameras.iter().map(|c| CameraView::new(c, reporter)).collect();
-        if let Some(crop) = environment.crop {
-            for view in &mut views {
-                view.crop = CameraView::crop_pixels(crop, view.resolution);
-            }
-        }
+        let views = self.views(scene);
         let first = views
             .first()
             .ok_or_else(|| RenderError::Misuse { what: "the scene has no camera".to_owned() })?;
@@ -105,6 +100,18 @@ impl Renderer {
         Ok(report)
     }
 
+    /// The cameras, with the crop window that the environment asks for.
+    pub(crate) fn views(&self, scene: &Scene) -> Vec<CameraView> {
+        let reporter = &self.environment.reporter;
+        let mut views: Vec<CameraView> = scene.cameras.iter().map(|c| CameraView::new(c, reporter)).collect();
+        if let Some(crop) = self.environment.crop {
+            for view in &mut views {
+                view.crop = CameraView::crop_pixels(crop, view.resolution);
+            }
+        }
+        views
+    }
+
     /// "statistics:level" and "statistics:filename" (reference 4.3.7).
     fn print_statistics(
         &self,
@@ -116,7 +123,12 @@ impl Renderer {
         if scene.int("statistics:level").max(self.environment.statistics) <= 0 {
             return Ok(());
         }
-        let text = format!("{}\n{shading}", statistics.report(&view.name));
+        let mut text = format!("{}\n{shading}", statistics.report(&view.name));
+        if scene.inputs != InputCounts::default() {
+            let InputCounts { read, unread } = scene.inputs;
+            text += &format!("\n  {:<34} {}", "inputs with a bound", read + unread);
+            text += &format!("\n  {:<34} {unread}", "  never read");
+        }
         let file = scene.string("statistics:filename");
         if file.is_empty() {
             self.environment.reporter.say(Severity::Message, &Location::default(), format!("{text}\n"));

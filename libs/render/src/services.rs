@@ -85,7 +85,7 @@ impl<'r, 'f> Run<'r, 'f> {
     }
 
     /// For a light that shines on the grid of `surface`.
-    fn for_light(surface: &'r mut Run<'_, 'f>, id: LightId, light: &'r LightState) -> Self {
+    fn for_light(surface: &'r mut Run<'_, 'f>, light: &'r LightState) -> Self {
         Self {
             frame: surface.frame,
             thread: surface.thread,
@@ -101,22 +101,16 @@ impl<'r, 'f> Run<'r, 'f> {
             time: surface.time,
             dtime: surface.dtime,
             ray: surface.ray,
-            seed: hash::words(&[surface.seed, id.0, surface.calls]),
+            seed: hash::words(&[surface.seed, light.seed, surface.calls]),
             centres: surface.centres,
             calls: 0,
         }
     }
 
-    fn run_light(
-        &mut self,
-        id: LightId,
-        light: &LightState,
-        grid: &Grid,
-        query: &IlluminateQuery<'_>,
-    ) -> LightResult {
+    fn run_light(&mut self, light: &LightState, grid: &Grid, query: &IlluminateQuery<'_>) -> LightResult {
         let mut executor = self.thread.take_executor();
         let result = {
-            let mut services = Run::for_light(self, id, light);
+            let mut services = Run::for_light(self, light);
             executor.run_light(&light.shaders.group, grid, query, &mut services)
         };
         self.thread.put_executor(executor);
@@ -126,7 +120,6 @@ impl<'r, 'f> Run<'r, 'f> {
     /// The mean of several runs of a light, each with a point on the light's surface for every lane.
     fn area_light(
         &mut self,
-        id: LightId,
         light: &LightState,
         area: &AreaLight,
         grid: &Grid,
@@ -145,12 +138,12 @@ impl<'r, 'f> Run<'r, 'f> {
         let share = 1.0 / area.samples as f32;
         let scale = |lanes: &mut Lanes3| lanes.xyz.iter_mut().flatten().for_each(|v| *v *= share);
         for index in 0..area.samples {
-            let seed = |lane: u32| hash::words(&[self.seed, call, id.0, lane]);
+            let seed = |lane: u32| hash::words(&[self.seed, call, light.seed, lane]);
             if !arealight::points(scene, index, query.batch.active, &seed, &mut pl, &mut nl) {
                 return sum;
             }
             let query = IlluminateQuery { pl: Some(Lane3::over(&pl)), nl: Some(Lane3::over(&nl)), ..*query };
-            let one = self.run_light(id, light, grid, &query);
+            let one = self.run_light(light, grid, &query);
             sum.samples.extend(one.samples.into_iter().map(|mut sample| {
                 scale(&mut sample.cl);
                 sample
@@ -310,8 +303,8 @@ impl Services for Run<'_, '_> {
         let Some(grid) = self.lit.take() else { return dark };
         self.calls += 1;
         let result = match &light.area {
-            Some(area) => self.area_light(id, light, area, &grid, query),
-            None => self.run_light(id, light, &grid, query),
+            Some(area) => self.area_light(light, area, &grid, query),
+            None => self.run_light(light, &grid, query),
         };
         self.lit = Some(grid);
         let result = Arc::new(result);

@@ -65,8 +65,13 @@ pub trait Generator: Send + Sync {
     /// Its name in `Input ("name argument")`; in lower case.
     fn name(&self) -> &'static str;
 
-    /// The endings, in lower case and without the dot, of the files that belong to it.
+    /// The endings, in lower case and without the first dot, of the files that belong to it: "obj", "rib.gz".
     fn extensions(&self) -> &'static [&'static str];
+
+    /// Whether its sources are whole scenes, with a camera, `World` and `Render`, rather than objects for a scene.
+    fn makes_frames(&self) -> bool {
+        false
+    }
 
     /// Where everything lies that `source` describes, in the space of the `Input` call: xmin, xmax, ymin, ymax, zmin,
     /// zmax; `None` when that is not known without reading it all.
@@ -112,8 +117,9 @@ impl GeneratorRegistry {
 
     /// The generator that the ending of `path` belongs to, whatever its case.
     pub fn by_extension(&self, path: &Path) -> Option<&Arc<dyn Generator>> {
-        let extension = path.extension()?.to_str()?.to_ascii_lowercase();
-        self.all.iter().rev().find(|g| g.extensions().contains(&extension.as_str()))
+        let name = path.file_name()?.to_str()?.to_ascii_lowercase();
+        let ends = |extension: &&str| name.strip_suffix(extension).is_some_and(|stem| stem.ends_with('.'));
+        self.all.iter().rev().find(|g| g.extensions().iter().any(ends))
     }
 
     /// All of them, in the order in which they were added.

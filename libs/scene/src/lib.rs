@@ -11,11 +11,14 @@
 //!
 //! Mistakes of a scene are told once per cause, with file, line and object name, and the call is ignored or
 //! taken as far as it makes sense; no sequence of calls panics. Deliberately absent: file formats, shaders
-//! and their parameters, pictures. Not here yet: inputs with a bound are read at once, not when needed.
+//! and their parameters, pictures.
+//!
+//! An `Input` with a bound is put off: the state at the call is kept, and at `Render` the [`FrameRenderer`] says which
+//! of them may be needed; those are read then, in the place of the call, and leave no traces in the state.
 //!
 //! ```
 //! use granita_base::{Location, Param, Params, Reporter, ShapeDesc};
-//! use granita_scene::{Call, FrameRenderer, InputReader, Scene, SceneSink, State, Stop};
+//! use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, State, Stop};
 //! use std::sync::Arc;
 //!
 //! struct Count;
@@ -28,7 +31,7 @@
 //!     fn command(&mut self, _: &str, _: &Params, _: &Location) -> Result<bool, Stop> {
 //!         Ok(false)
 //!     }
-//!     fn input(&mut self, _: &str, _: &str, _: &Location) -> Result<Option<InputReader>, Stop> {
+//!     fn input(&mut self, _: &str, _: InputPaths<'_>, _: &Location) -> Result<Option<FoundInput>, Stop> {
 //!         Ok(None)
 //!     }
 //! }
@@ -59,10 +62,10 @@ mod state;
 
 pub use attribute::{attribute_default, attribute_row, suggestion};
 pub use call::{Call, Matrix, SceneSink, Stop, TransformTarget};
-pub use frame::{FrameRenderer, InputReader};
+pub use frame::{FoundInput, FrameRenderer, InputPaths, InputReader, UnreadInput};
 pub use generator::{Generator, GeneratorError, GeneratorRegistry, GeneratorSource};
 pub use scene::{
-    AttributeSet, Camera, Connection, Light, LightId, Output, Primitive, Scene, ShaderGroup, ShaderInstance,
-    ShaderUsage, ShapeKey,
+    AttributeSet, Camera, Connection, InputCounts, Light, LightId, Output, Primitive, Scene, ShaderGroup,
+    ShaderInstance, ShaderUsage, ShapeKey,
 };
 pub use state::State;

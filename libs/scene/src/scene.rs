@@ -140,7 +140,8 @@ pub struct ShapeKey {
 /// One geometric primitive.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Primitive {
-    /// Position in the scene; also seeds everything random about it.
+    /// A hash of its shape and place, which seeds everything random about it: it does not depend on what else is in the
+    /// scene, so that an input which nobody sees may stay unread.
     pub id: u32,
     /// What it is.
     pub shape: ShapeDesc,
@@ -193,6 +194,17 @@ pub struct Scene {
     pub lights: Vec<Arc<Light>>,
     /// Named by `SaveAttributes`: that space to world.
     pub coordinate_systems: BTreeMap<Arc<str>, MotionTransform>,
+    /// What became of the inputs that were put off.
+    pub inputs: InputCounts,
+}
+
+/// Inputs with a bound (reference 2.9).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct InputCounts {
+    /// Read because a camera or a ray may see their contents.
+    pub read: usize,
+    /// Never read.
+    pub unread: usize,
 }
 
 impl Scene {

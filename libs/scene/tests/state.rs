@@ -5,7 +5,8 @@ use granita_base::{
     BaseType, Location, Param, ParamData, Params, Reporter, ShapeDesc, Transform, TrimDesc, Vec3,
 };
 use granita_scene::{
-    Call, FrameRenderer, InputReader, LightId, Scene, SceneSink, State, Stop, TransformTarget,
+    Call, FoundInput, FrameRenderer, InputPaths, InputReader, LightId, Scene, SceneSink, State, Stop,
+    TransformTarget,
 };
 use std::sync::{Arc, Mutex};
 
@@ -24,17 +25,26 @@ impl FrameRenderer for Keeper {
     fn command(&mut self, name: &str, _: &Params, _: &Location) -> Result<bool, Stop> {
         Ok(name.starts_with("system"))
     }
-    fn input(&mut self, command: &str, path: &str, _: &Location) -> Result<Option<InputReader>, Stop> {
-        assert!(path.starts_with("."));
-        let command = command.to_owned();
-        Ok(match command.as_str() {
+    fn input(
+        &mut self,
+        command: &str,
+        paths: InputPaths<'_>,
+        _: &Location,
+    ) -> Result<Option<FoundInput>, Stop> {
+        assert!(paths.input.starts_with(".") && paths.generator.starts_with("."));
+        let found = |reader: InputReader| Some(FoundInput { identity: command.into(), bound: None, reader });
+        let again = |command: String| -> InputReader {
+            Box::new(move |sink| {
+                sink.call(Call::Input { command: command.into(), bound: None }, &Location::default())
+            })
+        };
+        Ok(match command {
             "move" => {
-                Some(Box::new(|sink| sink.call(Call::Translate([7.0, 0.0, 0.0]), &Location::default())))
+                found(Box::new(|sink| sink.call(Call::Translate([7.0, 0.0, 0.0]), &Location::default())))
             }
-            "itself" => Some(Box::new(|sink| {
-                sink.call(Call::Input { command: "itself".into(), bound: None }, &Location::default())
-            })),
-            _ => None,
+            "itself" => found(again("between".to_owned())),
+            "between" => found(again("itself".to_owned())),
+            number => number.parse::<u32>().ok().and_then(|n| found(again((n + 1).to_string()))),
         })
     }
 }
@@ -267,7 +277,11 @@ fn calls_out_of_place() {
             "unknown command \"sytsem\"; did you mean \"system\"?",
         ),
         (vec![Call::Modify { pattern: "[".into() }], "cannot read the regular expression \"[\""),
-        (vec![Call::Input { command: "itself".into(), bound: None }], "does it read itself?"),
+        (
+            vec![Call::Input { command: "itself".into(), bound: None }],
+            "would read itself: itself -> between -> itself",
+        ),
+        (vec![Call::Input { command: "1".into(), bound: None }], "nested deeper than 64: 1 -> 2 -> 3"),
     ];
     for (calls, expected) in table {
         let mut run = Run::new();

@@ -1,123 +1,514 @@
-//! What `Input` names (reference 2.9): scene files, programs, strings.
+//! What `Input` names (reference 2.9): scene files, generators, programs, strings.
 
-use crate::SessionOptions;
+use crate::{SessionOptions, commands};
 use granita_base::{Reporter, SearchPath};
 use granita_pyg::{PygError, PygOptions, PygSource};
-use granita_scene::{InputReader, SceneSink, Stop};
-use std::path::PathBuf;
+use granita_scene::{
+    FoundInput, Generator, GeneratorError, GeneratorRegistry, GeneratorSource, InputPaths, SceneSink, Stop,
+};
+use std::ffi::OsStr;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::sync::Arc;
 
-/// What the argument of `Input` turned out to be.
+/// Most bytes that a program may write for a generator other than "pyg".
+const MAX_OUTPUT: u64 = 2 << 30;
+
+/// Why an input cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum InputError {
+    /// There is nothing of that name.
+    #[error("cannot find Input \"{command}\" (looked in {places})")]
+    Missing {
+        /// As it was named.
+        command: String,
+        /// Where was looked.
+        places: String,
+    },
+    /// It is something that nobody here reads.
+    #[error("{0}")]
+    Unsupported(String),
+    /// It would run a program, and none may run.
+    #[error("Input \"{0}\": programs are not allowed")]
+    Refused(String),
+    /// It cannot be read, or not to the end.
+    #[error("{path}: {source}")]
+    Io {
+        /// Name of the source.
+        path: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// It is not what it claims to be; with its place.
+    #[error("{0}")]
+    Malformed(String),
+    /// The receiver of the calls wants no more.
+    #[error(transparent)]
+    Stopped(#[from] Stop),
+}
+
+/// Finds inputs; what scenes and command lines name is the same.
+#[derive(Clone, Debug)]
+pub struct Inputs {
+    options: Arc<SessionOptions>,
+    generators: GeneratorRegistry,
+    reporter: Reporter,
+}
+
+/// Something to read, found but not opened.
 #[derive(Debug)]
-pub(crate) enum Found {
-    /// A scene file.
+pub struct Input {
+    identity: Arc<str>,
+    kind: Kind,
+    inputs: Inputs,
+}
+
+/// Who reads it.
+enum Kind {
+    Pyg(From),
+    Generator(Arc<dyn Generator>, From),
+}
+
+/// What it is read from.
+enum From {
     File(PathBuf),
-    /// A bundled scene file.
-    Bundled(String, &'static [u8]),
-    /// `pyg << text`.
-    Text(String),
-    /// `pyg < command`.
+    /// A name for messages, and the text.
+    Bytes(String, Arc<[u8]>),
+    Standard,
+    /// The output of a line of the shell.
     Program(String),
-    /// Another generator than "pyg".
-    Generator(String),
-    /// Nothing of the kind.
-    Nothing,
+    /// What follows a generator's name and is no file: for the generator to know.
+    Argument(String),
 }
 
-/// The folders of an input path.
-fn folders(options: &SessionOptions, path: &str) -> SearchPath {
-    SearchPath::parse(path, &SearchPath::default(), &options.environment)
-}
-
-/// Names where is looked, for messages.
-pub(crate) fn places(options: &SessionOptions, path: &str) -> String {
-    let folders: Vec<String> =
-        folders(options, path).folders().iter().map(|f| f.display().to_string()).collect();
-    format!("{}, and the bundled inputs", folders.join(", "))
-}
-
-/// Whether `Input (command)` would find anything to try.
-pub(crate) fn exists(command: &str, options: &SessionOptions, path: &str) -> bool {
-    !matches!(find(command, options, path), Found::Nothing)
-}
-
-/// Finds what `command` names. A whole file name comes first, so that names may contain blanks.
-pub(crate) fn find(command: &str, options: &SessionOptions, path: &str) -> Found {
-    let command = command.trim();
-    let search = folders(options, path);
-    let file = |name: &str| {
-        search.find(name).map(Found::File).or_else(|| {
-            let bytes = granita_bundled::input(name)?;
-            Some(Found::Bundled(name.to_owned(), bytes))
+impl std::fmt::Debug for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Pyg(_) => "pyg",
+            Self::Generator(generator, _) => generator.name(),
         })
-    };
-    if let Some(found) = file(command) {
-        return found;
     }
-    match command.split_once(char::is_whitespace) {
-        Some(("pyg", rest)) => {
-            let rest = rest.trim_start();
-            if let Some(text) = rest.strip_prefix("<<") {
-                Found::Text(text.trim_start().to_owned())
+}
+
+impl Inputs {
+    /// With the bundled generators. Of the options the variables, the suite's own tools and `safe` count.
+    pub fn new(options: Arc<SessionOptions>, reporter: Reporter) -> Self {
+        Self { options, generators: granita_plugin::bundled_generators(), reporter }
+    }
+
+    /// Finds what `command` names. A whole file name comes first, so that names may contain blanks; then a generator with
+    /// its argument, a program on the path of generators.
+    ///
+    /// # Errors
+    /// [`InputError::Missing`], [`InputError::Unsupported`], [`InputError::Refused`].
+    pub fn find(&self, command: &str, paths: InputPaths<'_>) -> Result<Input, InputError> {
+        let command = command.trim();
+        if let Some(found) = self.scene_file(command, paths) {
+            return match found {
+                From::File(path) => self.file(&path),
+                bundled => Ok(self.input(command, Kind::Pyg(bundled))),
+            };
+        }
+        let (word, rest) = command.split_once(char::is_whitespace).unwrap_or((command, ""));
+        let rest = rest.trim_start();
+        let missing = || InputError::Missing { command: command.to_owned(), places: self.places(paths) };
+        let generator = self.generators.by_name(&word.to_ascii_lowercase());
+        if word == "pyg" || generator.is_some() {
+            let from = if let Some(text) = rest.strip_prefix("<<") {
+                From::Bytes("<string>".to_owned(), text.trim_start().as_bytes().into())
             } else if let Some(program) = rest.strip_prefix('<') {
-                Found::Program(program.trim().to_owned())
+                self.program(command, program.trim().to_owned())?
+            } else if let Some(found) = self.scene_file(rest.trim_end(), paths) {
+                found
+            } else if rest.trim_end() == "-" {
+                From::Standard
+            } else if word == "pyg" {
+                return Err(missing());
             } else {
-                file(rest.trim_end()).unwrap_or(Found::Nothing)
+                From::Argument(rest.trim_end().to_owned())
+            };
+            return Ok(self.input(
+                command,
+                match generator {
+                    Some(generator) => Kind::Generator(generator.clone(), from),
+                    None => Kind::Pyg(from),
+                },
+            ));
+        }
+        let folders = self.folders(paths.generator);
+        if word.is_empty() || word.contains('/') {
+            return Err(missing());
+        }
+        for suffix in ["so", "dll", "dylib"] {
+            if let Some(plugin) = folders.find(&format!("{word}.generator.{suffix}")) {
+                return Err(InputError::Unsupported(format!(
+                    "Input \"{command}\": {}: generators in shared libraries are not supported yet",
+                    plugin.display()
+                )));
             }
         }
-        Some((generator, _)) if !generator.contains(['.', '/']) => Found::Generator(generator.to_owned()),
-        _ => Found::Nothing,
+        match folders.find(word).filter(|file| is_executable(file)) {
+            Some(file) => {
+                let line = format!("{} {rest}", quoted(&file));
+                Ok(self.input(command, Kind::Pyg(self.program(command, line)?)))
+            }
+            None => Err(missing()),
+        }
+    }
+
+    /// A scene file by its own path.
+    ///
+    /// # Errors
+    /// [`InputError::Unsupported`] when no generator reads files of its kind; [`InputError::Refused`].
+    pub fn file(&self, path: &Path) -> Result<Input, InputError> {
+        let identity = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let identity = identity.to_string_lossy().into_owned();
+        let from = From::File(path.to_owned());
+        if let Some(generator) = self.generators.by_extension(path) {
+            return Ok(self.input(&identity, Kind::Generator(generator.clone(), from)));
+        }
+        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+        match extension.as_deref() {
+            Some("pyg" | "py") => Ok(self.input(&identity, Kind::Pyg(from))),
+            None if is_executable(path) => {
+                let program = self.program(&path.display().to_string(), quoted(path))?;
+                Ok(self.input(&identity, Kind::Pyg(program)))
+            }
+            None => Ok(self.input(&identity, Kind::Pyg(from))),
+            Some(extension) => {
+                let known = self.generators.iter().flat_map(|g| g.extensions().iter().copied());
+                let known: Vec<&str> = std::iter::once("pyg").chain(known).collect();
+                Err(InputError::Unsupported(format!(
+                    "{}: no generator reads files of type \"{extension}\" (known are {})",
+                    path.display(),
+                    known.join(", ")
+                )))
+            }
+        }
+    }
+
+    /// A scene that comes in through a stream, under the name that messages give it.
+    pub(crate) fn pyg_options(&self) -> PygOptions {
+        let set = |name: &str| self.options.environment.get(name).is_some();
+        PygOptions {
+            always_pyglet: set("PYG_ALWAYS_PYGLET"),
+            never_pyglet: set("PYG_NEVER_PYGLET"),
+            chunking: match (set("PYG_ALWAYS_CHUNK"), set("PYG_NEVER_CHUNK")) {
+                (_, true) => granita_pyg::Chunking::Never,
+                (true, false) => granita_pyg::Chunking::Always,
+                _ => granita_pyg::Chunking::Auto,
+            },
+            safe: self.options.safe,
+            ..PygOptions::default()
+        }
+    }
+
+    fn input(&self, identity: &str, kind: Kind) -> Input {
+        Input { identity: identity.into(), kind, inputs: self.clone() }
+    }
+
+    fn program(&self, command: &str, line: String) -> Result<From, InputError> {
+        if self.options.safe {
+            return Err(InputError::Refused(command.to_owned()));
+        }
+        Ok(From::Program(line))
+    }
+
+    fn scene_file(&self, name: &str, paths: InputPaths<'_>) -> Option<From> {
+        if name.is_empty() {
+            return None;
+        }
+        self.folders(paths.input).find(name).map(From::File).or_else(|| {
+            let bytes = granita_bundled::input(name)?;
+            Some(From::Bytes(format!("<bundled>/{name}"), bytes.into()))
+        })
+    }
+
+    fn folders(&self, path: &str) -> SearchPath {
+        SearchPath::parse(path, &SearchPath::default(), &self.options.environment)
+    }
+
+    fn places(&self, paths: InputPaths<'_>) -> String {
+        let list = |path: &str| {
+            let folders = self.folders(path);
+            folders.folders().iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join(", ")
+        };
+        let (files, generators) = (list(paths.input), list(paths.generator));
+        format!("{files}, and the bundled inputs; for generators in {generators}, and the bundled ones")
     }
 }
 
-/// How scene files are read.
-pub(crate) fn pyg_options(options: &SessionOptions) -> PygOptions {
-    let set = |name: &str| options.environment.get(name).is_some();
-    PygOptions {
-        always_pyglet: set("PYG_ALWAYS_PYGLET"),
-        never_pyglet: set("PYG_NEVER_PYGLET"),
-        chunking: match (set("PYG_ALWAYS_CHUNK"), set("PYG_NEVER_CHUNK")) {
-            (true, _) => granita_pyg::Chunking::Always,
-            (_, true) => granita_pyg::Chunking::Never,
-            _ => granita_pyg::Chunking::Auto,
-        },
-        safe: options.safe,
-        ..PygOptions::default()
+impl Input {
+    /// Tells it from others: the same file has the same identity, by whatever name it was found.
+    pub fn identity(&self) -> &Arc<str> {
+        &self.identity
+    }
+
+    /// Whether it may hold a whole scene, rather than objects for one.
+    pub fn makes_frames(&self) -> bool {
+        match &self.kind {
+            Kind::Pyg(_) => true,
+            Kind::Generator(generator, _) => generator.makes_frames(),
+        }
+    }
+
+    /// What its generator knows of where everything lies, without reading it all.
+    pub fn bound(&self) -> Option<[f32; 6]> {
+        match &self.kind {
+            Kind::Generator(_, From::Program(_) | From::Standard) | Kind::Pyg(_) => None,
+            Kind::Generator(generator, from) => generator.bound(&from.source()?),
+        }
+    }
+
+    /// Reads it; its calls go to `sink`. Mistakes that can be gone on after are reported, not returned.
+    ///
+    /// # Errors
+    /// [`InputError::Io`], [`InputError::Malformed`], [`InputError::Unsupported`], [`InputError::Stopped`].
+    pub fn read(self, sink: &mut dyn SceneSink) -> Result<(), InputError> {
+        let Self { kind, inputs, .. } = self;
+        let reporter = &inputs.reporter;
+        let (from, generator) = match kind {
+            Kind::Pyg(from) => (from, None),
+            Kind::Generator(generator, from) => (from, Some(generator)),
+        };
+        reporter.info(format!("reading {}", from.name()));
+        let Some(generator) = generator else {
+            return granita_pyg::read(from.pyg(&inputs.options)?, sink, &inputs.pyg_options(), reporter)
+                .map_err(pyg_error);
+        };
+        let (name, source) = (from.name(), from.source());
+        let source = match (source, from) {
+            (Some(source), _) => source,
+            (None, from) => {
+                let PygSource::Stream { mut stream, .. } = from.pyg(&inputs.options)? else {
+                    return Err(InputError::Unsupported(format!("{name}: not a stream")));
+                };
+                let io = |source| InputError::Io { path: name.clone(), source };
+                let mut bytes = Vec::new();
+                stream.by_ref().take(MAX_OUTPUT + 1).read_to_end(&mut bytes).map_err(io)?;
+                if bytes.len() as u64 > MAX_OUTPUT {
+                    return Err(io(io::Error::other(format!("more than {MAX_OUTPUT} bytes"))));
+                }
+                GeneratorSource::Bytes { name, bytes: bytes.into() }
+            }
+        };
+        generator.run(&source, sink, reporter).map_err(|error| match error {
+            GeneratorError::Io { name, source } => InputError::Io { path: name, source },
+            GeneratorError::Malformed(text) => InputError::Malformed(text),
+            GeneratorError::Unsupported(text) => InputError::Unsupported(text),
+            GeneratorError::Stopped(stop) => InputError::Stopped(stop),
+        })
+    }
+
+    /// For the graphics state: what keeps it from being read is reported when it is read.
+    pub(crate) fn found(self) -> FoundInput {
+        let reporter = self.inputs.reporter.clone();
+        FoundInput {
+            identity: self.identity.clone(),
+            bound: self.bound(),
+            reader: Box::new(move |sink: &mut dyn SceneSink| match self.read(sink) {
+                Ok(()) => Ok(()),
+                Err(InputError::Stopped(stop)) => Err(stop),
+                Err(error) => {
+                    reporter.error(error.to_string());
+                    Ok(())
+                }
+            }),
+        }
     }
 }
 
-/// A reader of `source`; what keeps it from being read is reported.
-pub(crate) fn reader(source: PygSource, options: &SessionOptions, reporter: Reporter) -> InputReader {
-    let options = pyg_options(options);
-    Box::new(move |sink: &mut dyn SceneSink| -> Result<(), Stop> {
-        match granita_pyg::read(source, sink, &options, &reporter) {
-            Ok(()) => Ok(()),
-            Err(PygError::Stopped(stop)) => Err(stop),
-            Err(error) => {
-                reporter.error(error.to_string());
-                Ok(())
+impl From {
+    fn name(&self) -> String {
+        match self {
+            Self::File(path) => path.display().to_string(),
+            Self::Bytes(name, _) => name.clone(),
+            Self::Standard => "<stdin>".to_owned(),
+            Self::Program(line) => format!("< {line}"),
+            Self::Argument(argument) => argument.clone(),
+        }
+    }
+
+    /// For a generator; `None` for what has to be collected from a stream.
+    fn source(&self) -> Option<GeneratorSource> {
+        Some(match self {
+            Self::File(path) => GeneratorSource::File(path.clone()),
+            Self::Argument(argument) => GeneratorSource::File(PathBuf::from(argument)),
+            Self::Bytes(name, bytes) => GeneratorSource::Bytes { name: name.clone(), bytes: bytes.clone() },
+            Self::Standard | Self::Program(_) => return None,
+        })
+    }
+
+    fn pyg(self, options: &SessionOptions) -> Result<PygSource, InputError> {
+        let name = self.name();
+        Ok(match self {
+            Self::File(path) => PygSource::Path(path),
+            Self::Argument(argument) => PygSource::Path(argument.into()),
+            Self::Bytes(name, bytes) => PygSource::Bytes { name: name.into(), bytes: bytes.to_vec() },
+            Self::Standard => PygSource::Stream { name: name.into(), stream: Box::new(io::stdin()) },
+            Self::Program(line) => {
+                let stream = Output::start(commands::shell(&line, options), line)
+                    .map_err(|source| InputError::Io { path: name.clone(), source })?;
+                PygSource::Stream { name: name.into(), stream: Box::new(stream) }
+            }
+        })
+    }
+}
+
+pub(crate) fn pyg_error(error: PygError) -> InputError {
+    match error {
+        PygError::Io { path, source } => InputError::Io { path, source },
+        PygError::Stopped(stop) => InputError::Stopped(stop),
+        PygError::Unsupported(text) => InputError::Unsupported(text),
+        other @ PygError::Malformed { .. } => InputError::Malformed(other.to_string()),
+    }
+}
+
+/// The output of a program, read while it runs.
+struct Output {
+    child: Child,
+    out: ChildStdout,
+    line: String,
+}
+
+impl Output {
+    fn start(mut command: Command, line: String) -> io::Result<Self> {
+        let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).spawn()?;
+        let out = child.stdout.take().ok_or_else(|| io::Error::other("no pipe"))?;
+        Ok(Self { child, out, line })
+    }
+}
+
+impl Read for Output {
+    fn read(&mut self, buf: &mut [u8]) -> io::Result<usize> {
+        let n = self.out.read(buf)?;
+        if n == 0 && !buf.is_empty() {
+            let status = self.child.wait()?;
+            if !status.success() {
+                return Err(io::Error::other(format!("the program \"{}\" failed: {status}", self.line)));
             }
         }
-    })
+        Ok(n)
+    }
+}
+
+impl Drop for Output {
+    fn drop(&mut self) {
+        // Nobody reads any more; it may have ended by itself, then both fail.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A file name as one word of the shell; one without a folder is not looked for on `PATH`.
+fn quoted(file: &Path) -> String {
+    let has_folder = file.parent().is_some_and(|folder| folder != OsStr::new(""));
+    let file = if has_folder { file.to_owned() } else { Path::new(".").join(file) };
+    let text = file.to_string_lossy();
+    if cfg!(windows) { format!("\"{text}\"") } else { format!("'{}'", text.replace('\'', "'\\''")) }
+}
+
+#[cfg(unix)]
+fn is_executable(path: &Path) -> bool {
+    use std::os::unix::fs::PermissionsExt;
+    path.metadata().is_ok_and(|m| m.is_file() && m.permissions().mode() & 0o111 != 0)
+}
+
+#[cfg(not(unix))]
+fn is_executable(path: &Path) -> bool {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    path.is_file() && matches!(extension.as_deref(), Some("exe" | "bat" | "cmd"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use granita_base::Location;
+    use granita_scene::Call;
+
+    #[derive(Default)]
+    struct Kept(Vec<String>);
+
+    impl SceneSink for Kept {
+        fn call(&mut self, call: Call, _: &Location) -> Result<(), Stop> {
+            self.0.push(call.name().to_owned());
+            Ok(())
+        }
+    }
+
+    fn inputs(options: SessionOptions) -> Inputs {
+        Inputs::new(Arc::new(options), Reporter::silent())
+    }
+
+    fn read(command: &str, folder: &Path) -> Result<String, InputError> {
+        let path = folder.to_str().unwrap();
+        let mut kept = Kept::default();
+        let input =
+            inputs(SessionOptions::default()).find(command, InputPaths { input: path, generator: path })?;
+        input.read(&mut kept)?;
+        Ok(kept.0.join(" "))
+    }
 
     #[test]
     fn forms_of_input() {
         let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("two words.pyg"), "").unwrap();
+        let file = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        file("two words.pyg", "World ()");
+        file("plain", "Render ()");
+        file("some.thing", "");
+        file("waves.generator.so", "");
+        let read = |command: &str| read(command, folder.path());
+        assert_eq!(read("two words.pyg").unwrap(), "World");
+        assert_eq!(read("pyg two words.pyg").unwrap(), "World");
+        assert_eq!(read("plain").unwrap(), "Render");
+        assert_eq!(read("pyg << Sphere (1, -1, 1, 360)").unwrap(), "Sphere");
+        assert_eq!(read("pyg < echo 'World ()'; echo 'Render ()'").unwrap(), "World Render");
+        assert_eq!(read("frontplane.pyg").is_ok(), granita_bundled::input("frontplane.pyg").is_some());
+        let failed = read("pyg < echo 'World ()'; exit 3").unwrap_err().to_string();
+        assert!(failed.contains("failed: exit status: 3"), "{failed}");
+        let plugin = read("waves 3 4").unwrap_err().to_string();
+        assert!(plugin.contains("waves.generator.so: generators in shared libraries are not supported yet"));
+        let kind = read("some.thing").unwrap_err().to_string();
+        assert!(kind.contains("no generator reads files of type \"thing\" (known are pyg"), "{kind}");
+        for absent in ["absent.pyg", "pyg absent.pyg", "myproc 3.7 moo", "", "pyg", "nobody << text"] {
+            assert!(matches!(read(absent), Err(InputError::Missing { .. })), "{absent}");
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn executables_on_the_path_are_generators() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("it's grass");
+        let program = folder.path().join("grass");
+        for path in [&file, &program] {
+            std::fs::write(path, "#!/bin/sh\nfor i in \"$@\"; do echo \"Translate ($i, 0, 0)\"; done\n")
+                .unwrap();
+            std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o755)).unwrap();
+        }
+        assert_eq!(read("grass 1 '2' 3", folder.path()).unwrap(), "Translate Translate Translate");
+        assert_eq!(read("it's grass", folder.path()).unwrap(), "");
+        std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o644)).unwrap();
+        assert!(matches!(read("grass 1", folder.path()), Err(InputError::Missing { .. })));
         let path = folder.path().to_str().unwrap();
-        let find = |command: &str| find(command, &SessionOptions::default(), path);
-        assert!(matches!(find("two words.pyg"), Found::File(_)));
-        assert!(matches!(find("pyg two words.pyg"), Found::File(_)));
-        assert!(matches!(find("pyg << Sphere (1, -1, 1, 360)"), Found::Text(t) if t.starts_with("Sphere")));
-        assert!(
-            matches!(find("pyg < make_chair -width 40"), Found::Program(p) if p == "make_chair -width 40")
-        );
-        assert!(matches!(find("myproc 3.7 moo"), Found::Generator(g) if g == "myproc"));
-        assert!(matches!(find("absent.pyg"), Found::Nothing));
-        assert!(matches!(find(""), Found::Nothing));
+        std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+        let safe = inputs(SessionOptions { safe: true, ..SessionOptions::default() });
+        for command in ["grass 1", "pyg < ls", "it's grass"] {
+            let refused = safe.find(command, InputPaths { input: path, generator: path });
+            assert!(matches!(refused, Err(InputError::Refused(_))), "{command}");
+        }
+    }
+
+    #[test]
+    fn the_same_file_has_one_identity() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("a.pyg"), "").unwrap();
+        let path = folder.path().to_str().unwrap();
+        let all = inputs(SessionOptions::default());
+        let found = all.find("a.pyg", InputPaths { input: path, generator: "." }).unwrap();
+        let other = all.file(&folder.path().join(".").join("a.pyg")).unwrap();
+        assert_eq!(found.identity(), other.identity());
     }
 }

@@ -8,6 +8,7 @@
 //! Where things are looked for, in order:
 //! - shaders: `name.gso`, then `name.gsl`, in the folders of "path:shader"; then the bundled ones;
 //! - scene files: as named, then in the folders of "path:input"; then the bundled ones;
+//! - generators: the bundled ones; then programs in the folders of "path:generator";
 //! - textures: in the folders of "path:texture".
 //!
 //! The default paths name `$GELATOHOME`, so that an installation's own files come before the bundled ones.
@@ -34,5 +35,6 @@ mod session;
 mod shaders;
 
 pub use error::SessionError;
+pub use inputs::{Input, InputError, Inputs};
 pub use options::{ExtraOutput, OwnTools, SessionOptions};
 pub use session::{Outcome, Session, SharedProgress};

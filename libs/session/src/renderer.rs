@@ -1,16 +1,14 @@
 //! The renderer behind the graphics state.
 
 use crate::commands::{self, CommandContext};
-use crate::inputs::{self, Found};
+use crate::inputs::Inputs;
 use crate::shaders::Shaders;
 use crate::{SessionOptions, outputs};
 use granita_base::{BaseType, Location, Param, ParamType, Params, Reporter, SearchPath, Severity};
 use granita_image::{FormatRegistry, Limits};
-use granita_pyg::PygSource;
 use granita_render::{Progress, RenderEnvironment, RenderError, Renderer};
-use granita_scene::{FrameRenderer, InputReader, Scene, Stop};
+use granita_scene::{FoundInput, FrameRenderer, InputPaths, Scene, Stop, UnreadInput};
 use std::path::PathBuf;
-use std::process::Stdio;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -58,6 +56,7 @@ pub(crate) struct SessionRenderer {
     progress: Arc<Tracked>,
     registry: FormatRegistry,
     commands: CommandContext,
+    inputs: Inputs,
     finished: Finished,
     success: bool,
 }
@@ -77,6 +76,7 @@ impl SessionRenderer {
             }),
             registry: granita_plugin::bundled_formats(Limits::default()),
             commands: CommandContext { reporter: reporter.clone(), stop: Arc::default() },
+            inputs: Inputs::new(options.clone(), reporter.clone()),
             options,
             reporter,
             finished,
@@ -139,50 +139,25 @@ impl FrameRenderer for SessionRenderer {
         Ok(commands::run(name, params, at, &self.options, &self.commands))
     }
 
-    fn input(&mut self, command: &str, path: &str, at: &Location) -> Result<Option<InputReader>, Stop> {
-        let source = match inputs::find(command, &self.options, path) {
-            Found::File(file) => {
-                self.reporter.info(format!("reading {}", file.display()));
-                PygSource::Path(file)
+    fn input(
+        &mut self,
+        command: &str,
+        paths: InputPaths<'_>,
+        at: &Location,
+    ) -> Result<Option<FoundInput>, Stop> {
+        match self.inputs.find(command, paths) {
+            Ok(input) => Ok(Some(input.found())),
+            Err(error) => {
+                let text = error.to_string();
+                self.reporter.once(&format!("input {text}"), Severity::Error, at, text);
+                Ok(None)
             }
-            Found::Bundled(name, bytes) => {
-                PygSource::Bytes { name: format!("<bundled>/{name}").into(), bytes: bytes.to_vec() }
-            }
-            Found::Text(text) => PygSource::Bytes { name: "<string>".into(), bytes: text.into_bytes() },
-            Found::Program(_) if self.options.safe => {
-                let text = format!("Input \"{command}\": programs are not allowed");
-                self.reporter.say(Severity::Error, at, text);
-                return Ok(None);
-            }
-            Found::Program(line) => {
-                let run = commands::shell(&line, &self.options).stderr(Stdio::inherit()).output();
-                match run {
-                    Ok(output) => {
-                        if !output.status.success() {
-                            let text = format!("Input \"{command}\": the program failed: {}", output.status);
-                            self.reporter.say(Severity::Error, at, text);
-                        }
-                        PygSource::Bytes { name: format!("< {line}").into(), bytes: output.stdout }
-                    }
-                    Err(error) => {
-                        self.reporter.say(Severity::Error, at, format!("Input \"{command}\": {error}"));
-                        return Ok(None);
-                    }
-                }
-            }
-            Found::Generator(name) => {
-                let text = format!("Input \"{command}\": the generator \"{name}\" is not supported yet");
-                self.reporter.once(&format!("generator {name}"), Severity::Error, at, text);
-                return Ok(None);
-            }
-            Found::Nothing => {
-                let places = inputs::places(&self.options, path);
-                let text = format!("cannot find Input \"{command}\" (looked in {places})");
-                self.reporter.once(&format!("input {command}"), Severity::Error, at, text);
-                return Ok(None);
-            }
-        };
-        Ok(Some(inputs::reader(source, &self.options, self.reporter.clone())))
+        }
+    }
+
+    fn needed(&mut self, scene: &Arc<Scene>, unread: &[UnreadInput]) -> Vec<bool> {
+        let scene = outputs::amended(scene, &self.options, &self.registry, &self.reporter);
+        Renderer::new(self.environment(&scene)).needed(&scene, unread)
     }
 
     fn attribute(&mut self, param: &Param) {

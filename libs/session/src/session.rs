@@ -1,11 +1,11 @@
 //! The session itself.
 
 use crate::renderer::{Finished, SessionRenderer};
-use crate::{SessionError, SessionOptions, inputs};
+use crate::{Input, InputError, Inputs, SessionError, SessionOptions, inputs};
 use granita_base::{Location, Reporter};
-use granita_pyg::{PygError, PygSource};
+use granita_pyg::PygSource;
 use granita_render::{Progress, Silent};
-use granita_scene::{Call, SceneSink, State, Stop};
+use granita_scene::{Call, InputPaths, SceneSink, State, Stop};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -48,6 +48,9 @@ pub struct Session {
     state: State,
     reporter: Reporter,
     options: Arc<SessionOptions>,
+    inputs: Inputs,
+    /// A file that holds objects for a scene, and was read as if it were one.
+    objects: Option<String>,
     finished: Finished,
 }
 
@@ -67,7 +70,8 @@ impl Session {
         let finished = Finished::default();
         let renderer = SessionRenderer::new(options.clone(), reporter.clone(), progress.0, finished.clone());
         let state = State::new(Box::new(renderer), reporter.clone());
-        let mut session = Self { state, reporter, options, finished };
+        let inputs = Inputs::new(options.clone(), reporter.clone());
+        let mut session = Self { state, reporter, options, inputs, objects: None, finished };
         session.read_startup_files();
         session
     }
@@ -82,7 +86,7 @@ impl Session {
             };
             let path = Path::new(folder).join(".gelato.pyg");
             if path.is_file()
-                && let Err(error) = self.read(PygSource::Path(path))
+                && let Err(error) = self.read(self.inputs.file(&path), &path.to_string_lossy())
             {
                 self.reporter.error(error.to_string());
             }
@@ -99,7 +103,7 @@ impl Session {
     pub fn read_file(&mut self, name: &str) -> Result<(), SessionError> {
         let path = Path::new(name);
         if path.is_file() {
-            return self.read(PygSource::Path(path.to_owned()));
+            return self.read(self.inputs.file(path), name);
         }
         if path.is_dir() {
             return Err(SessionError::Failed(format!("{name} is a folder, not a scene")));
@@ -112,7 +116,11 @@ impl Session {
     /// # Errors
     /// As [`Session::read_file`].
     pub fn read_stream(&mut self, name: &str, stream: Box<dyn Read + Send>) -> Result<(), SessionError> {
-        self.read(PygSource::Stream { name: name.into(), stream })
+        let options = self.inputs.pyg_options();
+        let source = PygSource::Stream { name: name.into(), stream };
+        let reporter = self.reporter.clone();
+        let read = |state: &mut State| granita_pyg::read(source, state, &options, &reporter);
+        self.state.read(name, name, read).map_err(|error| failed(inputs::pyg_error(error)))
     }
 
     /// As the scene call `Input` without a bound.
@@ -120,13 +128,9 @@ impl Session {
     /// # Errors
     /// As [`Session::read_file`].
     pub fn input(&mut self, command: &str) -> Result<(), SessionError> {
-        if !inputs::exists(command, &self.options, &self.path_input()) {
-            return Err(SessionError::Missing {
-                name: command.to_owned(),
-                places: inputs::places(&self.options, &self.path_input()),
-            });
-        }
-        self.call(Call::Input { command: command.into(), bound: None })
+        let (input, generator) = (self.path("path:input"), self.path("path:generator"));
+        let found = self.inputs.find(command, InputPaths { input: &input, generator: &generator });
+        self.read(found, command)
     }
 
     /// Takes one call of the scene interface.
@@ -145,6 +149,12 @@ impl Session {
     /// To be called when nothing more comes: reports blocks left open and sums up.
     pub fn finish(mut self) -> Outcome {
         self.state.end();
+        if let Some(name) = self.objects.filter(|_| !self.state.has_rendered()) {
+            self.reporter.error(format!(
+                "nothing was rendered: {name} holds objects and no Render (); render a scene that has Input (\"{name}\") \
+                 after World (), or see it as Pyg with topyg"
+            ));
+        }
         let finished = self.finished.0;
         Outcome {
             rendered: self.state.has_rendered(),
@@ -155,22 +165,31 @@ impl Session {
         }
     }
 
-    fn path_input(&self) -> String {
-        let path = self.state.attribute("string path:input");
-        path.and_then(|p| match p.data {
-            granita_base::ParamData::String(s) => s.first().map(ToString::to_string),
+    fn path(&self, name: &str) -> String {
+        let path = self.state.attribute(name).map(|p| p.data);
+        let text = match path {
+            Some(granita_base::ParamData::String(s)) => s.first().map(ToString::to_string),
             _ => None,
-        })
-        .unwrap_or_else(|| ".".to_owned())
+        };
+        text.unwrap_or_else(|| ".".to_owned())
     }
 
-    fn read(&mut self, source: PygSource) -> Result<(), SessionError> {
-        let options = inputs::pyg_options(&self.options);
-        granita_pyg::read(source, &mut self.state, &options, &self.reporter).map_err(|error| match error {
-            PygError::Io { path, source } => SessionError::Io { path: path.into(), source },
-            PygError::Stopped(stop) => stopped(stop),
-            other => SessionError::Failed(other.to_string()),
-        })
+    fn read(&mut self, found: Result<Input, InputError>, name: &str) -> Result<(), SessionError> {
+        let input = found.map_err(failed)?;
+        if !input.makes_frames() {
+            self.objects = Some(name.to_owned());
+        }
+        let identity = input.identity().clone();
+        self.state.read(&identity, name, |state| input.read(state)).map_err(failed)
+    }
+}
+
+fn failed(error: InputError) -> SessionError {
+    match error {
+        InputError::Missing { command, places } => SessionError::Missing { name: command, places },
+        InputError::Io { path, source } => SessionError::Io { path: path.into(), source },
+        InputError::Stopped(stop) => stopped(stop),
+        other => SessionError::Failed(other.to_string()),
     }
 }
 

@@ -1,11 +1,13 @@
 //! Reads the inputs and writes their calls.
 
 use crate::output::Output;
-use granita_base::{Environment, Location, Param, Params, Reporter, SearchPath, Severity};
+use granita_base::{Location, Param, Params, Reporter, Severity};
 use granita_cli::Status;
-use granita_pyg::{PygError, PygOptions, PygSource, Writer, WriterOptions, read};
-use granita_scene::{Call, FrameRenderer, InputReader, Scene, SceneSink, State, Stop};
+use granita_pyg::{Writer, WriterOptions};
+use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, State, Stop};
+use granita_session::{Input, InputError, Inputs, SessionOptions};
 use std::io;
+use std::path::Path;
 use std::sync::Arc;
 
 /// What to do.
@@ -14,16 +16,18 @@ pub(crate) struct Job {
     pub(crate) inputs: Vec<String>,
     /// Levels of `Input` to expand.
     pub(crate) depth: u32,
-    pub(crate) generators: SearchPath,
-    pub(crate) options: PygOptions,
+    /// Where generators are looked for: a list of folders.
+    pub(crate) generators: String,
     pub(crate) writer: WriterOptions,
-    pub(crate) environment: Environment,
+    pub(crate) session: SessionOptions,
 }
 
 /// Converts all inputs, one behind the other.
 pub(crate) fn run(job: &Job, output: Output, reporter: &Reporter) -> Status {
     let mut echo = Echo {
         job,
+        finder: Inputs::new(Arc::new(job.session.clone()), reporter.clone()),
+        chain: Vec::new(),
         reporter,
         writer: Writer::with_options(output, job.writer),
         state: State::new(Box::new(Nothing), Reporter::silent()),
@@ -31,7 +35,7 @@ pub(crate) fn run(job: &Job, output: Output, reporter: &Reporter) -> Status {
         calls: 0,
     };
     for input in &job.inputs {
-        match echo.read(input) {
+        match echo.find(input).and_then(|found| echo.read(found)) {
             Ok(()) => {}
             Err(error) if is_broken_pipe(&error) => return Status::Done,
             Err(error) => {
@@ -52,13 +56,16 @@ pub(crate) fn run(job: &Job, output: Output, reporter: &Reporter) -> Status {
     }
 }
 
-fn is_broken_pipe(error: &PygError) -> bool {
-    matches!(error, PygError::Stopped(Stop::Io(e)) if e.kind() == io::ErrorKind::BrokenPipe)
+fn is_broken_pipe(error: &InputError) -> bool {
+    matches!(error, InputError::Stopped(Stop::Io(e)) if e.kind() == io::ErrorKind::BrokenPipe)
 }
 
 /// Writes calls, and follows the attribute state for scripts that ask and for search paths.
 struct Echo<'a> {
     job: &'a Job,
+    finder: Inputs,
+    /// What is being read, outermost first.
+    chain: Vec<Arc<str>>,
     reporter: &'a Reporter,
     writer: Writer<Output>,
     state: State,
@@ -67,31 +74,24 @@ struct Echo<'a> {
 }
 
 impl Echo<'_> {
-    fn read(&mut self, command: &str) -> Result<(), PygError> {
-        let source = self.find(command)?;
-        self.reporter.info(format!("reading {}", source.name()));
-        let (options, reporter) = (&self.job.options, self.reporter.clone());
-        read(source, self, options, &reporter)
+    fn read(&mut self, input: Input) -> Result<(), InputError> {
+        self.chain.push(input.identity().clone());
+        let result = input.read(self);
+        self.chain.pop();
+        result
     }
 
-    fn find(&self, command: &str) -> Result<PygSource, PygError> {
-        let environment = &self.job.environment;
+    /// A file of that name, then what `Input` finds.
+    fn find(&self, command: &str) -> Result<Input, InputError> {
+        let file = Path::new(command);
+        if self.chain.is_empty() && file.is_file() {
+            return self.finder.file(file);
+        }
         let path = match self.state.attribute("string path:input").map(|p| p.data) {
             Some(granita_base::ParamData::String(v)) => v.join(":"),
             _ => ".".to_owned(),
         };
-        let path = SearchPath::parse(&path, &SearchPath::default(), environment);
-        let found = PygSource::find(command, &path, environment);
-        // A better word about generators: whether there is one, and where it was looked for.
-        if let Err(PygError::Unsupported(_)) = &found {
-            let word = command.split_whitespace().next().unwrap_or("");
-            let name = format!("{word}.generator.so");
-            if let Some(file) = self.job.generators.find(&name) {
-                let text = format!("{}: generator plugins are not supported yet", file.display());
-                return Err(PygError::Unsupported(text));
-            }
-        }
-        found
+        self.finder.find(command, InputPaths { input: &path, generator: &self.job.generators })
     }
 
     /// `Input` below the last level that is expanded; `Ok (false)` when it is to be echoed.
@@ -100,20 +100,31 @@ impl Echo<'_> {
         if self.level >= depth {
             return Ok(false);
         }
-        if let Err(error) = self.find(command) {
-            self.reporter.say(Severity::Error, at, format!("Input \"{command}\" is not expanded: {error}"));
-            return Ok(false);
-        }
+        let found = match self.find(command) {
+            Ok(found) if self.chain.contains(found.identity()) => {
+                Err(format!("Input \"{command}\" would read itself"))
+            }
+            Ok(found) => Ok(found),
+            Err(error) => Err(error.to_string()),
+        };
+        let found = match found {
+            Ok(found) => found,
+            Err(text) => {
+                self.reporter.say(Severity::Error, at, format!("{text}; it is not expanded"));
+                return Ok(false);
+            }
+        };
         // An input with a bound leaves no traces in the attribute state.
+        let bound = bound.or(found.bound());
         if bound.is_some() {
             self.call(Call::PushAttributes, at)?;
         }
         self.level += 1;
-        let result = self.read(command);
+        let result = self.read(found);
         self.level -= 1;
         match result {
             Ok(()) => {}
-            Err(PygError::Stopped(stop)) => return Err(stop),
+            Err(InputError::Stopped(stop)) => return Err(stop),
             Err(error) => return Err(Stop::Failed(error.to_string())),
         }
         if bound.is_some() {
@@ -169,7 +180,7 @@ impl FrameRenderer for Nothing {
         Ok(true)
     }
 
-    fn input(&mut self, _: &str, _: &str, _: &Location) -> Result<Option<InputReader>, Stop> {
+    fn input(&mut self, _: &str, _: InputPaths<'_>, _: &Location) -> Result<Option<FoundInput>, Stop> {
         Ok(None)
     }
 }

@@ -6,9 +6,10 @@ mod convert;
 mod output;
 
 use clap::Parser;
-use granita_base::{Environment, Reporter, SearchPath, Severity};
+use granita_base::{Environment, Reporter, Severity};
 use granita_cli::Status;
-use granita_pyg::{Chunking, PygOptions, WriterOptions};
+use granita_pyg::WriterOptions;
+use granita_session::SessionOptions;
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::PathBuf;
@@ -50,9 +51,8 @@ pub fn main(words: Vec<OsString>) -> Status {
         inputs: args.inputs,
         depth: args.depth,
         generators: generator_path(args.path.as_deref(), &environment),
-        options: pyg_options(&environment),
         writer: WriterOptions { binary: args.binary, separate_params: args.separateparams, indent: 0 },
-        environment,
+        session: SessionOptions { environment, ..SessionOptions::default() },
     };
     match output::Output::open(args.output.as_deref()) {
         Ok(output) => convert::run(&job, output, &reporter),
@@ -76,23 +76,7 @@ fn stderr_reporter() -> Reporter {
 }
 
 /// `-p`, then `GELATO_GENERATOR_PATH`, the current folder and `$GELATOHOME/lib`.
-fn generator_path(option: Option<&str>, environment: &Environment) -> SearchPath {
+fn generator_path(option: Option<&str>, environment: &Environment) -> String {
     let parts = [option, environment.get("GELATO_GENERATOR_PATH"), Some("."), Some("$GELATOHOME/lib")];
-    let text: Vec<&str> = parts.into_iter().flatten().collect();
-    SearchPath::parse(&text.join(":"), &SearchPath::default(), environment)
-}
-
-/// What the environment says about reading Pyg (reference 3.6).
-fn pyg_options(environment: &Environment) -> PygOptions {
-    let set = |name: &str| environment.get(name).is_some();
-    PygOptions {
-        always_pyglet: set("PYG_ALWAYS_PYGLET"),
-        never_pyglet: set("PYG_NEVER_PYGLET"),
-        chunking: match (set("PYG_ALWAYS_CHUNK"), set("PYG_NEVER_CHUNK")) {
-            (_, true) => Chunking::Never,
-            (true, false) => Chunking::Always,
-            _ => Chunking::Auto,
-        },
-        ..PygOptions::default()
-    }
+    parts.into_iter().flatten().collect::<Vec<_>>().join(":")
 }

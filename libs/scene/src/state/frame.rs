@@ -1,9 +1,9 @@
-//! Cameras, outputs, `World`, `Render`, commands and inputs (reference 2.3, 2.9).
+//! Cameras, outputs, `World`, `Render` and commands (reference 2.3).
 
 use super::attributes::{attribute_names, convert, typed};
-use super::current::{Current, rebase_set};
+use super::current::rebase_set;
 use super::transforms::hint;
-use super::{MAX_INPUT_DEPTH, Phase, Saved1, State};
+use super::{Phase, Saved1, State};
 use crate::attribute::{Scope, TABLE, attribute_row, suggestion};
 use crate::{AttributeSet, Camera, Output, Scene, Stop};
 use granita_base::{Location, MotionTransform, Param, Params, Severity};
@@ -120,6 +120,9 @@ impl State {
         if let Some(group) = self.group.take() {
             self.out_of_place(&group.at, "ShaderGroupBegin", "without ShaderGroupEnd");
         }
+        if self.inputs.reads_late() {
+            return self.out_of_place(at, "World", "inside an Input with a bound");
+        }
         match self.phase {
             Phase::World => return self.out_of_place(at, "World", "after World"),
             Phase::Rerender => {
@@ -161,7 +164,7 @@ impl State {
                 Saved1::Transform(m) => *m = m.then(&rebase),
             }
         }
-        self.saved.values_mut().for_each(|s| rebase_set(&mut s.set, &rebase));
+        Arc::make_mut(&mut self.saved).values_mut().for_each(|s| rebase_set(&mut s.set, &rebase));
         for light in &mut self.lights {
             let light = Arc::make_mut(light);
             for layer in &mut light.group.layers {
@@ -178,6 +181,10 @@ impl State {
         self.leave_modify();
         if self.phase == Phase::Options {
             self.out_of_place(at, "Render", "before World");
+            return Ok(());
+        }
+        if self.inputs.reads_late() {
+            self.out_of_place(at, "Render", "inside an Input with a bound");
             return Ok(());
         }
         let bottom = self.world.as_ref().map_or(0, |(_, depth)| *depth);
@@ -198,7 +205,9 @@ impl State {
             other => other,
         };
         let rerender = self.is_rerender();
+        self.read_needed(rerender)?;
         let scene = Arc::new(self.freeze(rerender));
+        self.forget_inputs();
         let result = self.renderer.render(scene, wanted);
         self.rendered = true;
         self.phase = if rerender { Phase::Rerender } else { Phase::Done };
@@ -209,7 +218,7 @@ impl State {
     }
 
     /// The finished scene. Unless `keep`, the primitives move into it.
-    fn freeze(&mut self, keep: bool) -> Scene {
+    pub(super) fn freeze(&mut self, keep: bool) -> Scene {
         self.drop_removed_lights();
         let mut outputs = self.outputs.clone();
         if let Some(first) = self.cameras.first() {
@@ -234,8 +243,9 @@ impl State {
                 self.report(Severity::Error, &Location::default(), "output camera", text);
             }
         }
+        let late = self.inputs.late_spaces().iter().map(|(n, m)| (n.clone(), m.clone()));
         let spaces = self.saved.iter().filter_map(|(n, s)| Some((n.clone(), s.transform()?.clone())));
-        let spaces: BTreeMap<_, _> = spaces.collect();
+        let spaces: BTreeMap<_, _> = late.chain(spaces).collect();
         let primitives = if keep { self.primitives.clone() } else { std::mem::take(&mut self.primitives) };
         Scene {
             globals: self.globals.clone(),
@@ -244,6 +254,7 @@ impl State {
             primitives,
             lights: self.lights.clone(),
             coordinate_systems: spaces,
+            inputs: self.inputs.counts(),
         }
     }
 
@@ -283,33 +294,5 @@ impl State {
             self.report(Severity::Warning, at, "command", text);
         }
         Ok(())
-    }
-
-    /// `Input`, read at once whether it has a bound or not. With a bound it leaves the state as it was.
-    pub(super) fn input(
-        &mut self,
-        command: &str,
-        bound: Option<[f32; 6]>,
-        at: &Location,
-    ) -> Result<(), Stop> {
-        if self.input_depth >= MAX_INPUT_DEPTH {
-            let text =
-                format!("Input \"{command}\" is nested deeper than {MAX_INPUT_DEPTH}: does it read itself?");
-            self.report(Severity::Error, at, "input depth", text);
-            return Ok(());
-        }
-        let path = crate::attribute::lookup(&self.globals, "path:input");
-        let path = path.as_ref().and_then(super::current::string).unwrap_or(".").to_owned();
-        let Some(reader) = self.renderer.input(command, &path, at)? else { return Ok(()) };
-        let before: Option<(Current, usize)> = bound.map(|_| (self.current.clone(), self.stack.len()));
-        self.input_depth += 1;
-        let result = reader(self);
-        self.input_depth -= 1;
-        if let Some((current, depth)) = before {
-            self.finish_motion(at);
-            self.stack.truncate(depth);
-            self.current = current;
-        }
-        result
     }
 }

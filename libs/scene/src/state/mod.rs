@@ -8,6 +8,7 @@ mod attributes;
 mod current;
 mod faces;
 mod frame;
+mod inputs;
 mod modify;
 mod motion;
 mod save;
@@ -18,15 +19,13 @@ mod transforms;
 use crate::{Call, Camera, FrameRenderer, Light, LightId, Output, Primitive, SceneSink, Stop};
 use current::Current;
 use granita_base::{Location, Param, Params, Reporter, Severity};
+use inputs::Inputs;
 use modify::ModifyMode;
 use motion::MotionBlock;
 use save::Saved;
 use shaders::GroupBlock;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-
-/// Nested `Input`s beyond this are taken for a file that includes itself.
-const MAX_INPUT_DEPTH: usize = 64;
 
 /// Where in the frame the calls are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,14 +76,15 @@ pub struct State {
     cameras: Vec<Camera>,
     outputs: Vec<Output>,
     primitives: Vec<Arc<Primitive>>,
-    next_primitive: u32,
     lights: Vec<Arc<Light>>,
-    light_ids: BTreeMap<Arc<str>, LightId>,
-    saved: BTreeMap<Arc<str>, Saved>,
+    /// Shared as well.
+    light_ids: Arc<BTreeMap<Arc<str>, LightId>>,
+    /// Shared with the inputs that were put off.
+    saved: Arc<BTreeMap<Arc<str>, Saved>>,
     motion: Option<MotionBlock>,
     group: Option<GroupBlock>,
     modify: Option<ModifyMode>,
-    input_depth: usize,
+    inputs: Inputs,
     rendered: bool,
 }
 
@@ -105,14 +105,13 @@ impl State {
             cameras: Vec::new(),
             outputs: Vec::new(),
             primitives: Vec::new(),
-            next_primitive: 0,
             lights: Vec::new(),
-            light_ids: BTreeMap::new(),
-            saved: BTreeMap::new(),
+            light_ids: Arc::default(),
+            saved: Arc::default(),
             motion: None,
             group: None,
             modify: None,
-            input_depth: 0,
+            inputs: Inputs::default(),
             rendered: false,
         }
     }
@@ -127,9 +126,9 @@ impl State {
         self.rendered
     }
 
-    /// How many primitives wait to be rendered.
+    /// How many primitives, and inputs that were put off, wait to be rendered.
     pub fn primitive_count(&self) -> usize {
-        self.primitives.len()
+        self.primitives.len() + self.inputs.waiting()
     }
 
     /// To be called when there are no more calls: reports blocks left open.
@@ -251,7 +250,10 @@ impl SceneSink for State {
             Call::PopAttributes => self.pop_attributes(at),
             Call::SaveAttributes { name, attributes } => self.save(name, attributes.as_deref(), at),
             Call::RestoreAttributes { name, attributes } => self.restore(&name, attributes.as_deref(), at),
-            Call::Modify { pattern } => self.enter_modify(&pattern, at),
+            Call::Modify { pattern } => {
+                self.read_needed(true)?;
+                self.enter_modify(&pattern, at);
+            }
             Call::PushTransform => {
                 let what = Saved1::Transform(self.current.set.to_world.clone());
                 self.stack.push(Push { what, at: at.clone() });
@@ -282,7 +284,7 @@ impl SceneSink for State {
             Call::LightSwitch { id, on } => self.light_switch(&id, on, at),
             Call::Shape { shape, params } => self.shape(*shape, params, at),
             Call::TrimCurve(trim) => self.trim_curve(trim, at),
-            Call::Input { command, bound } => return self.input(&command, bound, at),
+            Call::Input { command, bound } => return self.input(command, bound, at),
         }
         Ok(())
     }

@@ -62,7 +62,7 @@ impl State {
         }
         mode.targets.iter_mut().for_each(|(_, set)| change(set));
         for name in &mode.saved {
-            if let Some(saved) = self.saved.get_mut(name) {
+            if let Some(saved) = Arc::make_mut(&mut self.saved).get_mut(name) {
                 change(&mut saved.set);
             }
         }

@@ -47,7 +47,7 @@ impl State {
     /// `SaveAttributes`.
     pub(super) fn save(&mut self, name: Arc<str>, items: Option<&str>, at: &Location) {
         let items = items.map(|list| self.items(list, "SaveAttributes", at));
-        self.saved.insert(name, Saved { set: self.current.set.clone(), items });
+        Arc::make_mut(&mut self.saved).insert(name, Saved { set: self.current.set.clone(), items });
     }
 
     /// `RestoreAttributes`.

@@ -193,7 +193,12 @@ impl State {
         let camera = self.shading_camera();
         let attributes = self.current.freeze(camera.as_ref());
         let light = Arc::new(Light { name: name.clone(), group, attributes });
-        let id = match self.light_ids.get(&name) {
+        let outer = self.light_ids.get(&name).copied().filter(|id| self.inputs.is_outside(*id));
+        if let Some(outer) = outer {
+            // An input that is read late must not change what others see: it gets a light of its own instead.
+            self.switch(outer, false);
+        }
+        let id = match self.light_ids.get(&name).filter(|_| outer.is_none()) {
             Some(&id) => {
                 let old = &mut self.lights[id.0 as usize];
                 if !old.group.layers.is_empty() && self.phase != super::Phase::Rerender {
@@ -206,7 +211,7 @@ impl State {
             None => {
                 let id = LightId(self.lights.len() as u32);
                 self.lights.push(light);
-                self.light_ids.insert(name, id);
+                Arc::make_mut(&mut self.light_ids).insert(name, id);
                 id
             }
         };
@@ -220,7 +225,9 @@ impl State {
             let text = format!("Light: cannot remove \"{name}\", there is no such light{hint}");
             return self.report(Severity::Warning, at, "light", text);
         };
-        Arc::make_mut(&mut self.lights[id.0 as usize]).group = ShaderGroup::default();
+        if !self.inputs.is_outside(id) {
+            Arc::make_mut(&mut self.lights[id.0 as usize]).group = ShaderGroup::default();
+        }
         self.switch(id, false);
     }
 

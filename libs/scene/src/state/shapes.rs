@@ -85,8 +85,7 @@ impl State {
         attributes: Arc<AttributeSet>,
         at: &Location,
     ) {
-        let id = self.next_primitive;
-        self.next_primitive = self.next_primitive.wrapping_add(1);
+        let id = identity(&shape, &keys, &attributes);
         self.primitives.push(Arc::new(Primitive { id, shape, keys, attributes, at: at.clone() }));
     }
 
@@ -131,6 +130,27 @@ impl State {
         let trim = trim.filter(|t| !t.ncurves.is_empty()).map(|t| Arc::new(*t));
         self.edit_sets(|set| set.trim.clone_from(&trim));
     }
+}
+
+/// A number that depends on the kind, the place and (the beginning of) the positions of a primitive only.
+fn identity(shape: &ShapeDesc, keys: &[ShapeKey], attributes: &AttributeSet) -> u32 {
+    /// Words that are looked at: what is equal so far may well be treated alike.
+    const MOST: usize = 256;
+    let mut words: Vec<u32> = Vec::with_capacity(64);
+    words.extend(shape.call_name().bytes().map(u32::from));
+    if let ShapeDesc::Sphere { radius, zmin, zmax, thetamax_deg } = shape {
+        words.extend([radius, zmin, zmax, thetamax_deg].map(|x| x.to_bits()));
+    }
+    words.extend(attributes.to_world.first().to_rows().map(f32::to_bits));
+    for name in ["P", "Pw"] {
+        let Some(ParamData::Float(values)) = keys.first().and_then(|k| Some(&k.params.get(name)?.data))
+        else {
+            continue;
+        };
+        words.push(values.len() as u32);
+        words.extend(values.iter().take(MOST).map(|x| x.to_bits()));
+    }
+    granita_base::hash::words(&words)
 }
 
 /// Guesses the interpolation (or array length) of a pre-declared parameter from its number of values.

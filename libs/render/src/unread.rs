@@ -1,0 +1,192 @@
+//! Which inputs that were put off (reference 2.9) a frame may need.
+//!
+//! In doubt an input is needed. What is known for certain: a bound that no camera's region of pixels can see stays
+//! unseen, and rays only meet geometry sets, which shaders ask for by name.
+
+use crate::dicing::Placement;
+use crate::hider::{NOWHERE, Projector, SamplePattern, pixels_of};
+use crate::object::longest_axis;
+use crate::spaces::Spaces;
+use crate::{CameraView, Renderer, ShaderLibrary};
+use granita_base::{Bound, ParamData, Vec3};
+use granita_gsl::Func;
+use granita_gsl::ir::{Block, ConstValue, DefaultValue, Module, OpCode, Stmt, SymbolId, SymbolKind};
+use granita_scene::{AttributeSet, Scene, ShaderGroup, ShaderInstance, UnreadInput};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+impl Renderer {
+    /// Which of these inputs may be seen, or met by a ray, when `scene` is rendered: one answer each.
+    pub fn needed(&self, scene: &Scene, unread: &[UnreadInput]) -> Vec<bool> {
+        let views = self.views(scene);
+        let Some(first) = views.first() else { return vec![true; unread.len()] };
+        // Whether anything moves changes the samples, and an unread input may.
+        let moves = views.iter().any(|v| SamplePattern::new(v, true).blur && !is_moving(scene, v));
+        if moves || RaySeeker::new(&*self.environment.shaders).may_trace(scene, unread) {
+            return vec![true; unread.len()];
+        }
+        let spaces = Spaces::new(scene, first);
+        let margin = margin(scene);
+        let seen = |v: &CameraView| scene.outputs.iter().any(|o| o.camera == v.name) && !v.crop.is_empty();
+        let views: Vec<&CameraView> = views.iter().filter(|v| seen(v)).collect();
+        unread
+            .iter()
+            .map(|input| {
+                let displacement = displacement_world(&input.attributes, &spaces);
+                views.iter().any(|view| may_see(view, margin, input, displacement))
+            })
+            .collect()
+    }
+}
+
+/// Pixels beyond the image that its filters may need.
+fn margin(scene: &Scene) -> i32 {
+    let widths = scene.outputs.iter().filter_map(|o| o.params.floats("filterwidth"));
+    let widest = widths.flat_map(|w| w.to_vec()).fold(4.0_f32, f32::max);
+    (widest * 0.5).ceil() as i32 + 1
+}
+
+/// Whether anything moves as this camera sees it.
+pub(crate) fn is_moving(scene: &Scene, camera: &CameraView) -> bool {
+    camera.world_to_camera.is_moving()
+        || scene.primitives.iter().any(|p| p.keys.len() > 1 || p.attributes.to_world.is_moving())
+}
+
+/// Bound of displacement in world units; inside of the input there may be a displacement shader.
+fn displacement_world(attributes: &AttributeSet, spaces: &Spaces) -> f32 {
+    let space = attributes.string("displace:maxspace");
+    let scale = spaces
+        .of_object(&space, attributes, spaces.shading_time())
+        .map_or(1.0, |m| longest_axis(|v| m.vector(v)));
+    (attributes.float("displace:maxradius") * scale).max(0.0)
+}
+
+/// Whether the camera may see something of a bound, at any time of the shutter.
+fn may_see(view: &CameraView, margin: i32, input: &UnreadInput, displacement_world: f32) -> bool {
+    let object = Bound::from_extents(&input.bound);
+    let to_world = &input.attributes.to_world;
+    let placement = Placement::new(to_world, &[], &[&view.world_to_camera], view.shutter);
+    let hull = placement.times().iter().fold(Bound::EMPTY, |hull, &time| {
+        let to_camera = view.world_to_camera.at(time);
+        let stretch = [Vec3::X, Vec3::Y, Vec3::Z].map(|a| to_camera.vector(a).length());
+        let bound = object.transformed(&to_world.at(time).then(&to_camera));
+        hull.union(bound.padded(displacement_world * stretch.into_iter().fold(0.0, f32::max)))
+    });
+    if !hull.is_finite() {
+        return true;
+    }
+    let bound_px = Projector::new(view, view.lens.is_some()).raster_box(&hull);
+    if bound_px == NOWHERE {
+        return false;
+    }
+    // As for primitives, and then some: rounding must not decide.
+    let bound_px = [bound_px[0] - 2.0, bound_px[1] - 2.0, bound_px[2] + 2.0, bound_px[3] + 2.0];
+    bound_px.iter().any(|b| b.is_nan()) || !pixels_of(bound_px, &view.crop.grown(margin)).is_empty()
+}
+
+/// Finds out whether shaders may trace rays.
+struct RaySeeker<'a> {
+    library: &'a dyn ShaderLibrary,
+    /// Where each shader takes the names of sets from.
+    known: BTreeMap<Arc<str>, Option<Sets>>,
+}
+
+/// The operands of a shader that name geometry sets.
+struct Sets {
+    module: Arc<Module>,
+    names: Vec<SymbolId>,
+}
+
+impl<'a> RaySeeker<'a> {
+    fn new(library: &'a dyn ShaderLibrary) -> Self {
+        Self { library, known: BTreeMap::new() }
+    }
+
+    fn may_trace(&mut self, scene: &Scene, unread: &[UnreadInput]) -> bool {
+        let mut last = std::ptr::null();
+        let sets = scene.primitives.iter().map(|p| &p.attributes);
+        for set in sets.chain(unread.iter().map(|u| &u.attributes)) {
+            if Arc::as_ptr(set) == last {
+                continue;
+            }
+            last = Arc::as_ptr(set);
+            let groups = [&set.surface, &set.displacement, &set.volume];
+            if groups.into_iter().flatten().any(|group| self.group_may_trace(group)) {
+                return true;
+            }
+        }
+        scene.lights.iter().any(|light| self.group_may_trace(&light.group))
+    }
+
+    fn group_may_trace(&mut self, group: &ShaderGroup) -> bool {
+        let wired = !group.connections.is_empty();
+        group.layers.iter().any(|layer| self.layer_may_trace(layer, wired))
+    }
+
+    fn layer_may_trace(&mut self, layer: &ShaderInstance, wired: bool) -> bool {
+        let library = self.library;
+        let sets = self.known.entry(layer.shader.clone()).or_insert_with(|| {
+            library.load(&layer.shader).ok().map(|module| Sets { names: set_operands(&module), module })
+        });
+        let Some(sets) = sets else { return false };
+        let module = &sets.module;
+        // What a light shines from is sampled by rays' means.
+        let from_geometry = module.param("geometry").map(|p| p.symbol);
+        sets.names.iter().copied().chain(from_geometry).any(|id| match &module.symbol(id).kind {
+            SymbolKind::Const(ConstValue::Strings(names)) => names.iter().any(|n| may_be_set(n)),
+            SymbolKind::Param(k) if !wired => {
+                let given = layer.params.get(&module.symbol(id).name).map(|p| &p.data);
+                match (given, module.params.get(*k as usize).map(|p| &p.default)) {
+                    (Some(ParamData::String(names)), _) => names.iter().any(|n| may_be_set(n)),
+                    (_, Some(DefaultValue::Known { value: ConstValue::Strings(names), .. })) => {
+                        names.iter().any(|n| may_be_set(n))
+                    }
+                    _ => true,
+                }
+            }
+            _ => true,
+        })
+    }
+}
+
+/// Whether a string may name a geometry set, and not a texture: files have an extension.
+fn may_be_set(name: &str) -> bool {
+    !name.is_empty() && !name.contains(['.', '/', '\\'])
+}
+
+/// The operands of everything in a shader that may trace rays.
+fn set_operands(module: &Module) -> Vec<SymbolId> {
+    let mut names = Vec::new();
+    module.params.iter().for_each(|p| collect(&p.init, &mut names));
+    collect(&module.body, &mut names);
+    names
+}
+
+fn collect(block: &Block, names: &mut Vec<SymbolId>) {
+    for statement in block {
+        match statement {
+            Stmt::Op(op) => {
+                let traces = matches!(
+                    op.code,
+                    OpCode::Call(Func::Shadow | Func::Environment | Func::Indirect | Func::Occlusion)
+                );
+                names.extend(op.args.first().filter(|_| traces));
+            }
+            Stmt::If { then, otherwise, .. } => {
+                collect(then, names);
+                collect(otherwise, names);
+            }
+            Stmt::Loop { test, body, step, .. } => {
+                [test, body, step].into_iter().for_each(|b| collect(b, names));
+            }
+            Stmt::Trace { set, body, .. } => {
+                names.push(*set);
+                collect(body, names);
+            }
+            Stmt::Scope { body, .. } | Stmt::Lights { body, .. } | Stmt::Emit { body, .. } => {
+                collect(body, names);
+            }
+            Stmt::Leave(_) | Stmt::Break | Stmt::Continue | Stmt::Exit => (),
+        }
+    }
+}
