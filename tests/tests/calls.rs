@@ -5,7 +5,7 @@
 use granita_base::{Location, Params, Reporter};
 use granita_pyg::{PygOptions, PygSource, Writer, WriterOptions, read};
 use granita_scene::attribute::{Scope, TABLE};
-use granita_scene::{Call, FrameRenderer, InputReader, Scene, SceneSink, State, Stop};
+use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, State, Stop};
 use granita_tests::has_program;
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -247,7 +247,7 @@ impl FrameRenderer for Nothing {
     fn command(&mut self, _: &str, _: &Params, _: &Location) -> Result<bool, Stop> {
         Ok(true)
     }
-    fn input(&mut self, _: &str, _: &str, _: &Location) -> Result<Option<InputReader>, Stop> {
+    fn input(&mut self, _: &str, _: InputPaths<'_>, _: &Location) -> Result<Option<FoundInput>, Stop> {
         Ok(None)
     }
 }

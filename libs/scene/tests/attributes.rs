@@ -3,7 +3,9 @@
 
 use granita_base::{BaseType, Location, Param, ParamData, ParamType, Params, Reporter};
 use granita_scene::attribute::{AttributeRow, Effect, Scope, TABLE};
-use granita_scene::{Call, FrameRenderer, InputReader, Scene, SceneSink, State, Stop, attribute_row};
+use granita_scene::{
+    Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, State, Stop, attribute_row,
+};
 use std::sync::{Arc, Mutex};
 
 struct Nothing;
@@ -15,7 +17,7 @@ impl FrameRenderer for Nothing {
     fn command(&mut self, _: &str, _: &Params, _: &Location) -> Result<bool, Stop> {
         Ok(true)
     }
-    fn input(&mut self, _: &str, _: &str, _: &Location) -> Result<Option<InputReader>, Stop> {
+    fn input(&mut self, _: &str, _: InputPaths<'_>, _: &Location) -> Result<Option<FoundInput>, Stop> {
         Ok(None)
     }
 }
