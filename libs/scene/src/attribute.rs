@@ -411,8 +411,7 @@ pub const TABLE: &[AttributeRow] = &[
         (STRING, "path:generator"),
         Text(".:$GELATOHOME/lib"),
         "where generators are looked for",
-    )
-    .hint(),
+    ),
     row(
         Global,
         "4.3.6",
