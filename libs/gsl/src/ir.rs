@@ -431,6 +431,9 @@ pub enum OpCode {
     /// `args[1]` where float `args[0]` is not 0, else `args[2]`; all of them are computed. Made when code is linked,
     /// never stored.
     Select,
+    /// Stands for the plain operations behind it, by number; no operands, no result. Made when code is linked, never
+    /// stored.
+    Straight(u32),
     /// A function of the standard library.
     Call(crate::Func),
 }

@@ -83,6 +83,7 @@ mod link;
 mod ops;
 mod run;
 mod services;
+mod tape;
 
 pub use error::ShadeError;
 pub use grid::{Grid, Lanes3, Message, Primvar, PrimvarData, RayKind, Topology};

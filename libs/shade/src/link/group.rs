@@ -6,6 +6,7 @@ use super::optimize::{Known, is_inert, optimize};
 use super::wires::{End, Named, Tap, Wire, compatible, refuse, resolve};
 use crate::ShadeError;
 use crate::run::strings::Strings;
+use crate::tape::{Tape, fuse};
 use granita_base::{Params, Severity};
 use granita_gsl::ir::{Block, ConstValue, Global, Module, ShaderKind, SymbolId, SymbolKind, ValueType};
 use std::collections::HashSet;
@@ -98,6 +99,8 @@ pub(crate) struct Layer {
     pub(crate) globals: Vec<Wire>,
     /// Globals that later layers take as this layer leaves them, and where they are kept.
     pub(crate) kept: Vec<(Global, u32)>,
+    /// The code as it was compiled.
+    pub(crate) plain: Code,
     /// Better code, for grids where no primitive variable replaces what it relies on.
     pub(crate) better: Option<BetterCode>,
     /// Does nothing but compute its parameters: need not run when nobody takes one.
@@ -106,10 +109,18 @@ pub(crate) struct Layer {
     pub(crate) feeds: Vec<usize>,
 }
 
+/// Code that can run.
+#[derive(Debug, Default)]
+pub(crate) struct Code {
+    pub(crate) body: Block,
+    /// What its `Straight` operations stand for.
+    pub(crate) tapes: Vec<Tape>,
+}
+
 /// Optimised code of a layer.
 #[derive(Debug)]
 pub(crate) struct BetterCode {
-    pub(crate) body: Block,
+    pub(crate) code: Code,
     /// Parameters (by number) whose values it relies on.
     pub(crate) assumed: Vec<usize>,
 }
@@ -320,7 +331,9 @@ impl Group {
     pub fn operations(&self) -> usize {
         self.layers
             .iter()
-            .map(|l| super::optimize::operations(l.better.as_ref().map_or(&l.module.body, |b| &b.body)))
+            .map(|l| {
+                super::optimize::operations(l.better.as_ref().map_or(&l.plain, |b| &b.code).body.as_ref())
+            })
             .sum()
     }
 
@@ -410,6 +423,19 @@ impl Group {
                     && better.as_ref().is_none_or(|(_, facts)| facts.scratch[k]),
             });
         }
+        let inits: Vec<&Block> = module.params.iter().map(|p| &p.init).collect();
+        let code = |mut body: Block| {
+            let tapes = if options.optimize {
+                fuse(&mut body, &inits, symbols, &places, &self.constants)
+            } else {
+                Vec::new()
+            };
+            Code { body, tapes }
+        };
+        let plain = code(module.body.clone());
+        let better = better
+            .as_ref()
+            .map(|(b, _)| BetterCode { code: code(b.module.body.clone()), assumed: b.assumed.clone() });
         let inert = options.optimize
             && is_inert(&module.body, &module.symbols)
             && module.params.iter().all(|p| is_inert(&p.init, &module.symbols));
@@ -419,7 +445,8 @@ impl Group {
             params,
             globals: Vec::new(),
             kept: Vec::new(),
-            better: better.map(|(b, _)| BetterCode { body: b.module.body, assumed: b.assumed }),
+            plain,
+            better,
             inert,
             feeds: wires.iter().filter(|w| w.source_layer == index).map(|w| w.target_layer).collect(),
         });

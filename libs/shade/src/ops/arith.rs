@@ -38,7 +38,7 @@ pub(super) fn run(m: &mut Machine<'_>, op: &Op) {
         OpCode::MatrixComponentSet => component_set(m, op, dst, 16),
         OpCode::Construct => construct(m, op, dst),
         OpCode::Select => select(m, op, dst),
-        OpCode::Call(_) => {}
+        OpCode::Straight(_) | OpCode::Call(_) => {}
     }
 }
 

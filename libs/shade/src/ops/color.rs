@@ -63,9 +63,13 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     });
 }
 
+/// Luminance of the primaries.
+pub(crate) const LUMINANCE: [f32; 3] = [0.212_639, 0.715_168_7, 0.072_192_32];
+
 /// Y of the colour: how bright it looks.
 pub(crate) fn luminance(c: Color) -> f32 {
-    0.212_639 * c.x + 0.715_168_7 * c.y + 0.072_192_32 * c.z
+    let [r, g, b] = LUMINANCE;
+    r * c.x + g * c.y + b * c.z
 }
 
 /// Into "rgb".

@@ -23,6 +23,8 @@ mod spaces;
 mod spline;
 mod text;
 
+pub(crate) use color::LUMINANCE;
+
 use crate::Group;
 use crate::Lane;
 use crate::link::{At, Place};

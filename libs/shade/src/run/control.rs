@@ -9,11 +9,20 @@ pub(crate) const MAX_ITERATIONS: u32 = 1 << 22;
 impl Machine<'_> {
     /// Runs statements in order until no lane is left.
     pub(crate) fn block(&mut self, block: &[Stmt]) {
-        for stmt in block {
+        let mut rest = block;
+        while let [stmt, others @ ..] = rest {
             if self.mask.is_empty() {
                 return;
             }
-            self.stmt(stmt);
+            rest = others;
+            if let Stmt::Op(Op { code: OpCode::Straight(k), .. }) = stmt {
+                let tape = &self.tapes[*k as usize];
+                if self.tape(tape) {
+                    rest = &others[tape.len..];
+                }
+            } else {
+                self.stmt(stmt);
+            }
         }
     }
 

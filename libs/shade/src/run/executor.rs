@@ -132,6 +132,7 @@ fn machine<'a>(
         st: state,
         n: grid.len(),
         layer: 0,
+        tapes: &[],
         mask,
         base: 0,
         loops,
@@ -155,20 +156,27 @@ impl Machine<'_> {
                 continue;
             }
             self.layer = layer;
-            self.mask.copy_from(&all);
             self.bind_params(primvars);
             // An initialiser cannot leave the shader, but a damaged one must not stop it.
-            self.mask.copy_from(&all);
+            self.readmit(&all);
             let code = self.code();
             let body = match &code.better {
-                Some(better) if !primvars || !self.replaces(&better.assumed) => &better.body,
-                _ => &code.module.body,
+                Some(better) if !primvars || !self.replaces(&better.assumed) => &better.code,
+                _ => &code.plain,
             };
-            self.block(body);
+            self.tapes = &body.tapes;
+            self.block(&body.body);
             self.keep_globals();
+            self.readmit(&all);
         }
-        self.mask.copy_from(&all);
         self.return_mask(all);
+    }
+
+    /// Makes lanes that left active again; `all` holds the active ones and these.
+    fn readmit(&mut self, all: &Mask) {
+        if self.mask.count() != all.count() {
+            self.mask.copy_from(all);
+        }
     }
 
     /// Whether a primitive variable is called as one of the layer's parameters of these numbers.

@@ -6,7 +6,7 @@ use super::kernel::{map1, map2, map3};
 use crate::Lane;
 
 /// Functions of one number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "each is the function of its name")]
 pub(crate) enum Unary {
     Copy,
@@ -28,6 +28,8 @@ pub(crate) enum Unary {
     Log10,
     Sqrt,
     InverseSqrt,
+    /// One through a positive number; 0 of all others.
+    Reciprocal,
     Abs,
     Sign,
     Floor,
@@ -42,7 +44,7 @@ pub(crate) enum Unary {
 }
 
 /// Functions of two numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Binary {
     Add,
     Sub,
@@ -60,10 +62,12 @@ pub(crate) enum Binary {
     Min,
     Max,
     Step,
+    /// 1 where both are equal, else 0.
+    Eq,
 }
 
 /// Functions of three numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Ternary {
     Hypot,
     Clamp,
@@ -71,6 +75,14 @@ pub(crate) enum Ternary {
     SmoothStep,
     /// The second where the first is not 0, else the third.
     Select,
+    /// `a b + c`, each rounded.
+    MulAdd,
+    /// `a b - c`, each rounded.
+    MulSub,
+    /// `c - a b`, each rounded.
+    SubMul,
+    /// `a b c`, from the left.
+    MulMul,
 }
 
 /// All lanes with `near`, then those it does not know again with `far`.
@@ -126,7 +138,7 @@ fn with_far2(
 
 /// `out = f (a)` over all lanes.
 #[inline(always)]
-pub(super) fn unary(f: Unary, out: &mut [f32], a: Lane<'_>) {
+pub(crate) fn unary(f: Unary, out: &mut [f32], a: Lane<'_>) {
     use approx as x;
     match f {
         Unary::Copy => map1(out, a, |x| x),
@@ -149,6 +161,7 @@ pub(super) fn unary(f: Unary, out: &mut [f32], a: Lane<'_>) {
         Unary::Log10 => with_far(out, a, x::is_ordinary, x::log10_ordinary, libm::log10f),
         Unary::Sqrt => map1(out, a, f32::sqrt),
         Unary::InverseSqrt => map1(out, a, |v| 1.0 / v.sqrt()),
+        Unary::Reciprocal => map1(out, a, |v| if v > 0.0 { 1.0 / v } else { 0.0 }),
         Unary::Abs => map1(out, a, f32::abs),
         Unary::Sign => map1(out, a, |v| f32::from(v > 0.0) - f32::from(v < 0.0)),
         Unary::Floor => map1(out, a, x::floor),
@@ -166,7 +179,7 @@ pub(super) fn unary(f: Unary, out: &mut [f32], a: Lane<'_>) {
 
 /// `out = f (a, b)` over all lanes.
 #[inline(always)]
-pub(super) fn binary(f: Binary, out: &mut [f32], a: Lane<'_>, b: Lane<'_>) {
+pub(crate) fn binary(f: Binary, out: &mut [f32], a: Lane<'_>, b: Lane<'_>) {
     use approx as x;
     match f {
         Binary::Add => map2(out, a, b, |x, y| x + y),
@@ -185,12 +198,13 @@ pub(super) fn binary(f: Binary, out: &mut [f32], a: Lane<'_>, b: Lane<'_>) {
         Binary::Min => map2(out, a, b, |x, y| if y < x { y } else { x }),
         Binary::Max => map2(out, a, b, |x, y| if y > x { y } else { x }),
         Binary::Step => map2(out, a, b, |edge, x| f32::from(x >= edge)),
+        Binary::Eq => map2(out, a, b, |x, y| f32::from(x == y)),
     }
 }
 
 /// `out = f (a, b, c)` over all lanes.
 #[inline(always)]
-pub(super) fn ternary(f: Ternary, out: &mut [f32], a: Lane<'_>, b: Lane<'_>, c: Lane<'_>) {
+pub(crate) fn ternary(f: Ternary, out: &mut [f32], a: Lane<'_>, b: Lane<'_>, c: Lane<'_>) {
     match f {
         Ternary::Hypot => map3(out, a, b, c, |x, y, z| libm::hypotf(libm::hypotf(x, y), z)),
         Ternary::Clamp => map3(out, a, b, c, |x, low, high| {
@@ -200,6 +214,10 @@ pub(super) fn ternary(f: Ternary, out: &mut [f32], a: Lane<'_>, b: Lane<'_>, c: 
         Ternary::Mix => map3(out, a, b, c, |x, y, t| x * (1.0 - t) + y * t),
         Ternary::SmoothStep => map3(out, a, b, c, smoothstep),
         Ternary::Select => map3(out, a, b, c, |t, x, y| if t != 0.0 { x } else { y }),
+        Ternary::MulAdd => map3(out, a, b, c, |x, y, z| x * y + z),
+        Ternary::MulSub => map3(out, a, b, c, |x, y, z| x * y - z),
+        Ternary::SubMul => map3(out, a, b, c, |x, y, z| z - x * y),
+        Ternary::MulMul => map3(out, a, b, c, |x, y, z| x * y * z),
     }
 }
 

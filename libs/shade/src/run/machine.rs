@@ -4,6 +4,7 @@ use crate::link::{At, Layer, Place};
 use crate::run::kernel::{blend, blend_one};
 use crate::run::store::{Mask, Out, Pool, Slot, View, Work};
 use crate::run::strings::{Regexes, StringTable};
+use crate::tape::{Room, Tape};
 use crate::{Grid, Group, LightResult, LookupResult, Services, TraceResult};
 use granita_base::{Severity, Transform};
 use granita_gsl::ir::{Global, ScopeId, SourcePos, SymbolId, ValueType};
@@ -18,6 +19,7 @@ pub(crate) struct State {
     pub(crate) strings: StringTable,
     pub(crate) regexes: Regexes,
     pub(crate) lookup: LookupResult,
+    pub(crate) room: Room,
     pub(crate) messages: Vec<Sent>,
     pub(crate) spaces: Vec<(f32, usize, Option<Transform>)>,
     /// Stacks of a run, empty between runs.
@@ -64,6 +66,8 @@ pub(crate) struct Machine<'a> {
     pub(crate) n: usize,
     /// The layer that runs.
     pub(crate) layer: usize,
+    /// Tapes of the code that runs.
+    pub(crate) tapes: &'a [Tape],
     pub(crate) mask: Mask,
     /// Lanes at the start of the run; others never matter.
     pub(crate) base: usize,

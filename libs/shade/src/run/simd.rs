@@ -10,6 +10,7 @@
 use super::lanes::{self, Binary, Ternary, Unary};
 use super::noise_lanes::{self, NoiseTask};
 use crate::Lane;
+use crate::tape::{NARROW, Strips, WIDE, strips};
 
 /// Declares a door that takes the wide version where the machine has it.
 macro_rules! doors {
@@ -47,6 +48,10 @@ doors! {
     length, length_avx2 = lanes::length: (out: &mut [f32], a: [Lane<'_>; 3]);
     /// Makes vectors one long.
     normalize, normalize_avx2 = lanes::normalize: (out: [&mut [f32]; 3]);
+    /// A tape over wide strips.
+    strips_wide, strips_wide_avx2 = strips::<WIDE>: (task: &mut Strips<'_>, from: usize, to: usize);
+    /// A tape over narrow strips.
+    strips_narrow, strips_narrow_avx2 = strips::<NARROW>: (task: &mut Strips<'_>, from: usize, to: usize);
     /// Noise.
     noise, noise_avx2 = noise_lanes::noise: (task: &NoiseTask<'_>, component: u32, out: &mut [f32]);
 }
@@ -114,6 +119,7 @@ mod tests {
             Unary::Log10,
             Unary::Sqrt,
             Unary::InverseSqrt,
+            Unary::Reciprocal,
             Unary::Abs,
             Unary::Sign,
             Unary::Floor,
@@ -152,6 +158,7 @@ mod tests {
             Binary::Min,
             Binary::Max,
             Binary::Step,
+            Binary::Eq,
         ];
         for f in binaries {
             binary(f, &mut a, lane(&x), lane(&y));
@@ -162,7 +169,18 @@ mod tests {
                 assert_eq!(bits(&c), bits(&a[k..=k]), "{f:?} of {} {}", x[k], y[k]);
             }
         }
-        for f in [Ternary::Hypot, Ternary::Clamp, Ternary::Mix, Ternary::SmoothStep, Ternary::Select] {
+        let ternaries = [
+            Ternary::Hypot,
+            Ternary::Clamp,
+            Ternary::Mix,
+            Ternary::SmoothStep,
+            Ternary::Select,
+            Ternary::MulAdd,
+            Ternary::MulSub,
+            Ternary::SubMul,
+            Ternary::MulMul,
+        ];
+        for f in ternaries {
             ternary(f, &mut a, lane(&x), lane(&y), lane(&z));
             lanes::ternary(f, &mut b, lane(&x), lane(&y), lane(&z));
             assert_eq!(bits(&a), bits(&b), "{f:?}");

@@ -14,3 +14,4 @@ mod lookups;
 mod messages;
 mod nan;
 mod optimise;
+mod tapes;

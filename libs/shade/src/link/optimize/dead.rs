@@ -33,6 +33,12 @@ fn reads(block: &Block, f: &mut dyn FnMut(SymbolId)) {
     }
 }
 
+/// Calls `f` for each symbol that code reads or writes, once for each time.
+pub(crate) fn occurrences(block: &Block, symbols: &[Symbol], f: &mut dyn FnMut(SymbolId)) {
+    reads(block, f);
+    block.iter().for_each(|stmt| written(stmt, symbols, f));
+}
+
 /// A statement without the code inside.
 fn head(stmt: &Stmt) -> Stmt {
     match stmt {

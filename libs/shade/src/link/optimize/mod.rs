@@ -18,10 +18,11 @@ mod fold;
 mod reuse;
 mod select;
 
-use granita_gsl::ir::{Block, ConstValue, Module, Stmt, Symbol, SymbolId, SymbolKind, SymbolType};
+use granita_gsl::ir::{Block, ConstValue, Module, OpCode, Stmt, Symbol, SymbolId, SymbolKind, SymbolType};
 use std::collections::HashMap;
 use std::sync::Arc;
 
+pub(crate) use dead::occurrences;
 pub(crate) use effects::{is_inert, written};
 
 /// What is known of a parameter before the shader runs.
@@ -111,12 +112,12 @@ impl Constants {
 }
 
 /// The number of operations in a block and inside of it.
-pub(crate) fn operations(block: &Block) -> usize {
+pub(crate) fn operations(block: &[Stmt]) -> usize {
     block
         .iter()
         .map(|stmt| match stmt {
-            Stmt::Op(_) => 1,
-            other => blocks(other).into_iter().map(operations).sum(),
+            Stmt::Op(op) => usize::from(!matches!(op.code, OpCode::Straight(_))),
+            other => blocks(other).into_iter().map(|b| operations(b)).sum(),
         })
         .sum()
 }
@@ -135,7 +136,7 @@ fn blocks(stmt: &Stmt) -> Vec<&Block> {
 }
 
 /// The blocks inside of a statement, to be changed.
-fn blocks_mut(stmt: &mut Stmt) -> Vec<&mut Block> {
+pub(crate) fn blocks_mut(stmt: &mut Stmt) -> Vec<&mut Block> {
     match stmt {
         Stmt::If { then, otherwise, .. } => vec![then, otherwise],
         Stmt::Loop { test, body, step, .. } => vec![test, body, step],
