@@ -55,3 +55,8 @@ pub use environment::{NoShader, Progress, RenderEnvironment, ShaderLibrary, Sile
 pub use error::RenderError;
 pub use renderer::{FrameReport, Renderer};
 pub use statistics::Statistics;
+
+/// How a shader's lookups are answered from texture files: for who runs shaders without a frame.
+pub mod lookups {
+    pub use crate::services::maps::{environment, shadow, texture};
+}

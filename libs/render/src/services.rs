@@ -3,7 +3,7 @@
 //! A [`Run`] serves one run of one shader group over one grid. Rays are in `services/rays.rs`, maps in
 //! `services/maps.rs`; here is the rest.
 
-mod maps;
+pub(crate) mod maps;
 mod rays;
 
 use crate::arealight::{self, AreaLight};
@@ -246,7 +246,7 @@ impl Services for Run<'_, '_> {
     }
 
     fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult) {
-        maps::texture(self.frame, query, out);
+        maps::texture(&self.frame.textures, query, out);
     }
 
     fn texture3d(&mut self, query: &TextureQuery<'_>, _: Lane3<'_>, out: &mut LookupResult) {
@@ -266,7 +266,7 @@ impl Services for Run<'_, '_> {
             lanes.copy3(&mut out.n_hit);
         } else {
             let space = query.options.space.and_then(|s| self.to_common(s, query.batch.layer));
-            maps::environment(self.frame, query, space, out);
+            maps::environment(&self.frame.textures, query, space, out);
         }
     }
 
@@ -280,7 +280,7 @@ impl Services for Run<'_, '_> {
         }
         let call = self.next_call();
         let seeds = |lane: u32| self.lane_seed(call, lane);
-        maps::shadow(self.frame, query, &seeds, &|lane| self.bias(query.options.bias, lane), out);
+        maps::shadow(&self.frame.textures, query, &seeds, &|lane| self.bias(query.options.bias, lane), out);
     }
 
     fn light_count(&mut self) -> usize {

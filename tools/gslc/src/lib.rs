@@ -78,6 +78,10 @@ struct Options {
     #[arg(long, value_name = "TIMES", default_value_t = 1)]
     repeat: u32,
 
+    /// With -run: so many threads; 0: as many as the machine runs at once
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    threads: usize,
+
     /// With -run: 0 runs the code as it is compiled, 1 optimises it with its parameters first
     #[arg(short = 'O', value_name = "LEVEL", default_value_t = 1)]
     optimize: u8,

@@ -2,20 +2,26 @@
 
 use crate::surroundings::Surroundings;
 use crate::{Options, read_source, say};
-use granita_base::{BaseType, Param, ParamData, ParamType, Params, Reporter, Severity, Vec3};
-use granita_cli::{Status, print};
+use granita_base::{BaseType, Param, ParamData, ParamType, Params, Reporter, SearchPath, Severity, Vec3};
+use granita_cli::{Status, environment, print};
 use granita_gsl::ir::{Module, ShaderKind, ValueType};
 use granita_gsl::{CompileOptions, compile, gso};
 use granita_image::{CreateOptions, ImageSpec, Limits, PixelType, Pixels};
 use granita_shade::{
     Batch, Executor, Grid, Group, IlluminateQuery, Lane3, Lanes3, LayerSource, LinkOptions, Topology,
 };
+use granita_texture::{CacheOptions, TextureCache};
+use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Side of the grids that the picture is shaded in: 256 points each.
 const TILE: usize = 16;
+
+/// More threads than any machine has use for.
+const MAX_THREADS: usize = 1024;
 
 /// Shines from the viewer when no light is given.
 const HEADLIGHT: &str = "light headlight () { emit (vector (0, 0, 1), 0) { Cl = 1; } }";
@@ -73,11 +79,31 @@ fn try_run(options: &Options) -> Result<Status, String> {
         let layer = LayerSource { module: Arc::new(module), params: &Params::new(), name: None };
         lights.push(Group::link(&[layer], &[], &mut |_, _| {}).map_err(|e| e.to_string())?);
     }
-    let wanted = wanted(&group, options.data.as_deref())?;
-    let (picture, took) = shade(&group, &lights, &wanted, [width, height], options.repeat.max(1), &reporter);
+    let (name, ty) = wanted(&group, options.data.as_deref())?;
+    let textures = TextureCache::new(
+        granita_plugin::bundled_formats(Limits::default()),
+        SearchPath::parse(".", &SearchPath::default(), &environment()),
+        CacheOptions::default(),
+        reporter.clone(),
+    );
+    let job = Job {
+        group: &group,
+        lights: &lights,
+        textures: &textures,
+        reporter: &reporter,
+        name: &name,
+        ty,
+        size: [width, height],
+        repeat: options.repeat.max(1),
+    };
+    let threads = match options.threads {
+        0 => std::thread::available_parallelism().map_or(1, usize::from),
+        n => n,
+    };
+    let (picture, took) = job.shade(threads.min(MAX_THREADS));
     if options.verbosity >= 2 {
-        let points = (width * height * options.repeat.max(1) as usize) as f64;
-        say(&format!("gslc: {:.1} ns per point", took.as_secs_f64() * 1e9 / points));
+        let points = (width * height) as f64 * f64::from(job.repeat);
+        say(&format!("gslc: {:.1} ns per point and thread", took.as_secs_f64() * 1e9 / points));
     }
     let output = match &options.output {
         Some(name) => name.clone(),
@@ -188,56 +214,122 @@ fn square(size: [usize; 2], from: [usize; 2], points: [usize; 2]) -> Grid {
     grid
 }
 
-/// Shades the whole picture, `repeat` times; how long the shading alone took.
-fn shade(
-    group: &Group,
-    lights: &[Group],
-    (name, ty): &(String, ValueType),
+/// What is shaded, and among what.
+struct Job<'a> {
+    group: &'a Group,
+    lights: &'a [Group],
+    textures: &'a TextureCache,
+    reporter: &'a Reporter,
+    /// The value that becomes the picture.
+    name: &'a str,
+    ty: ValueType,
     size: [usize; 2],
     repeat: u32,
-    reporter: &Reporter,
-) -> (Picture, Duration) {
-    let channels = ty.components();
-    let mut picture = Picture {
-        width: size[0],
-        height: size[1],
-        channels,
-        values: vec![0.0; channels * size[0] * size[1]],
-    };
-    let mut executor = Executor::new();
-    let mut around =
-        Surroundings { lights, executor: Executor::new(), grid: None, reporter, printed: String::new() };
-    let mut took = Duration::ZERO;
-    for y0 in (0..size[1]).step_by(TILE) {
-        for x0 in (0..size[0]).step_by(TILE) {
-            let points = [TILE.min(size[0] - x0), TILE.min(size[1] - y0)];
-            let fresh = square(size, [x0, y0], points);
-            let mut values = None;
-            for _ in 0..repeat {
-                let mut grid = fresh.clone();
-                if !lights.is_empty() {
-                    around.grid = Some(fresh.clone());
+}
+
+/// Tiles that are done, in any order, on their way into the picture in the order of the tiles.
+struct Finished {
+    picture: Picture,
+    /// The tile whose turn it is.
+    next: usize,
+    waiting: BTreeMap<usize, (Option<Vec<f32>>, String)>,
+    took: Duration,
+}
+
+impl Job<'_> {
+    fn columns(&self) -> usize {
+        self.size[0].div_ceil(TILE)
+    }
+
+    /// First pixel and size of a tile.
+    fn tile(&self, number: usize) -> ([usize; 2], [usize; 2]) {
+        let from = [number % self.columns() * TILE, number / self.columns() * TILE];
+        (from, [0, 1].map(|k| TILE.min(self.size[k] - from[k])))
+    }
+
+    /// Shades the whole picture with so many threads; how long the shading took, summed over them. A tile is
+    /// shaded by one thread and knows nothing of the others, so the picture does not depend on their number.
+    fn shade(&self, threads: usize) -> (Picture, Duration) {
+        let channels = self.ty.components();
+        let [width, height] = self.size;
+        let tiles = self.columns() * height.div_ceil(TILE);
+        let finished = Mutex::new(Finished {
+            picture: Picture { width, height, channels, values: vec![0.0; channels * width * height] },
+            next: 0,
+            waiting: BTreeMap::new(),
+            took: Duration::ZERO,
+        });
+        let started = AtomicUsize::new(0);
+        let work = || {
+            let mut executor = Executor::new();
+            let mut around = Surroundings {
+                lights: self.lights,
+                textures: self.textures,
+                executor: Executor::new(),
+                grid: None,
+                reporter: self.reporter,
+                printed: String::new(),
+            };
+            loop {
+                let number = started.fetch_add(1, Ordering::Relaxed);
+                if number >= tiles {
+                    return;
                 }
-                let start = Instant::now();
-                values = if group.usage() == ShaderKind::Light {
-                    Some(light_values(group, &grid, name, &mut executor, &mut around))
-                } else {
-                    executor.run(group, &mut grid, &mut around, &[(name, *ty)]).pop().flatten()
-                };
-                took += start.elapsed();
+                let (values, took) = self.shade_tile(number, &mut executor, &mut around);
+                let mut finished = finished.lock().unwrap_or_else(PoisonError::into_inner);
+                finished.took += took;
+                finished.waiting.insert(number, (values, std::mem::take(&mut around.printed)));
+                self.deliver(&mut finished);
             }
-            let n = points[0] * points[1];
-            let Some(values) = values else { continue };
-            for k in 0..n {
-                let pixel = (y0 + k / points[0]) * size[0] + x0 + k % points[0];
-                for c in 0..channels {
-                    picture.values[pixel * channels + c] = values[c * n + k];
-                }
+        };
+        std::thread::scope(|scope| {
+            for _ in 1..threads.min(tiles) {
+                scope.spawn(work);
             }
-            print(&std::mem::take(&mut around.printed));
+            work();
+        });
+        let finished = finished.into_inner().unwrap_or_else(PoisonError::into_inner);
+        (finished.picture, finished.took)
+    }
+
+    /// The wanted value over a tile, component after component.
+    fn shade_tile(
+        &self,
+        number: usize,
+        executor: &mut Executor,
+        around: &mut Surroundings<'_>,
+    ) -> (Option<Vec<f32>>, Duration) {
+        let (from, points) = self.tile(number);
+        let fresh = square(self.size, from, points);
+        let (mut values, mut took) = (None, Duration::ZERO);
+        for _ in 0..self.repeat {
+            let mut grid = fresh.clone();
+            around.grid = Some(fresh.clone());
+            let start = Instant::now();
+            values = if self.group.usage() == ShaderKind::Light {
+                Some(light_values(self.group, &grid, self.name, executor, around))
+            } else {
+                executor.run(self.group, &mut grid, around, &[(self.name, self.ty)]).pop().flatten()
+            };
+            took += start.elapsed();
+        }
+        (values, took)
+    }
+
+    /// Puts the tiles whose turn it is into the picture, and prints what they printed.
+    fn deliver(&self, finished: &mut Finished) {
+        while let Some((values, printed)) = finished.waiting.remove(&finished.next) {
+            let (from, points) = self.tile(finished.next);
+            finished.next += 1;
+            let (n, channels) = (points[0] * points[1], finished.picture.channels);
+            for (k, value) in values.into_iter().flatten().enumerate() {
+                let (c, k) = (k / n, k % n);
+                let pixel = (from[1] + k / points[0]) * self.size[0] + from[0] + k % points[0];
+                finished.picture.values[pixel * channels + c] = value;
+            }
+            print(&printed);
         }
     }
-    (picture, took)
 }
 
 /// The sum of `Cl` (or of `L`) over what a light sends to the square.

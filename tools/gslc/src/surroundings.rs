@@ -1,17 +1,21 @@
 //! What a shader finds around it when it runs without a renderer: one space, units that scale by their
-//! definition, lights by name, no textures and no rays.
+//! definition, lights by name, texture files, and no rays.
 
-use granita_base::{Param, Reporter, Severity, Transform};
+use granita_base::{Param, Reporter, Severity, Transform, hash};
+use granita_render::lookups;
 use granita_shade::{
     EnvironmentQuery, Executor, Grid, Group, IlluminateQuery, Lanes3, LightInfo, LightResult, LookupResult,
     Services, ShadowQuery, TextureQuery,
 };
+use granita_texture::TextureCache;
 use std::sync::Arc;
 
 /// The outside world of a run.
 pub(crate) struct Surroundings<'a> {
     /// Lights, in the order they were given.
     pub(crate) lights: &'a [Group],
+    /// Texture files.
+    pub(crate) textures: &'a TextureCache,
     /// Runs the lights.
     pub(crate) executor: Executor,
     /// The grid that is being shaded.
@@ -20,19 +24,6 @@ pub(crate) struct Surroundings<'a> {
     pub(crate) reporter: &'a Reporter,
     /// What `printf` printed.
     pub(crate) printed: String,
-}
-
-impl Surroundings<'_> {
-    fn absent(&mut self, what: &str, lanes: usize, channels: usize, fill: f32, out: &mut LookupResult) {
-        self.unsupported(what);
-        out.value.resize(channels, Vec::new());
-        for channel in &mut out.value {
-            channel.clear();
-            channel.resize(lanes, fill);
-        }
-        out.alpha.clear();
-        out.alpha.resize(lanes, 0.0);
-    }
 }
 
 impl Services for Surroundings<'_> {
@@ -70,20 +61,18 @@ impl Services for Surroundings<'_> {
     }
 
     fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult) {
-        let fill = query.options.fill.map_or(0.0, |f| f.get(0));
-        self.absent("texture without a renderer", query.batch.lanes, query.channels, fill, out);
+        lookups::texture(self.textures, query, out);
     }
 
     fn environment(&mut self, query: &EnvironmentQuery<'_>, out: &mut LookupResult) {
-        let fill = query.options.fill.map_or(0.0, |f| f.get(0));
-        self.absent("environment without a renderer", query.batch.lanes, query.channels, fill, out);
+        // All spaces are the same here.
+        lookups::environment(self.textures, query, None, out);
     }
 
     fn shadow(&mut self, query: &ShadowQuery<'_>, out: &mut Lanes3) {
-        self.unsupported("shadow without a renderer");
-        for &i in query.batch.active {
-            out.set(i as usize, granita_base::Vec3::ZERO);
-        }
+        let seed = self.grid.as_ref().map_or(0, |grid| grid.seed);
+        let bias = |lane: usize| query.options.bias.map_or(0.0, |b| b.get(lane).max(0.0));
+        lookups::shadow(self.textures, query, &|lane| hash::words(&[seed, lane]), &bias, out);
     }
 
     fn light_count(&mut self) -> usize {
@@ -112,8 +101,8 @@ impl Services for Surroundings<'_> {
         None
     }
 
-    fn texture_info(&mut self, _: &str, _: &str) -> Option<Param> {
-        None
+    fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {
+        self.textures.info(texture, name)
     }
 
     fn say(&mut self, severity: Severity, text: &str) {

@@ -1,10 +1,9 @@
 //! Lookups in texture, environment and shadow files.
 
 use super::{count, option};
-use crate::shading::ShadingContext;
 use granita_base::{Transform, Vec3};
 use granita_shade::{Batch, EnvironmentQuery, Lanes3, LookupResult, ShadowQuery, TextureQuery};
-use granita_texture::{EnvLookup, Lookup, ShadowLookup, Up, Use, Wrap};
+use granita_texture::{EnvLookup, Lookup, ShadowLookup, TextureCache, Up, Use, Wrap};
 
 /// Most channels that one lookup returns, alpha included.
 const CHANNELS: usize = 4;
@@ -45,11 +44,11 @@ pub(super) fn absent(query: &TextureQuery<'_>, out: &mut LookupResult) {
     }
 }
 
-/// `texture ()`. A file that cannot be used gives `fill` and alpha 0.
-pub(super) fn texture(frame: &ShadingContext, query: &TextureQuery<'_>, out: &mut LookupResult) {
+/// `texture ()`: answers a shader's query from a cache of files. A file that cannot be used gives `fill` and alpha 0.
+pub fn texture(textures: &TextureCache, query: &TextureQuery<'_>, out: &mut LookupResult) {
     prepare(query.batch, query.channels, out);
     let o = &query.options;
-    let id = frame.textures.find_for(query.name, Use::Texture);
+    let id = textures.find_for(query.name, Use::Texture);
     let (swrap, twrap) = (o.swrap.and_then(Wrap::from_word), o.twrap.and_then(Wrap::from_word));
     let wanted = (query.channels + 1).min(CHANNELS);
     for &lane in query.batch.active {
@@ -74,7 +73,7 @@ pub(super) fn texture(frame: &ShadingContext, query: &TextureQuery<'_>, out: &mu
                     first_channel: first_channel(o.firstchannel, i),
                     fill,
                 };
-                frame.textures.texture(id, &lookup, &mut values[..wanted]);
+                textures.texture(id, &lookup, &mut values[..wanted]);
             }
             None => values[wanted - 1] = 0.0,
         }
@@ -82,16 +81,17 @@ pub(super) fn texture(frame: &ShadingContext, query: &TextureQuery<'_>, out: &mu
     }
 }
 
-/// `environment ()` in a map; `space` leads from the map's space to "common", `None` when it is that.
-pub(super) fn environment(
-    frame: &ShadingContext,
+/// `environment ()` in a map; `space` leads from the map's space to "common", `None` when it is that. A file that
+/// cannot be used gives `fill` and alpha 0.
+pub fn environment(
+    textures: &TextureCache,
     query: &EnvironmentQuery<'_>,
     space: Option<Transform>,
     out: &mut LookupResult,
 ) {
     prepare(query.batch, query.channels, out);
     let o = &query.options;
-    let id = frame.textures.find_for(query.name, Use::Environment);
+    let id = textures.find_for(query.name, Use::Environment);
     let to_map = space.map_or(Transform::IDENTITY, |m| m.inverse());
     let up = o.up.and_then(Up::from_word);
     let wanted = (query.channels + 1).min(CHANNELS);
@@ -121,7 +121,7 @@ pub(super) fn environment(
                     first_channel: first_channel(o.firstchannel, i),
                     fill,
                 };
-                frame.textures.environment(id, &lookup, &mut values[..wanted]);
+                textures.environment(id, &lookup, &mut values[..wanted]);
             }
             None => values[wanted - 1] = 0.0,
         }
@@ -142,16 +142,17 @@ fn on_sphere(p: Vec3, r: Vec3, radius: f32) -> Vec3 {
     if far > 0.0 { p + d * far } else { r }
 }
 
-/// `shadow ()` in a map: the same in all three channels. A file that cannot be used gives no shadow.
-pub(super) fn shadow(
-    frame: &ShadingContext,
+/// `shadow ()` in a map: the same in all three channels. `seed` gives each lane the seed of its samples, `bias` what is
+/// added to its distance, in "common" units. A file that cannot be used gives no shadow.
+pub fn shadow(
+    textures: &TextureCache,
     query: &ShadowQuery<'_>,
     seed: &dyn Fn(u32) -> u32,
     bias: &dyn Fn(usize) -> f32,
     out: &mut Lanes3,
 ) {
     fit(out, query.batch.lanes);
-    let id = frame.textures.find_for(query.name, Use::Shadow);
+    let id = textures.find_for(query.name, Use::Shadow);
     let o = &query.options;
     for &lane in query.batch.active {
         let i = lane as usize;
@@ -168,7 +169,7 @@ pub(super) fn shadow(
                 bias: bias(i),
                 seed: seed(lane),
             };
-            frame.textures.shadow(id, &lookup)
+            textures.shadow(id, &lookup)
         });
         out.set(i, Vec3::splat(blocked));
     }
