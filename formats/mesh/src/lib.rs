@@ -2,10 +2,20 @@
 
 #![forbid(unsafe_code)]
 
+mod emit;
+mod faults;
+mod obj;
+mod source;
+mod text;
+#[cfg(test)]
+mod trial;
+
+pub use obj::Obj;
+
 use granita_scene::Generator;
 use std::sync::Arc;
 
 /// The generators of this crate.
 pub fn generators() -> Vec<Arc<dyn Generator>> {
-    Vec::new()
+    vec![Arc::new(Obj)]
 }

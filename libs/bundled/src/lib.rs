@@ -29,6 +29,7 @@ const SHADERS: &[(&str, &str)] = &[
     ("matte", include_str!("../../../shaders/matte.gsl")),
     ("metal", include_str!("../../../shaders/metal.gsl")),
     ("movephotons", include_str!("../../../shaders/movephotons.gsl")),
+    ("mtlsurface", include_str!("../../../shaders/mtlsurface.gsl")),
     ("nullsurface", include_str!("../../../shaders/nullsurface.gsl")),
     ("oak", include_str!("../../../shaders/oak.gsl")),
     ("paintedplastic", include_str!("../../../shaders/paintedplastic.gsl")),
