@@ -5,7 +5,7 @@ use granita_scene::{Call, SceneSink, Stop};
 use std::sync::Arc;
 
 /// Pixels across a particle of a file that says nothing about its size.
-const POINT_PIXELS: f32 = 2.0;
+pub(crate) const POINT_PIXELS: f32 = 2.0;
 /// Width of lines, as a part of the diagonal of the box around them.
 const LINE_PART: f32 = 0.002;
 

@@ -5,17 +5,19 @@
 mod emit;
 mod faults;
 mod obj;
+mod ply;
 mod source;
 mod text;
 #[cfg(test)]
 mod trial;
 
 pub use obj::Obj;
+pub use ply::Ply;
 
 use granita_scene::Generator;
 use std::sync::Arc;
 
 /// The generators of this crate.
 pub fn generators() -> Vec<Arc<dyn Generator>> {
-    vec![Arc::new(Obj)]
+    vec![Arc::new(Obj), Arc::new(Ply)]
 }

@@ -1,7 +1,8 @@
 //! Lines and words of text formats, without a copy of either.
 
-use granita_base::{Number, scan_number};
+use granita_base::scan_number;
 use std::io::{self, Read};
+use std::ops::Range;
 
 const CHUNK: usize = 256 * 1024;
 /// No line of any real file comes near; without a limit, a file of zeros would be read whole.
@@ -28,6 +29,28 @@ impl<R: Read> Lines<R> {
     /// The next line without its end, and its number from 1; a continuation stands as a blank, and the number is that of
     /// its first line. `None` at the end of the source.
     pub(crate) fn next_line(&mut self) -> io::Result<Option<(u32, &[u8])>> {
+        Ok(self.next_range()?.map(|range| (self.line, &self.buf[range])))
+    }
+
+    /// The number of the line given last, from 1.
+    pub(crate) fn line(&self) -> u32 {
+        self.line
+    }
+
+    /// What stands in a range that [`Lines::next_range`] gave last.
+    pub(crate) fn text(&self, range: Range<usize>) -> &[u8] {
+        &self.buf[range]
+    }
+
+    /// What is read ahead behind the line given last, and the rest of the stream.
+    pub(crate) fn into_rest(self) -> (Vec<u8>, R) {
+        let mut ahead = self.buf;
+        ahead.drain(..self.pos);
+        (ahead, self.stream)
+    }
+
+    /// The next line, as [`Lines::next_line`], as a range of the window; good until the next call.
+    pub(crate) fn next_range(&mut self) -> io::Result<Option<Range<usize>>> {
         self.line = self.next;
         // What of the line was searched already, counted from its beginning.
         let mut searched = 0;
@@ -43,7 +66,7 @@ impl<R: Read> Lines<R> {
                     continue;
                 }
                 let start = std::mem::replace(&mut self.pos, end + 1);
-                return Ok(Some((self.line, &self.buf[start..text_end])));
+                return Ok(Some(start..text_end));
             }
             searched = self.buf.len() - self.pos;
             if self.eof {
@@ -51,11 +74,8 @@ impl<R: Read> Lines<R> {
                     return Ok(None);
                 }
                 let start = std::mem::replace(&mut self.pos, self.buf.len());
-                let mut text = &self.buf[start..];
-                while let [rest @ .., b'\r'] = text {
-                    text = rest;
-                }
-                return Ok(Some((self.line, text)));
+                let returns = self.buf[start..].iter().rev().take_while(|c| **c == b'\r').count();
+                return Ok(Some(start..self.buf.len() - returns));
             }
             self.more()?;
         }
@@ -114,30 +134,31 @@ impl<'a> Words<'a> {
 
     /// The next word as a number; `None` at the end. A word that is no number counts as NaN.
     #[inline]
-    pub(crate) fn float(&mut self) -> Option<f32> {
+    pub(crate) fn double(&mut self) -> Option<f64> {
         self.skip_blanks();
         if let Some((number, len)) = scan_number(self.0)
             && self.0.get(len).is_none_or(|c| is_blank(*c))
         {
             self.0 = &self.0[len..];
-            return Some(to_f32(number));
+            return Some(number.to_f64());
         }
-        Some(unusual_number(self.word()?) as f32)
+        Some(unusual_number(self.word()?))
+    }
+
+    /// As [`Words::double`], in single precision.
+    #[inline]
+    pub(crate) fn float(&mut self) -> Option<f32> {
+        self.double().map(|x| x as f32)
     }
 }
 
-#[inline]
-pub(crate) fn to_f32(number: Number) -> f32 {
-    number.to_f64() as f32
-}
-
 /// A number with a plus, `nan`, `inf` and the like; NaN for anything else.
-pub(crate) fn unusual_number(word: &[u8]) -> f64 {
+fn unusual_number(word: &[u8]) -> f64 {
     std::str::from_utf8(word).ok().and_then(|w| w.parse().ok()).unwrap_or(f64::NAN)
 }
 
 #[inline]
-pub(crate) fn is_blank(c: u8) -> bool {
+fn is_blank(c: u8) -> bool {
     matches!(c, b' ' | b'\t')
 }
 

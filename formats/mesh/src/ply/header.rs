@@ -130,7 +130,11 @@ impl HeaderReader {
         let Some(keyword) = words.word() else { return Ok(None) };
         let show = |word: &[u8]| String::from_utf8_lossy(&word[..word.len().min(40)]).into_owned();
         if self.lines == 1 {
-            return if keyword == b"ply" { Ok(None) } else { Err("no PLY file: it does not begin with \"ply\"".into()) };
+            return if keyword == b"ply" {
+                Ok(None)
+            } else {
+                Err("no PLY file: it does not begin with \"ply\"".into())
+            };
         }
         match keyword {
             b"format" => {
@@ -150,24 +154,14 @@ impl HeaderReader {
                 self.elements.push(Element { name, count, properties: Vec::new() });
             }
             b"property" => {
-                let mut scalar = || {
-                    let word = words.word().unwrap_or(b"");
-                    Scalar::from_word(word).ok_or_else(|| format!("unknown type \"{}\" of a property", show(word)))
+                let scalar = |word: Option<&[u8]>| {
+                    let word = word.unwrap_or(b"");
+                    Scalar::from_word(word)
+                        .ok_or_else(|| format!("unknown type \"{}\" of a property", show(word)))
                 };
-                let mut after = Words(text);
-                let is_list = after.word().and(after.word()) == Some(b"list");
-                let kind = if is_list {
-                    let mut list = after;
-                    let mut next = || {
-                        let word = list.word().unwrap_or(b"");
-                        Scalar::from_word(word)
-                            .ok_or_else(|| format!("unknown type \"{}\" of a property", show(word)))
-                    };
-                    let kind = Kind::List { count: next()?, item: next()? };
-                    words = list;
-                    kind
-                } else {
-                    Kind::Scalar(scalar()?)
+                let kind = match words.word() {
+                    Some(b"list") => Kind::List { count: scalar(words.word())?, item: scalar(words.word())? },
+                    word => Kind::Scalar(scalar(word)?),
                 };
                 let name = words.word().map(show).ok_or("a property without a name")?;
                 let element = self.elements.last_mut().ok_or("a property before the first element")?;
