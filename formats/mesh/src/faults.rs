@@ -1,17 +1,22 @@
 //! Mistakes of a file, gathered by kind: one message for each kind, with the first place and how many more there are.
 
 use granita_base::{Location, Reporter, Severity};
+use std::borrow::Cow;
 use std::sync::Arc;
+
+/// Kinds told of one by one; all others share one message.
+const MOST_KINDS: usize = 40;
 
 /// Gathers, and tells when dropped, in the order in which the kinds were first seen.
 pub(crate) struct Faults<'a> {
     reporter: &'a Reporter,
     file: Arc<str>,
     kinds: Vec<Fault>,
+    others: u64,
 }
 
 struct Fault {
-    kind: &'static str,
+    kind: Cow<'static, str>,
     severity: Severity,
     line: u32,
     text: String,
@@ -20,23 +25,31 @@ struct Fault {
 
 impl<'a> Faults<'a> {
     pub(crate) fn new(reporter: &'a Reporter, file: Arc<str>) -> Self {
-        Self { reporter, file, kinds: Vec::new() }
+        Self { reporter, file, kinds: Vec::new(), others: 0 }
     }
 
     /// Something is left out or replaced. `line` is 0 where there are none; `text` is made for the first of its kind only.
-    pub(crate) fn error(&mut self, kind: &'static str, line: u32, text: impl FnOnce() -> String) {
-        self.add(Severity::Error, kind, line, text);
+    pub(crate) fn error(
+        &mut self,
+        kind: impl Into<Cow<'static, str>>,
+        line: u32,
+        text: impl FnOnce() -> String,
+    ) {
+        self.add(Severity::Error, kind.into(), line, text);
     }
 
     /// Something is perhaps not as the user thinks.
     pub(crate) fn warning(&mut self, kind: &'static str, line: u32, text: impl FnOnce() -> String) {
-        self.add(Severity::Warning, kind, line, text);
+        self.add(Severity::Warning, kind.into(), line, text);
     }
 
-    fn add(&mut self, severity: Severity, kind: &'static str, line: u32, text: impl FnOnce() -> String) {
-        match self.kinds.iter_mut().find(|f| f.kind == kind) {
-            Some(fault) => fault.more += 1,
-            None => self.kinds.push(Fault { kind, severity, line, text: text(), more: 0 }),
+    fn add(&mut self, severity: Severity, kind: Cow<'static, str>, line: u32, text: impl FnOnce() -> String) {
+        if let Some(fault) = self.kinds.iter_mut().find(|f| f.kind == kind) {
+            fault.more += 1;
+        } else if self.kinds.len() >= MOST_KINDS {
+            self.others += 1;
+        } else {
+            self.kinds.push(Fault { kind, severity, line, text: text(), more: 0 });
         }
     }
 }
@@ -50,6 +63,10 @@ impl Drop for Faults<'_> {
             };
             let at = Location::line(&self.file, fault.line);
             self.reporter.say(fault.severity, &at, format!("{}{more}", fault.text));
+        }
+        if self.others > 0 {
+            let text = format!("{} more mistakes of other kinds", self.others);
+            self.reporter.say(Severity::Error, &Location::line(&self.file, 0), text);
         }
     }
 }

@@ -1,9 +1,41 @@
-//! Mesh files as scenes: Wavefront OBJ, Stanford PLY, glTF 2.
+//! Mesh files as scenes: Wavefront OBJ ([`Obj`]), Stanford PLY ([`Ply`]) and glTF 2 ([`Gltf`]).
+//!
+//! Each reader is a [`granita_scene::Generator`]: `Input ("bunny.obj")` makes its calls with the current transformation and
+//! attributes. The manual says under "Mesh files" what becomes of each element of the formats; the sources are the
+//! OBJ and MTL specifications of Wavefront's Advanced Visualizer (1991, 1995), G. Turk's description of PLY (1994) and the
+//! glTF 2.0 specification of the Khronos Group.
+//!
+//! Invariants:
+//! - Coordinates are kept as they stand in the file. Texture coordinates are measured from the upper edge of the picture, as
+//!   the suite does: `t` of OBJ and PLY is turned over, that of glTF is not.
+//! - A mistake costs the element that it is in. There is one message for each kind of mistake, with the first place, and how
+//!   many there are more; whatever the bytes, nothing panics, and no allocation is larger than the file justifies, whatever
+//!   its header promises.
+//! - Memory holds what faces may still refer to (the vertices of an OBJ file) and what one call must carry: a group of an OBJ
+//!   file, the one mesh of a PLY file, a primitive of a glTF file.
+//! - `Attribute ("int user:materials", 0)` keeps the materials of a file out of the scene, `user:lights` its lights.
+//!
+//! Deliberately absent: free-form curves and surfaces of OBJ; animation, skins and morph targets, compressed geometry and
+//! pictures inside of glTF files. Each is told of by name.
+//!
+//! ```
+//! use granita_base::Reporter;
+//! use granita_mesh::Obj;
+//! use granita_pyg::Writer;
+//! use granita_scene::{Generator, GeneratorSource};
+//! let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+//! let source = GeneratorSource::Bytes { name: "<example>".into(), bytes: text.as_bytes().into() };
+//! let mut writer = Writer::new(Vec::new());
+//! Obj.run(&source, &mut writer, &Reporter::silent())?;
+//! assert!(writer.into_inner()?.starts_with(b"Mesh (\"linear\", (3,), (0, 1, 2)"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 #![forbid(unsafe_code)]
 
 mod emit;
 mod faults;
+mod gltf;
 mod obj;
 mod ply;
 mod source;
@@ -11,6 +43,7 @@ mod text;
 #[cfg(test)]
 mod trial;
 
+pub use gltf::Gltf;
 pub use obj::Obj;
 pub use ply::Ply;
 
@@ -19,5 +52,5 @@ use std::sync::Arc;
 
 /// The generators of this crate.
 pub fn generators() -> Vec<Arc<dyn Generator>> {
-    vec![Arc::new(Obj), Arc::new(Ply)]
+    vec![Arc::new(Obj), Arc::new(Ply), Arc::new(Gltf)]
 }

@@ -1,8 +1,8 @@
 //! What tests share: runs a generator over text and gives its calls as Pyg, and its messages.
 
-use granita_base::Reporter;
+use granita_base::{Location, Param, Reporter};
 use granita_pyg::Writer;
-use granita_scene::{Generator, GeneratorError, GeneratorSource};
+use granita_scene::{Call, Generator, GeneratorError, GeneratorSource, SceneSink, Stop};
 
 /// Calls as Pyg, messages as lines, and the error if the run ended early.
 pub(crate) struct Trial {
@@ -21,16 +21,57 @@ impl Trial {
 
 /// Runs `generator` over `bytes`, which messages call "t".
 pub(crate) fn run(generator: &dyn Generator, bytes: impl AsRef<[u8]>) -> Trial {
-    run_source(generator, &GeneratorSource::Bytes { name: "t".into(), bytes: bytes.as_ref().into() })
+    run_source(generator, &self::bytes(bytes))
 }
 
 /// Runs `generator` over a source.
 pub(crate) fn run_source(generator: &dyn Generator, source: &GeneratorSource) -> Trial {
-    let mut writer = Writer::new(Vec::new());
+    run_in(generator, source, true, None)
+}
+
+/// A writer that says where in the scene it is, and has one attribute.
+struct Place {
+    writer: Writer<Vec<u8>>,
+    in_world: bool,
+    attribute: Option<Param>,
+}
+
+impl SceneSink for Place {
+    fn call(&mut self, call: Call, at: &Location) -> Result<(), Stop> {
+        self.writer.call(call, at)
+    }
+
+    fn in_world(&self) -> bool {
+        self.in_world
+    }
+
+    fn attribute(&self, declaration: &str) -> Option<Param> {
+        self.attribute.clone().filter(|a| &*a.name == declaration)
+    }
+}
+
+/// As [`run_source`], before or after `World`, with an attribute set.
+pub(crate) fn run_in(
+    generator: &dyn Generator,
+    source: &GeneratorSource,
+    in_world: bool,
+    attribute: Option<Param>,
+) -> Trial {
+    let mut place = Place { writer: Writer::new(Vec::new()), in_world, attribute };
     let (reporter, kept) = Reporter::collecting();
     reporter.set_verbosity(2);
-    let error = generator.run(source, &mut writer, &reporter).err();
-    let pyg = String::from_utf8(writer.into_inner().unwrap()).unwrap();
+    let error = generator.run(source, &mut place, &reporter).err();
+    let pyg = String::from_utf8(place.writer.into_inner().unwrap()).unwrap();
     let messages = kept.lock().unwrap().iter().map(ToString::to_string).collect();
     Trial { pyg, messages, error }
+}
+
+/// Text as bytes with the name "t".
+pub(crate) fn bytes(bytes: impl AsRef<[u8]>) -> GeneratorSource {
+    GeneratorSource::Bytes { name: "t".into(), bytes: bytes.as_ref().into() }
+}
+
+/// Lines that the writer broke, put together again.
+pub(crate) fn flat(text: &str) -> String {
+    text.replace("\n    ", " ")
 }

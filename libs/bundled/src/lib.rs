@@ -23,6 +23,7 @@ const SHADERS: &[(&str, &str)] = &[
     ("envsurf", include_str!("../../../shaders/envsurf.gsl")),
     ("fog", include_str!("../../../shaders/fog.gsl")),
     ("glass", include_str!("../../../shaders/glass.gsl")),
+    ("gltfsurface", include_str!("../../../shaders/gltfsurface.gsl")),
     ("greenmarble", include_str!("../../../shaders/greenmarble.gsl")),
     ("indirectlight", include_str!("../../../shaders/indirectlight.gsl")),
     ("keyfillrim", include_str!("../../../shaders/keyfillrim.gsl")),

@@ -22,6 +22,15 @@ pub(super) struct Group {
     line: u32,
 }
 
+/// What a group belongs to.
+#[derive(Clone, Copy)]
+pub(super) struct Place<'a> {
+    pub(super) table: &'a Table,
+    pub(super) material: Option<&'a Material>,
+    /// Name for messages; may be empty.
+    pub(super) object: &'a str,
+}
+
 /// Room for the renumbering of vertices, kept from group to group.
 #[derive(Default)]
 pub(super) struct Scratch {
@@ -71,25 +80,17 @@ impl Group {
     /// Makes the calls, and is empty again.
     pub(super) fn flush(
         &mut self,
-        table: &Table,
+        place: Place<'_>,
         scratch: &mut Scratch,
-        material: Option<&Material>,
         faults: &mut Faults<'_>,
         emit: &mut Emit<'_>,
-        object: &str,
     ) -> Result<(), Stop> {
         let group = std::mem::take(self);
+        let Place { table, object, .. } = place;
         let line = group.line;
         let polylines = group.lines;
         let single = group.points;
-        let mesh = MeshMaker {
-            table,
-            material,
-            object,
-            nverts: group.nverts,
-            corners: group.corners,
-            faces: group.faces,
-        };
+        let mesh = MeshMaker { place, nverts: group.nverts, corners: group.corners, faces: group.faces };
         if let Some((shape, params)) = mesh.make(scratch, faults) {
             emit.shape(shape, params, line)?;
         }
@@ -131,9 +132,7 @@ impl Group {
 
 /// Faces on their way to a mesh.
 struct MeshMaker<'a> {
-    table: &'a Table,
-    material: Option<&'a Material>,
-    object: &'a str,
+    place: Place<'a>,
     nverts: Vec<i32>,
     corners: Vec<Corner>,
     faces: Vec<(u32, u32)>,
@@ -147,12 +146,12 @@ impl MeshMaker<'_> {
         }
         let verts = self.renumber(scratch);
         let used = std::mem::take(&mut scratch.used);
-        let p: Vec<f32> = used.iter().flat_map(|v| self.table.positions[*v as usize]).collect();
+        let p: Vec<f32> = used.iter().flat_map(|v| self.place.table.positions[*v as usize]).collect();
         let mut params = Params(vec![positions(p)]);
         self.normals(&verts, used.len(), &mut params);
         self.texture_coordinates(&verts, used.len(), &mut params);
-        if !self.table.colors.is_empty() {
-            let c: Vec<f32> = used.iter().flat_map(|v| self.table.color(*v)).collect();
+        if !self.place.table.colors.is_empty() {
+            let c: Vec<f32> = used.iter().flat_map(|v| self.place.table.color(*v)).collect();
             params.0.push(floats("C", BaseType::Color, Interp::Vertex, c));
         }
         for v in &used {
@@ -166,7 +165,7 @@ impl MeshMaker<'_> {
 
     /// Leaves out faces whose vertices do not exist, and references to other things that do not.
     fn drop_faulty(&mut self, faults: &mut Faults<'_>) {
-        let (normals, texcoords) = (self.table.normals.len(), self.table.texcoords.len());
+        let (normals, texcoords) = (self.place.table.normals.len(), self.place.table.texcoords.len());
         let (mut read, mut write, mut kept) = (0, 0, 0);
         for face in 0..self.nverts.len() {
             let n = self.nverts[face] as usize;
@@ -174,11 +173,11 @@ impl MeshMaker<'_> {
             let corners = &mut self.corners[read..read + n];
             let mut bad = None;
             for c in &mut *corners {
-                if !self.table.has_position(c.v) {
+                if !self.place.table.has_position(c.v) {
                     bad = bad.or(Some(c.v));
                 }
                 if c.n != NONE && c.n as usize >= normals {
-                    let (object, index) = (self.object, u64::from(c.n) + 1);
+                    let (object, index) = (self.place.object, u64::from(c.n) + 1);
                     c.n = NONE;
                     faults.error("face normal", line, || {
                         let of = of_object(object);
@@ -186,7 +185,7 @@ impl MeshMaker<'_> {
                     });
                 }
                 if c.t != NONE && c.t as usize >= texcoords {
-                    let (object, index) = (self.object, u64::from(c.t) + 1);
+                    let (object, index) = (self.place.object, u64::from(c.t) + 1);
                     c.t = NONE;
                     faults.error("face texture", line, || {
                         let of = of_object(object);
@@ -197,7 +196,7 @@ impl MeshMaker<'_> {
                 }
             }
             if let Some(v) = bad {
-                let (object, all) = (of_object(self.object), self.table.positions.len());
+                let (object, all) = (of_object(self.place.object), self.place.table.positions.len());
                 let index = u64::from(v) + 1;
                 if (v as usize) < all {
                     faults.error("face position", line, || {
@@ -224,7 +223,7 @@ impl MeshMaker<'_> {
 
     /// Numbers the vertices that are used in the order of their first use.
     fn renumber(&self, scratch: &mut Scratch) -> Vec<i32> {
-        scratch.local.resize(self.table.positions.len(), NONE);
+        scratch.local.resize(self.place.table.positions.len(), NONE);
         let mut verts = Vec::with_capacity(self.corners.len());
         for c in &self.corners {
             let local = &mut scratch.local[c.v as usize];
@@ -251,7 +250,7 @@ impl MeshMaker<'_> {
     }
 
     fn normals(&self, verts: &[i32], n: usize, params: &mut Params) {
-        let table = &self.table.normals;
+        let table = &self.place.table.normals;
         let given = self.corners.iter().any(|c| c.n != NONE);
         let smooth = self.faces.iter().any(|(_, s)| *s != 0);
         if !given && !smooth {
@@ -305,7 +304,7 @@ impl MeshMaker<'_> {
         let normal = |n: &i32| {
             let corners = &self.corners[start..start + *n as usize];
             start += *n as usize;
-            let at = |i: usize| Vec3::from(self.table.positions[corners[i].v as usize]);
+            let at = |i: usize| Vec3::from(self.place.table.positions[corners[i].v as usize]);
             let origin = at(0);
             (1..corners.len() - 1).map(|i| (at(i) - origin).cross(at(i + 1) - origin)).sum()
         };
@@ -317,8 +316,8 @@ impl MeshMaker<'_> {
             return;
         }
         let st = |i: u32| {
-            let uv = if i == NONE { [0.0; 2] } else { self.table.texcoords[i as usize] };
-            let st = self.material.map_or([uv[0], 1.0 - uv[1]], |m| m.st(uv));
+            let uv = if i == NONE { [0.0; 2] } else { self.place.table.texcoords[i as usize] };
+            let st = self.place.material.map_or([uv[0], 1.0 - uv[1]], |m| m.st(uv));
             st.map(|x| if x.is_finite() { x } else { 0.0 })
         };
         let (interp, items) = match self.per_vertex(verts, n, |c| c.t) {

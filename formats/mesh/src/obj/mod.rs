@@ -13,7 +13,7 @@ use crate::source::{io_error, open};
 use crate::text::{Lines, Words};
 use granita_base::Reporter;
 use granita_scene::{Call, Generator, GeneratorError, GeneratorSource, SceneSink};
-use group::{Group, Scratch};
+use group::{Group, Place, Scratch};
 use mtl::Material;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -134,8 +134,8 @@ impl Reader<'_> {
         if let Some(material) = &self.material {
             material.emit(&mut self.emit, line)?;
         }
-        let (table, material) = (&self.table, self.material.as_ref());
-        self.group.flush(table, &mut self.scratch, material, &mut self.faults, &mut self.emit, &name)?;
+        let place = Place { table: &self.table, material: self.material.as_ref(), object: &name };
+        self.group.flush(place, &mut self.scratch, &mut self.faults, &mut self.emit)?;
         if own_state {
             self.emit.call(Call::PopAttributes, line)?;
         }

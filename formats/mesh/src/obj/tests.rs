@@ -1,5 +1,5 @@
 use super::Obj;
-use crate::trial::{run, run_source};
+use crate::trial::{flat, run, run_source};
 use granita_scene::GeneratorSource;
 
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
@@ -7,11 +7,6 @@ const P: &str = "\"vertex point P\", (0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0)";
 
 fn pyg(text: &str) -> String {
     run(&Obj, text).clean()
-}
-
-/// Lines broken by the writer, put together again.
-fn flat(text: &str) -> String {
-    text.replace("\n    ", " ")
 }
 
 #[test]

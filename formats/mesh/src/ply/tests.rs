@@ -1,5 +1,5 @@
 use super::Ply;
-use crate::trial::run;
+use crate::trial::{flat, run};
 
 const HEADER: &str = "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
     element face 2\nproperty list uchar int vertex_indices\nend_header\n";
@@ -7,10 +7,6 @@ const P: &str = "\"vertex point P\", (0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0)";
 
 fn ascii(rest: &str) -> String {
     format!("ply\nformat ascii 1.0\n{rest}")
-}
-
-fn flat(text: &str) -> String {
-    text.replace("\n    ", " ")
 }
 
 fn square() -> String {

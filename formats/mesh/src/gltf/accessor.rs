@@ -1,0 +1,309 @@
+//! Numbers out of accessors: all component types, normalised, interleaved, sparse.
+
+use super::buffers::Buffers;
+use super::document::{Accessor, Document, item};
+use std::ops::Range;
+
+/// Accessors without data mean zeros; more of them than this mean mischief.
+const MOST_ZEROS: u64 = 1 << 20;
+/// Data are read in pieces of about this size.
+const PIECE: u64 = 1 << 20;
+
+/// A component type (by its number in OpenGL).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Component {
+    I8,
+    U8,
+    I16,
+    U16,
+    U32,
+    F32,
+}
+
+impl Component {
+    fn of(code: u32) -> Result<Self, String> {
+        Ok(match code {
+            5120 => Self::I8,
+            5121 => Self::U8,
+            5122 => Self::I16,
+            5123 => Self::U16,
+            5125 => Self::U32,
+            5126 => Self::F32,
+            _ => return Err(format!("unknown component type {code}")),
+        })
+    }
+
+    fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::U32 | Self::F32 => 4,
+        }
+    }
+
+    /// The value that `bytes` begin with; normalised as the format says.
+    #[inline]
+    fn value(self, b: &[u8], normalized: bool) -> f32 {
+        let (value, one) = match self {
+            Self::I8 => (f32::from(b[0] as i8), 127.0),
+            Self::U8 => (f32::from(b[0]), 255.0),
+            Self::I16 => (f32::from(i16::from_le_bytes([b[0], b[1]])), 32767.0),
+            Self::U16 => (f32::from(u16::from_le_bytes([b[0], b[1]])), 65535.0),
+            Self::U32 => (u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as f32, 4_294_967_295.0),
+            Self::F32 => return f32::from_le_bytes([b[0], b[1], b[2], b[3]]),
+        };
+        if normalized { (value / one).max(-1.0) } else { value }
+    }
+
+    #[inline]
+    fn index(self, b: &[u8]) -> u32 {
+        match self {
+            Self::U8 => u32::from(b[0]),
+            Self::U16 => u32::from(u16::from_le_bytes([b[0], b[1]])),
+            _ => u32::from_le_bytes([b[0], b[1], b[2], b[3]]),
+        }
+    }
+}
+
+/// Numbers per element of an accessor's type.
+fn width(kind: &str) -> Result<usize, String> {
+    Ok(match kind {
+        "SCALAR" => 1,
+        "VEC2" => 2,
+        "VEC3" => 3,
+        "VEC4" => 4,
+        _ => {
+            return Err(format!(
+                "type \"{}\" where numbers or vectors belong",
+                &kind[..kind.floor_char_boundary(20)]
+            ));
+        }
+    })
+}
+
+/// Elements on their way out of an accessor.
+enum Data<'a> {
+    /// So many will come.
+    Room(usize),
+    /// All of them are zero.
+    Zeros(usize),
+    /// The bytes of one.
+    Element(&'a [u8]),
+}
+
+/// Reads accessors.
+pub(super) struct Reader<'a> {
+    pub(super) document: &'a Document,
+    pub(super) buffers: Buffers,
+}
+
+impl<'a> Reader<'a> {
+    fn accessor(&self, index: usize) -> Result<&'a Accessor, String> {
+        item(&self.document.accessors, index).ok_or_else(|| format!("there is no accessor {index}"))
+    }
+
+    /// How many elements accessor `index` has.
+    pub(super) fn count(&self, index: usize) -> Result<u64, String> {
+        self.accessor(index).map(|a| a.count)
+    }
+
+    /// Elements `range` of accessor `index`, which must have one of the `widths` of numbers per element; the numbers, and
+    /// how many make an element.
+    ///
+    /// # Errors
+    /// In words, with the number of the accessor.
+    pub(super) fn floats(
+        &mut self,
+        index: usize,
+        widths: &[usize],
+        range: Range<u64>,
+    ) -> Result<(Vec<f32>, usize), String> {
+        let accessor = self.accessor(index)?;
+        let n = width(&accessor.kind).map_err(|e| format!("accessor {index}: {e}"))?;
+        if !widths.contains(&n) {
+            return Err(format!(
+                "accessor {index} is of type \"{}\", which does not fit its use",
+                accessor.kind
+            ));
+        }
+        let component =
+            Component::of(accessor.component_type).map_err(|e| format!("accessor {index}: {e}"))?;
+        let mut out: Vec<f32> = Vec::new();
+        let take = |data: Data<'_>| match data {
+            Data::Room(count) => out.reserve(count * n),
+            Data::Zeros(count) => out.resize(count * n, 0.0),
+            Data::Element(bytes) => {
+                let parts = bytes.chunks_exact(component.size());
+                out.extend(parts.map(|b| component.value(b, accessor.normalized)));
+            }
+        };
+        self.elements(accessor, component.size() * n, range.clone(), take)
+            .map_err(|e| format!("accessor {index}: {e}"))?;
+        if let Some(sparse) = &accessor.sparse {
+            let begin = range.start;
+            let replace = |at: u64, element: &[u8]| {
+                let at = (at - begin) as usize * n;
+                for (to, b) in out[at..at + n].iter_mut().zip(element.chunks_exact(component.size())) {
+                    *to = component.value(b, accessor.normalized);
+                }
+            };
+            self.sparse(sparse, accessor.count, range, component.size() * n, replace)
+                .map_err(|e| format!("accessor {index}: {e}"))?;
+        }
+        Ok((out, n))
+    }
+
+    /// The indices of accessor `index`.
+    ///
+    /// # Errors
+    /// In words, with the number of the accessor.
+    pub(super) fn indices(&mut self, index: usize) -> Result<Vec<u32>, String> {
+        let accessor = self.accessor(index)?;
+        let component =
+            Component::of(accessor.component_type).map_err(|e| format!("accessor {index}: {e}"))?;
+        if accessor.kind != "SCALAR" || !matches!(component, Component::U8 | Component::U16 | Component::U32)
+        {
+            return Err(format!("accessor {index} holds no indices"));
+        }
+        let mut out: Vec<u32> = Vec::new();
+        let take = |data: Data<'_>| match data {
+            Data::Room(count) => out.reserve(count),
+            Data::Zeros(count) => out.resize(count, 0),
+            Data::Element(bytes) => out.push(component.index(bytes)),
+        };
+        self.elements(accessor, component.size(), 0..accessor.count, take)
+            .map_err(|e| format!("accessor {index}: {e}"))?;
+        if let Some(sparse) = &accessor.sparse {
+            let replace = |at: u64, element: &[u8]| out[at as usize] = component.index(element);
+            self.sparse(sparse, accessor.count, 0..accessor.count, component.size(), replace)
+                .map_err(|e| format!("accessor {index}: {e}"))?;
+        }
+        Ok(out)
+    }
+
+    /// Passes elements `range`, of `size` bytes each, to `take`.
+    fn elements(
+        &mut self,
+        accessor: &Accessor,
+        size: usize,
+        range: Range<u64>,
+        mut take: impl FnMut(Data<'_>),
+    ) -> Result<(), String> {
+        if range.end > accessor.count || range.start > range.end {
+            return Err(format!("element {} of {}", range.end.saturating_sub(1), accessor.count));
+        }
+        let Some(view) = accessor.buffer_view else {
+            let count = range.end - range.start;
+            if count > MOST_ZEROS {
+                return Err(format!("{count} elements without data; at most {MOST_ZEROS} are read"));
+            }
+            take(Data::Zeros(count as usize));
+            return Ok(());
+        };
+        let Some(view_desc) = item(&self.document.buffer_views, view) else {
+            return Err(format!("there is no buffer view {view}"));
+        };
+        let stride = view_desc.byte_stride.unwrap_or(size as u64);
+        if stride < size as u64 {
+            return Err(format!("elements of {size} bytes in steps of {stride}"));
+        }
+        if accessor.count == 0 || range.is_empty() {
+            return Ok(());
+        }
+        let last = stride.checked_mul(accessor.count - 1);
+        let end = last.and_then(|l| l.checked_add(accessor.byte_offset)?.checked_add(size as u64));
+        let end = end.ok_or("sizes beyond all memory")?;
+        self.check_view(view, end)?;
+        // The data must be there before room is made for them.
+        let per_piece = (PIECE / stride).max(1);
+        let mut at = range.start;
+        while at < range.end {
+            let count = per_piece.min(range.end - at);
+            let length = stride * (count - 1) + size as u64;
+            let offset = accessor.byte_offset + stride * at;
+            let bytes = self.view_bytes(view, offset, length as usize)?;
+            if at == range.start {
+                take(Data::Room((range.end - range.start) as usize));
+            }
+            for i in 0..count as usize {
+                let from = i * stride as usize;
+                take(Data::Element(&bytes[from..from + size]));
+            }
+            at += count;
+        }
+        Ok(())
+    }
+
+    /// Whether `end` bytes lie in a view, and the view in its buffer.
+    fn check_view(&mut self, view: usize, end: u64) -> Result<(), String> {
+        let Some(desc) = item(&self.document.buffer_views, view) else {
+            return Err(format!("there is no buffer view {view}"));
+        };
+        if let Some(name) = desc.extensions.keys().find(|k| k.contains("meshopt_compression")) {
+            return Err(format!("buffer view {view} is compressed with {name}, which is not supported"));
+        }
+        if end > desc.byte_length {
+            return Err(format!(
+                "buffer view {view} has {} bytes of the {end} that are needed",
+                desc.byte_length
+            ));
+        }
+        // One byte, at the end: tells whether the buffer has all of them.
+        let last = desc.byte_offset.checked_add(end).and_then(|e| e.checked_sub(1));
+        let last = last.ok_or("sizes beyond all memory")?;
+        self.buffers.read(self.document, desc.buffer, last, 1).map(drop)
+    }
+
+    fn view_bytes(&mut self, view: usize, offset: u64, length: usize) -> Result<Vec<u8>, String> {
+        let Some(desc) = item(&self.document.buffer_views, view) else {
+            return Err(format!("there is no buffer view {view}"));
+        };
+        let at = desc.byte_offset.checked_add(offset).ok_or("sizes beyond all memory")?;
+        self.buffers.read(self.document, desc.buffer, at, length)
+    }
+
+    /// Passes the elements that replace others inside of `range`.
+    fn sparse(
+        &mut self,
+        sparse: &super::document::Sparse,
+        count: u64,
+        range: Range<u64>,
+        size: usize,
+        mut replace: impl FnMut(u64, &[u8]),
+    ) -> Result<(), String> {
+        let component = Component::of(sparse.indices.component_type)?;
+        if !matches!(component, Component::U8 | Component::U16 | Component::U32) {
+            return Err("sparse indices that are none".into());
+        }
+        if sparse.count > count {
+            return Err(format!("{} sparse elements of {count}", sparse.count));
+        }
+        if sparse.count == 0 {
+            return Ok(());
+        }
+        let length = |size: usize, offset: u64| {
+            let bytes = sparse.count.checked_mul(size as u64)?;
+            Some((bytes, bytes.checked_add(offset)?))
+        };
+        let (index_bytes, index_end) =
+            length(component.size(), sparse.indices.byte_offset).ok_or("sizes beyond all memory")?;
+        let (value_bytes, value_end) =
+            length(size, sparse.values.byte_offset).ok_or("sizes beyond all memory")?;
+        self.check_view(sparse.indices.buffer_view, index_end)?;
+        self.check_view(sparse.values.buffer_view, value_end)?;
+        let indices =
+            self.view_bytes(sparse.indices.buffer_view, sparse.indices.byte_offset, index_bytes as usize)?;
+        let values =
+            self.view_bytes(sparse.values.buffer_view, sparse.values.byte_offset, value_bytes as usize)?;
+        for (index, value) in indices.chunks_exact(component.size()).zip(values.chunks_exact(size)) {
+            let index = u64::from(component.index(index));
+            if index >= count {
+                return Err(format!("sparse index {index} of {count}"));
+            }
+            if range.contains(&index) {
+                replace(index, value);
+            }
+        }
+        Ok(())
+    }
+}

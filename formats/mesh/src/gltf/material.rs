@@ -1,0 +1,224 @@
+//! Materials, as attributes and the shader `gltfsurface`.
+
+use super::buffers::path_of_uri;
+use super::document::{Document, Items, Material, Sampler, TextureRef, TextureTransform, item};
+use crate::emit::{self, Emit, color, float, int, is_screen_picture, string};
+use crate::faults::Faults;
+use granita_base::{Param, Params};
+use granita_scene::{Call, Stop};
+use serde_json::Value;
+use std::path::PathBuf;
+
+/// What a material needs of the mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Look {
+    /// Set of texture coordinates, if a texture wants them.
+    pub(super) texcoord: Option<u32>,
+    /// What is done to them.
+    pub(super) transform: TextureTransform,
+    /// Scales the colours of vertices.
+    pub(super) base: [f32; 4],
+    /// Whether alpha counts.
+    pub(super) blends: bool,
+}
+
+/// Without a material.
+pub(super) const PLAIN: Look = Look {
+    texcoord: Some(0),
+    transform: TextureTransform { offset: [0.0; 2], rotation: 0.0, scale: [1.0; 2], tex_coord: None },
+    base: [1.0; 4],
+    blends: false,
+};
+
+/// Materials of a document, on their way to calls.
+pub(super) struct Materials<'a> {
+    pub(super) document: &'a Document,
+    pub(super) folder: Option<PathBuf>,
+}
+
+impl Materials<'_> {
+    /// What material `index` needs of a mesh.
+    pub(super) fn look(&self, index: Option<usize>) -> Look {
+        let Some(material) = index.and_then(|i| item(&self.document.materials, i)) else { return PLAIN };
+        let texture = first_texture(material);
+        let transform = texture.map(transform).unwrap_or(PLAIN.transform);
+        Look {
+            texcoord: texture.map(|t| transform.tex_coord.unwrap_or(t.tex_coord)).or(PLAIN.texcoord),
+            transform,
+            base: material.pbr_metallic_roughness.base_color_factor,
+            blends: matches!(material.alpha_mode.as_str(), "MASK" | "BLEND"),
+        }
+    }
+
+    /// Makes material `index` that of what follows.
+    pub(super) fn emit(
+        &self,
+        index: usize,
+        emit: &mut Emit<'_>,
+        faults: &mut Faults<'_>,
+    ) -> Result<(), Stop> {
+        let Some(m) = item(&self.document.materials, index) else {
+            faults.error("material", 0, || {
+                format!("there is no material {index}: the current attributes are used")
+            });
+            return Ok(());
+        };
+        let pbr = &m.pbr_metallic_roughness;
+        let finite = |x: f32, instead: f32| if x.is_finite() { x } else { instead };
+        let [r, g, b, a] = pbr.base_color_factor.map(|x| finite(x, 1.0));
+        let (mode, alpha) = match m.alpha_mode.as_str() {
+            "" | "OPAQUE" => ("opaque", 1.0),
+            "MASK" => ("mask", a),
+            "BLEND" => ("blend", a),
+            other => {
+                faults
+                    .warning("alpha mode", 0, || format!("material {index}: unknown alpha mode \"{other}\""));
+                ("opaque", 1.0)
+            }
+        };
+        emit.attribute(color("C", [r, g, b]), 0)?;
+        emit.attribute(color("opacity", [alpha; 3]), 0)?;
+        emit.attribute(int("twosided", i32::from(m.double_sided)), 0)?;
+        let strength =
+            m.extensions.get("KHR_materials_emissive_strength").and_then(|e| e.get("emissiveStrength"));
+        let strength = strength.and_then(Value::as_f64).unwrap_or(1.0) as f32;
+        let mut params = vec![
+            float("metallic", finite(pbr.metallic_factor, 1.0).clamp(0.0, 1.0)),
+            float("roughness", finite(pbr.roughness_factor, 1.0).clamp(0.0, 1.0)),
+        ];
+        let emission = m.emissive_factor.map(|x| finite(x * strength, 0.0));
+        if emission != [0.0; 3] {
+            params.push(color("emission", emission));
+        }
+        if mode != "opaque" {
+            params.push(string("alphamode", mode));
+        }
+        if mode == "mask" {
+            params.push(float("alphacutoff", finite(m.alpha_cutoff.unwrap_or(0.5), 0.5)));
+        }
+        if m.extensions.contains_key("KHR_materials_unlit") {
+            params.push(float("unlit", 1.0));
+        }
+        self.textures(index, m, &mut params, faults);
+        let shader = Call::Shader {
+            usage: "surface".into(),
+            name: Some("gltfsurface".into()),
+            layer: None,
+            params: Params(params),
+        };
+        emit.call(shader, 0)
+    }
+
+    fn textures(&self, index: usize, m: &Material, params: &mut Vec<Param>, faults: &mut Faults<'_>) {
+        if m.normal_texture.is_some() {
+            faults.warning("normal map", 0, || {
+                format!("material {index}: normal maps are not supported: left out")
+            });
+        }
+        let pbr = &m.pbr_metallic_roughness;
+        let first = first_texture(m);
+        let all = [
+            (&pbr.base_color_texture, "texturename"),
+            (&m.emissive_texture, "emissionname"),
+            (&pbr.metallic_roughness_texture, "metalroughname"),
+        ];
+        let mut wraps = None;
+        for (texture, param) in all {
+            let Some(texture) = texture else { continue };
+            let agrees =
+                first.is_some_and(|f| (transform(f), f.tex_coord) == (transform(texture), texture.tex_coord));
+            if !agrees {
+                faults.warning("texture coordinates", 0, || {
+                    format!("material {index}: textures with different coordinates are not supported: one is left out")
+                });
+                continue;
+            }
+            let Some((path, sampler)) = self.picture(texture, index, faults) else { continue };
+            if param == "texturename" && is_screen_picture(&path) {
+                params.push(float("texturesrgb", 1.0));
+            }
+            if param == "emissionname" && is_screen_picture(&path) {
+                params.push(float("emissionsrgb", 1.0));
+            }
+            params.push(string(param, &path));
+            wraps.get_or_insert((sampler.wrap_s, sampler.wrap_t));
+        }
+        if let Some((s, t)) = wraps {
+            for (name, wrap) in [("swrap", s), ("twrap", t)] {
+                match wrap {
+                    33071 => params.push(string(name, "clamp")),
+                    33648 => params.push(string(name, "mirror")),
+                    _ => {}
+                }
+            }
+        }
+    }
+
+    /// File and sampler of a texture.
+    fn picture(
+        &self,
+        texture: &TextureRef,
+        material: usize,
+        faults: &mut Faults<'_>,
+    ) -> Option<(String, Sampler)> {
+        let document = self.document;
+        let source = item(&document.textures, texture.index);
+        let image = source.and_then(|t| item(&document.images, t.source?));
+        let (Some(source), Some(image)) = (source, image) else {
+            faults.error("texture", 0, || {
+                let number = texture.index;
+                format!("material {material}: texture {number} has no picture that can be read: left out")
+            });
+            return None;
+        };
+        let sampler = source.sampler.and_then(|s| copy(&document.samplers, s)).unwrap_or_default();
+        match &image.uri {
+            Some(uri) if !uri.starts_with("data:") => match path_of_uri(uri, self.folder.as_ref()) {
+                Ok(path) => Some((emit::texture_path(&path), sampler)),
+                Err(why) => {
+                    faults
+                        .error("picture", 0, || format!("material {material}: the picture {why}: left out"));
+                    None
+                }
+            },
+            _ => {
+                faults.warning("embedded", 0, || {
+                    format!(
+                        "material {material}: its picture is embedded in the file, and textures are read from files of \
+                         their own: left out; save the file with separate pictures (\"glTF separate\")"
+                    )
+                });
+                None
+            }
+        }
+    }
+}
+
+fn copy(samplers: &Items<Sampler>, index: usize) -> Option<Sampler> {
+    item(samplers, index).map(|s| Sampler { wrap_s: s.wrap_s, wrap_t: s.wrap_t })
+}
+
+/// The texture whose coordinates count.
+fn first_texture(m: &Material) -> Option<&TextureRef> {
+    let pbr = &m.pbr_metallic_roughness;
+    let all = [&pbr.base_color_texture, &m.emissive_texture, &pbr.metallic_roughness_texture];
+    all.into_iter().find_map(|t| t.as_ref())
+}
+
+fn transform(texture: &TextureRef) -> TextureTransform {
+    let value = texture.extensions.get("KHR_texture_transform");
+    let read = value.and_then(|v| serde_json::from_value::<TextureTransform>(v.clone()).ok());
+    read.unwrap_or(PLAIN.transform)
+}
+
+impl TextureTransform {
+    /// Coordinates as the extension changes them: scaled, turned, moved.
+    pub(super) fn apply(&self, [u, v]: [f32; 2]) -> [f32; 2] {
+        if *self == PLAIN.transform {
+            return [u, v];
+        }
+        let (sin, cos) = self.rotation.sin_cos();
+        let (u, v) = (u * self.scale[0], v * self.scale[1]);
+        [u * cos + v * sin + self.offset[0], v * cos - u * sin + self.offset[1]]
+    }
+}

@@ -1,0 +1,293 @@
+//! Primitives of meshes, as shapes with their parameters.
+
+use super::accessor::Reader;
+use super::document::Primitive;
+use super::material::Look;
+use crate::emit::{floats, lines, points, positions};
+use crate::faults::Faults;
+use granita_base::{BaseType, Interp, Param, Params, ShapeDesc};
+
+/// A shape, and the material that it has.
+#[derive(Clone, Debug)]
+pub(super) struct Built {
+    pub(super) shape: ShapeDesc,
+    pub(super) params: Params,
+    pub(super) material: Option<usize>,
+}
+
+/// A primitive, and what messages call it.
+pub(super) struct Source<'a> {
+    pub(super) primitive: &'a Primitive,
+    pub(super) look: Look,
+    pub(super) what: String,
+}
+
+impl Source<'_> {
+    /// The shape; `None` when there is nothing to draw. Triangles with mistakes are left out.
+    ///
+    /// # Errors
+    /// In words, when the primitive cannot be read at all.
+    pub(super) fn build(
+        &self,
+        reader: &mut Reader<'_>,
+        faults: &mut Faults<'_>,
+    ) -> Result<Option<Built>, String> {
+        let primitive = self.primitive;
+        let position = *primitive.attributes.get("POSITION").ok_or("it has no POSITION")?;
+        self.check_compression(reader, position)?;
+        let count = reader.count(position)?;
+        let indices = match primitive.indices {
+            Some(index) => Some(reader.indices(index)?),
+            None => None,
+        };
+        // Only the vertices between the first and the last one that is used are read: many primitives may share one array.
+        if count > u64::from(u32::MAX) {
+            return Err(format!("{count} vertices are more than indices can name"));
+        }
+        let range = match &indices {
+            None => 0..count,
+            Some(indices) => {
+                let good = || indices.iter().map(|i| u64::from(*i)).filter(|i| *i < count);
+                match (good().min(), good().max()) {
+                    (Some(min), Some(max)) => min..max + 1,
+                    _ => {
+                        if !indices.is_empty() {
+                            self.bad_index(count, faults);
+                        }
+                        return Ok(None);
+                    }
+                }
+            }
+        };
+        let (p, _) = reader.floats(position, &[3], range.clone())?;
+        let usable = |i: u64| {
+            let at = (i - range.start) as usize * 3;
+            p[at..at + 3].iter().all(|x| x.is_finite())
+        };
+        let good = |i: &u32| range.contains(&u64::from(*i)) && usable(u64::from(*i));
+        let sequence = indices.unwrap_or_else(|| (0..count as u32).collect());
+        let elements = elements(primitive.mode.unwrap_or(4), sequence)?;
+        let (verts, dropped) = elements.keep(good);
+        if dropped {
+            self.bad_index(count, faults);
+        }
+        if verts.is_empty() {
+            return Ok(None);
+        }
+        let (used, local) = renumber(&verts, &range);
+        let columns = self.columns(reader, &range, &used, faults);
+        let p = pick(&p, 3, &used);
+        let (shape, mut params) = match elements.kind {
+            ElementKind::Triangles => {
+                let nverts = vec![3; local.len() / 3];
+                let verts: Vec<i32> = local.iter().map(|i| *i as i32).collect();
+                let shape = ShapeDesc::Mesh { subdivide: false, nverts: nverts.into(), verts: verts.into() };
+                (shape, Params(vec![positions(p)]))
+            }
+            ElementKind::Lines(nverts) => {
+                let (shape, params) = lines(pick(&p, 3, &local), nverts);
+                let columns = columns.into_iter().map(|(name, base, width, values)| {
+                    floats(name, base, Interp::Vertex, pick(&values, width, &local))
+                });
+                // Normals would make ribbons of them.
+                let params = params.0.into_iter().chain(columns.filter(|p| &*p.name != "N")).collect();
+                return Ok(Some(Built { shape, params, material: primitive.material }));
+            }
+            ElementKind::Points => points(p),
+        };
+        params.0.extend(columns.into_iter().map(column));
+        Ok(Some(Built { shape, params, material: primitive.material }))
+    }
+
+    fn check_compression(&self, reader: &Reader<'_>, position: usize) -> Result<(), String> {
+        let compressed = self.primitive.extensions.keys().find(|k| k.contains("compression"));
+        let Some(name) = compressed else { return Ok(()) };
+        // Files may carry the plain data too.
+        let plain = super::document::item(&reader.document.accessors, position)
+            .is_some_and(|a| a.buffer_view.is_some());
+        if plain {
+            return Ok(());
+        }
+        Err(format!(
+            "its geometry is compressed with {name}, which is not supported; save the file without compression"
+        ))
+    }
+
+    fn bad_index(&self, count: u64, faults: &mut Faults<'_>) {
+        faults.error("index", 0, || {
+            format!("{}: elements that refer to vertices that do not exist (of {count}), or are not finite: left out", self.what)
+        });
+    }
+
+    /// Everything but positions: name, type, numbers per vertex, values of the used vertices.
+    fn columns(
+        &self,
+        reader: &mut Reader<'_>,
+        range: &std::ops::Range<u64>,
+        used: &[u32],
+        faults: &mut Faults<'_>,
+    ) -> Vec<Column> {
+        let mut columns = Vec::new();
+        let mut read = |name: &str, widths: &[usize]| {
+            let index = *self.primitive.attributes.get(name)?;
+            match reader.floats(index, widths, range.clone()) {
+                Ok((values, n)) => Some((pick(&values, n, used), n)),
+                Err(why) => {
+                    faults.error("attribute", 0, || format!("{}: {name}: {why}: left out", self.what));
+                    None
+                }
+            }
+        };
+        if let Some((n, _)) = read("NORMAL", &[3]) {
+            let usable = |n: &[f32]| n.iter().all(|x| x.is_finite()) && n.iter().any(|x| *x != 0.0);
+            if n.chunks_exact(3).all(usable) {
+                columns.push(("N", BaseType::Normal, 3, n));
+            }
+        }
+        let texcoord = self.look.texcoord.and_then(|set| read(&format!("TEXCOORD_{set}"), &[2]));
+        if let Some((uv, _)) = texcoord {
+            let st = uv.chunks_exact(2).map(|uv| self.look.transform.apply([uv[0], uv[1]]));
+            let st = st.map(|st| st.map(|x| if x.is_finite() { x } else { 0.0 }));
+            let (s, t) = st.map(|[s, t]| (s, t)).unzip();
+            columns.push(("s", BaseType::Float, 1, s));
+            columns.push(("t", BaseType::Float, 1, t));
+        }
+        if let Some((c, n)) = read("COLOR_0", &[3, 4]) {
+            let scaled =
+                |x: f32, k: usize| if x.is_finite() { x * self.look.base[k] } else { self.look.base[k] };
+            let rgb =
+                c.chunks_exact(n).flat_map(|c| [scaled(c[0], 0), scaled(c[1], 1), scaled(c[2], 2)]).collect();
+            columns.push(("C", BaseType::Color, 3, rgb));
+            if n == 4 && self.look.blends {
+                let alpha = c.chunks_exact(4).flat_map(|c| [scaled(c[3], 3); 3]).collect();
+                columns.push(("opacity", BaseType::Color, 3, alpha));
+            }
+        }
+        columns
+    }
+}
+
+type Column = (&'static str, BaseType, usize, Vec<f32>);
+
+fn column((name, base, _, values): Column) -> Param {
+    floats(name, base, Interp::Vertex, values)
+}
+
+/// Items `which` of a list with `n` numbers each.
+fn pick(values: &[f32], n: usize, which: &[u32]) -> Vec<f32> {
+    which.iter().flat_map(|i| &values[*i as usize * n..(*i as usize + 1) * n]).copied().collect()
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum ElementKind {
+    Triangles,
+    /// With so many vertices each.
+    Lines(usize),
+    Points,
+}
+
+/// Vertices of elements of one size, one behind the other.
+struct Elements {
+    kind: ElementKind,
+    verts: Vec<u32>,
+}
+
+impl Elements {
+    /// The vertices of elements that have only good ones, and whether there were others.
+    fn keep(&self, good: impl Fn(&u32) -> bool) -> (Vec<u32>, bool) {
+        let n = match self.kind {
+            ElementKind::Triangles => 3,
+            ElementKind::Lines(n) => n,
+            ElementKind::Points => 1,
+        };
+        let mut kept = Vec::with_capacity(self.verts.len());
+        for element in self.verts.chunks_exact(n) {
+            if element.iter().all(&good) {
+                kept.extend_from_slice(element);
+            }
+        }
+        let dropped = kept.len() < self.verts.len();
+        (kept, dropped)
+    }
+}
+
+/// What a mode of OpenGL makes of a sequence of vertices. What is left over at the end is no element.
+fn elements(mode: u32, mut v: Vec<u32>) -> Result<Elements, String> {
+    let whole = |mut v: Vec<u32>, n: usize| {
+        v.truncate(v.len() / n * n);
+        v
+    };
+    let (kind, verts) = match mode {
+        0 => (ElementKind::Points, v),
+        1 => (ElementKind::Lines(2), whole(v, 2)),
+        2 | 3 => {
+            if mode == 2 {
+                v.extend(v.first().copied());
+            }
+            // One curve; with fewer than two vertices, none.
+            if v.len() < 2 {
+                v.clear();
+            }
+            (ElementKind::Lines(v.len().max(2)), v)
+        }
+        4 => (ElementKind::Triangles, whole(v, 3)),
+        5 => {
+            let strip = v.windows(3).enumerate();
+            let turned =
+                strip.flat_map(|(i, w)| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] });
+            (ElementKind::Triangles, turned.collect())
+        }
+        6 => {
+            let first = v.first().copied().unwrap_or(0);
+            let fan = v.get(1..).unwrap_or_default().windows(2).flat_map(|w| [w[0], w[1], first]);
+            (ElementKind::Triangles, fan.collect())
+        }
+        _ => return Err(format!("unknown mode {mode}")),
+    };
+    Ok(Elements { kind, verts })
+}
+
+/// The vertices that are used, counted from the beginning of the range, in the order of the file; and `verts` by their
+/// positions among them.
+fn renumber(verts: &[u32], range: &std::ops::Range<u64>) -> (Vec<u32>, Vec<u32>) {
+    let mut local = vec![u32::MAX; (range.end - range.start) as usize];
+    for v in verts {
+        local[(u64::from(*v) - range.start) as usize] = 0;
+    }
+    let mut used = Vec::new();
+    for (i, slot) in local.iter_mut().enumerate() {
+        if *slot == 0 {
+            *slot = used.len() as u32;
+            used.push(i as u32);
+        }
+    }
+    let verts = verts.iter().map(|v| local[(u64::from(*v) - range.start) as usize]).collect();
+    (used, verts)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn modes() {
+        let verts = |mode, n: u32| elements(mode, (0..n).collect()).unwrap().verts;
+        assert_eq!(verts(4, 7), [0, 1, 2, 3, 4, 5]);
+        assert_eq!(verts(5, 5), [0, 1, 2, 1, 3, 2, 2, 3, 4]);
+        assert_eq!(verts(6, 5), [1, 2, 0, 2, 3, 0, 3, 4, 0]);
+        assert_eq!(verts(1, 5), [0, 1, 2, 3]);
+        assert_eq!(verts(2, 3), [0, 1, 2, 0]);
+        assert_eq!(elements(3, vec![0, 1, 2]).unwrap().kind, ElementKind::Lines(3));
+        for mode in 0..7 {
+            for n in 0..if mode == 0 { 1 } else { 2 } {
+                assert!(mode == 2 && n == 1 || verts(mode, n).is_empty(), "{mode} {n}");
+            }
+        }
+        assert!(elements(7, vec![0, 1, 2]).is_err());
+    }
+
+    #[test]
+    fn vertices_that_are_not_used_are_left_out() {
+        assert_eq!(renumber(&[7, 5, 9, 5, 7, 9], &(5..10)), (vec![0, 2, 4], vec![1, 0, 2, 0, 1, 2]));
+    }
+}
