@@ -43,7 +43,7 @@ mod text;
 #[cfg(test)]
 mod trial;
 
-pub use gltf::Gltf;
+pub use gltf::{Glb, Gltf};
 pub use obj::Obj;
 pub use ply::Ply;
 
@@ -52,5 +52,5 @@ use std::sync::Arc;
 
 /// The generators of this crate.
 pub fn generators() -> Vec<Arc<dyn Generator>> {
-    vec![Arc::new(Obj), Arc::new(Ply), Arc::new(Gltf)]
+    vec![Arc::new(Obj), Arc::new(Ply), Arc::new(Gltf), Arc::new(Glb)]
 }

@@ -45,9 +45,36 @@ const EXTENSIONS: [&str; 9] = [
     "KHR_xmp_json_ld",
 ];
 
-/// Reads `.gltf` and `.glb` files.
+/// Reads `.gltf` files, and binary ones under any name.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Gltf;
+
+/// [`Gltf`] under the name of its binary files: a file's ending is the name of its generator (reference 2.9).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Glb;
+
+impl Generator for Glb {
+    fn name(&self) -> &'static str {
+        "glb"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["glb"]
+    }
+
+    fn bound(&self, source: &GeneratorSource) -> Option<[f32; 6]> {
+        Gltf.bound(source)
+    }
+
+    fn run(
+        &self,
+        source: &GeneratorSource,
+        sink: &mut dyn SceneSink,
+        reporter: &Reporter,
+    ) -> Result<(), GeneratorError> {
+        Gltf.run(source, sink, reporter)
+    }
+}
 
 impl Generator for Gltf {
     fn name(&self) -> &'static str {
@@ -55,7 +82,7 @@ impl Generator for Gltf {
     }
 
     fn extensions(&self) -> &'static [&'static str] {
-        &["gltf", "glb"]
+        &["gltf"]
     }
 
     fn bound(&self, source: &GeneratorSource) -> Option<[f32; 6]> {

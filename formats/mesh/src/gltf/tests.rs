@@ -1,3 +1,5 @@
+//! The glTF reader against small files made on the spot.
+
 use super::Gltf;
 use crate::trial::{Trial, bytes, flat, run, run_in, run_source};
 use base64::Engine;

@@ -1,3 +1,5 @@
+//! The OBJ reader against small files written by hand.
+
 use super::Obj;
 use crate::trial::{flat, run, run_source};
 use granita_scene::GeneratorSource;

@@ -1,3 +1,5 @@
+//! The PLY reader against small files written by hand.
+
 use super::Ply;
 use crate::trial::{flat, run};
 
