@@ -474,7 +474,7 @@ fn motion_blocks_of_transformations() {
             vec![Call::Translate([0.0; 3]), Call::Scale([1.0; 3])],
             "Scale in a Motion block that began with Translate",
         ),
-        (vec![Call::Translate([0.0; 3]), Call::PushAttributes], "Motion with 2 times, but 1 calls follow"),
+        (vec![Call::Translate([0.0; 3]), Call::PushAttributes], "Motion with 2 times, but 1 call follows"),
         (
             vec![Call::Translate([0.0; 3]), sphere()],
             "Sphere in a Motion block: a primitive follows transformations",
@@ -490,6 +490,55 @@ fn motion_blocks_of_transformations() {
         run.state.end();
         assert!(run.messages().iter().any(|m| m.contains(expected)), "{expected}: {:?}", run.messages());
     }
+}
+
+#[test]
+fn motion_of_every_kind_and_several_segments() {
+    let shift = |x: f32| {
+        let mut m = Box::new([0.0; 16]);
+        (0..4).for_each(|i| m[5 * i] = 1.0);
+        m[12] = x;
+        m
+    };
+    let set = |x: f32| Call::SetTransform(TransformTarget::Matrix(shift(x)));
+    let append = |x: f32| Call::AppendTransform(shift(x));
+    // Times may lie anywhere; the shutter does not limit them. After 4 nothing moves.
+    for (three, at) in [
+        ([set(0.0), set(2.0), set(3.0)], [0.0, 1.0, 2.0, 2.5, 3.0]),
+        ([append(0.0), append(2.0), append(3.0)], [10.0, 11.0, 12.0, 12.5, 13.0]),
+    ] {
+        let mut run = Run::new();
+        run.calls([Call::World, Call::Translate([10.0, 0.0, 0.0]), Call::Motion([0.0, 2.0, 4.0].into())]);
+        run.calls(three).calls([sphere()]);
+        let scene = run.scene();
+        let m = &scene.primitives[0].attributes.to_world;
+        let x = [-1.0, 1.0, 2.0, 3.0, 9.0].map(|t| m.at(t).point(Vec3::ZERO).x);
+        assert_eq!(x, at);
+        assert!(run.messages().is_empty());
+    }
+    // Two blocks with different times on one object, and a camera that moves.
+    let mut run = Run::new();
+    run.calls([
+        Call::Motion([0.0, 1.0].into()),
+        Call::Scale([1.0; 3]),
+        Call::Scale([2.0; 3]),
+        camera("main"),
+        Call::World,
+        Call::Motion([0.0, 1.0].into()),
+        Call::Translate([0.0; 3]),
+        Call::Translate([4.0, 0.0, 0.0]),
+        Call::Motion([0.5, 1.5].into()),
+        Call::Rotate { angle_deg: 0.0, axis: [0.0, 0.0, 1.0] },
+        Call::Rotate { angle_deg: 90.0, axis: [0.0, 0.0, 1.0] },
+        sphere(),
+    ]);
+    let scene = run.scene();
+    let m = &scene.primitives[0].attributes.to_world;
+    assert_eq!(m.at(0.5).point(Vec3::X), Vec3::new(3.0, 0.0, 0.0));
+    assert!((m.at(1.5).point(Vec3::X) - Vec3::new(4.0, 1.0, 0.0)).length() < 1e-6);
+    let camera = &scene.cameras[0].world_to_camera;
+    assert_eq!(camera.at(1.0).point(Vec3::X).x, 0.5);
+    assert!(run.messages().is_empty(), "{:?}", run.messages());
 }
 
 #[test]
@@ -590,6 +639,125 @@ fn saving_and_restoring() {
     let told = run.messages();
     assert!(told[0].contains("\"opacty\"; did you mean \"opacity\"?"), "{told:?}");
     assert!(told[1].contains("\"opacity\" was not saved as part of \"x\""), "{told:?}");
+}
+
+#[test]
+fn parts_of_the_state_are_saved_apart() {
+    let trim = || TrimDesc {
+        ncurves: [1].into(),
+        n: [4].into(),
+        order: [2].into(),
+        knots: [0.0, 0.0, 1.0, 2.0, 3.0, 3.0].into(),
+        min: [0.0].into(),
+        max: [3.0].into(),
+        uvw: [0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0].into(),
+    };
+    let all = [
+        "transform",
+        "surface",
+        "displacement",
+        "volume",
+        "lights",
+        "trimcurve",
+        "user:x",
+        "name",
+        "geometryset",
+    ];
+    let of = |set: &granita_scene::AttributeSet| {
+        [
+            set.to_world.first().point(Vec3::ZERO).x == 1.0,
+            set.surface.is_some(),
+            set.displacement.is_some(),
+            set.volume.is_some(),
+            set.lights.len() == 1,
+            set.trim.is_some(),
+            set.float("user:x") == 2.0,
+            &*set.name() == "thing",
+            set.geometry_sets.len() == 2,
+        ]
+    };
+    let groups = [("shaders", &all[1..4]), ("user", &all[6..7])];
+    let cases = all.iter().map(|item| (*item, std::slice::from_ref(item))).chain(groups);
+    for (item, parts) in cases {
+        let mut run = Run::new();
+        run.calls([
+            Call::World,
+            light("key", Some("pointlight")),
+            Call::LightSwitch { id: "key".into(), on: false },
+            Call::PushAttributes,
+            Call::Translate([1.0, 0.0, 0.0]),
+            shader("surface", "a", None),
+            shader("displacement", "b", None),
+            shader("atmosphere", "c", None),
+            Call::LightSwitch { id: "key".into(), on: true },
+            Call::TrimCurve(Some(Box::new(trim()))),
+            attr("float user:x", 2.0),
+            name("thing"),
+            attr("string geometryset", "+mirror"),
+            Call::SaveAttributes { name: "part".into(), attributes: Some(item.into()) },
+            Call::SaveAttributes { name: "whole".into(), attributes: None },
+            Call::PopAttributes,
+        ]);
+        for restore in [("part", None), ("part", Some(item)), ("whole", Some(item))] {
+            let (saved, attributes) = (restore.0.into(), restore.1.map(Into::into));
+            run.calls([
+                Call::PushAttributes,
+                Call::RestoreAttributes { name: saved, attributes },
+                sphere(),
+                Call::PopAttributes,
+            ]);
+        }
+        let scene = run.scene();
+        assert!(run.messages().is_empty(), "{:?}", run.messages());
+        for primitive in &scene.primitives {
+            let expected = all.map(|part| parts.contains(&part));
+            assert_eq!(of(&primitive.attributes), expected, "{item}");
+        }
+    }
+}
+
+#[test]
+fn modify_everything_and_what_comes_later() {
+    let mut run = Run::new();
+    let save = |n: &str| Call::SaveAttributes { name: n.into(), attributes: None };
+    run.calls([
+        Call::World,
+        name("a1"),
+        sphere(),
+        save("first"),
+        name("b"),
+        sphere(),
+        Call::PushAttributes,
+        // Without a pattern everything changes, whatever its name, saved states too.
+        Call::Modify { pattern: "".into() },
+        attr("float shadingquality", 0.5),
+        // Another call replaces what is being modified.
+        Call::Modify { pattern: "^a[0-9]\\{1,2\\}$".into() },
+        attr("int twosided", 0),
+        // Attributes of the current state do not change (its name is "b"), nor those of what it makes.
+        sphere(),
+        attr("int holdout", 1),
+        Call::PopAttributes,
+        Call::RestoreAttributes { name: "first".into(), attributes: None },
+        sphere(),
+        // Now the current state and what it makes are called "a1" and change.
+        Call::Modify { pattern: "a1".into() },
+        sphere(),
+        attr("float dice:curvature", 3.0),
+        attr("string name", "renamed"),
+    ]);
+    let scene = run.scene();
+    let state = |i: usize| {
+        let set = &scene.primitives[i].attributes;
+        let numbers = (set.float("shadingquality"), set.int("twosided"), set.int("holdout"));
+        (set.name().to_string(), numbers, set.float("dice:curvature"))
+    };
+    assert_eq!(state(0), ("renamed".into(), (0.5, 0, 1), 3.0));
+    assert_eq!(state(1), ("b".into(), (0.5, 1, 0), 10.0));
+    assert_eq!(state(2), ("b".into(), (0.5, 1, 0), 10.0));
+    assert_eq!(state(3), ("renamed".into(), (0.5, 0, 1), 3.0));
+    assert_eq!(state(4), ("renamed".into(), (0.5, 0, 1), 3.0));
+    assert!(run.messages().is_empty(), "{:?}", run.messages());
 }
 
 #[test]

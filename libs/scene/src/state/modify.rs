@@ -68,6 +68,15 @@ impl State {
         }
     }
 
+    /// An object declared in modify mode goes on being modified if its name matches (reference 2.4).
+    pub(super) fn modify_also(&mut self, set: &Arc<AttributeSet>) {
+        let Some(mode) = &mut self.modify else { return };
+        let known = mode.targets.iter().any(|(old, _)| Arc::ptr_eq(old, set));
+        if !known && mode.pattern.is_match(&set.name()) {
+            mode.targets.push((set.clone(), (**set).clone()));
+        }
+    }
+
     /// Leaves modify mode if it was entered above this height of the stack.
     pub(super) fn leave_modify_above(&mut self, height: usize) {
         if self.modify.as_ref().is_some_and(|m| m.depth > height) {
@@ -123,6 +132,11 @@ fn from_basic(pattern: &str) -> String {
                 match chars.get(i) {
                     Some(&n @ ('(' | '{' | '}' | ')' | '+' | '?' | '|')) => {
                         begins = matches!(n, '(' | '|');
+                        out.push(n);
+                    }
+                    // What a group matched before: no automaton can do that, and the message says so.
+                    Some(&n @ '1'..='9') => {
+                        out.push('\\');
                         out.push(n);
                     }
                     Some(&n) => {
@@ -186,6 +200,11 @@ fn from_basic(pattern: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn back_references_are_refused() {
+        assert!(Regex::new(&from_basic("\\(a\\)\\1")).is_err());
+    }
 
     #[test]
     fn basic_regular_expressions() {

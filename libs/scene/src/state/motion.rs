@@ -138,7 +138,8 @@ impl State {
         };
         if got != block.times.len() {
             let place = if at.is_known() { at } else { &block.at };
-            let text = format!("Motion with {} times, but {got} calls follow", block.times.len());
+            let follow = if got == 1 { "call follows" } else { "calls follow" };
+            let text = format!("Motion with {} times, but {got} {follow}", block.times.len());
             self.report_object(Severity::Error, place, "Motion count", text);
         }
         match block.content {

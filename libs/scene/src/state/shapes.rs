@@ -75,6 +75,7 @@ impl State {
         }
         let camera = self.shading_camera();
         let attributes = self.current.freeze(camera.as_ref());
+        self.modify_also(&attributes);
         self.push_primitive(shape, keys, attributes, at);
     }
 
