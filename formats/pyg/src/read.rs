@@ -144,7 +144,14 @@ pub fn read(
     reporter: &Reporter,
 ) -> Result<(), PygError> {
     let file = source.name();
+    let path = match &source {
+        PygSource::Path(path) => Some(path.clone()),
+        PygSource::Bytes { .. } | PygSource::Stream { .. } => None,
+    };
     let stream = source.open()?;
+    if let Some(path) = path {
+        reporter.file_read(&path);
+    }
     let parser = Parser::new(Bytes::new(stream, options.statement_limit));
     Reader { file, parser, sink, options, reporter, python: None, rebound: false }.run()
 }

@@ -1,11 +1,21 @@
 //! Messages for the user: sorted by severity, placed, and said once per cause.
 //!
-//! Libraries never print. They hand messages to a [`Reporter`]; the tool decides where they go.
+//! Libraries never print. They hand messages to a [`Reporter`]; the tool decides where they go. What is said again is
+//! counted and not shown; [`Reporter::summary`] tells how often. The reporter also hears of every file that was read
+//! ([`Reporter::file_read`]), so that a frame can say what it depends on.
 
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashMap};
 use std::fmt;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Errors and messages are shown.
+pub const VERBOSITY_QUIET: u8 = 0;
+/// Warnings as well.
+pub const VERBOSITY_NORMAL: u8 = 1;
+/// Information as well.
+pub const VERBOSITY_INFO: u8 = 2;
 
 /// How bad it is (reference 2.10).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -20,6 +30,19 @@ pub enum Severity {
     Error,
     /// Nothing useful can come out.
     Severe,
+}
+
+impl Severity {
+    /// The number that stands for it in interfaces of the C++ kind (reference A.3).
+    pub fn code(self) -> i32 {
+        match self {
+            Self::Info => 512,
+            Self::Warning => 1024,
+            Self::Error => 2048,
+            Self::Severe => 4096,
+            Self::Message => 8192,
+        }
+    }
 }
 
 impl fmt::Display for Severity {
@@ -102,9 +125,43 @@ pub struct Reporter(Arc<Inner>);
 
 struct Inner {
     sink: Mutex<Sink>,
+    /// Takes all but [`Severity::Message`] in the place of `sink`.
+    log: Mutex<Option<Sink>>,
     verbosity: AtomicU8,
-    said: Mutex<HashSet<String>>,
+    said: Mutex<Said>,
     counts: [AtomicUsize; 5],
+    files: Mutex<BTreeSet<PathBuf>>,
+}
+
+/// Causes that were said, and how often each came again.
+#[derive(Default)]
+struct Said {
+    index: HashMap<String, usize>,
+    again: Vec<Again>,
+    /// Messages that look the same, among the first [`MANY`].
+    looks: HashMap<String, usize>,
+}
+
+struct Again {
+    severity: Severity,
+    shown: String,
+    times: usize,
+}
+
+/// So many different messages are remembered for comparing; who says more than that says them all.
+const MANY: usize = 10_000;
+/// So many repeated messages are listed in a summary.
+const LISTED: usize = 20;
+
+impl Said {
+    fn new_entry(&mut self, message: &Message) -> usize {
+        self.again.push(Again { severity: message.severity, shown: message.to_string(), times: 0 });
+        self.again.len() - 1
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl fmt::Debug for Reporter {
@@ -118,10 +175,23 @@ impl Reporter {
     pub fn new(sink: Sink) -> Self {
         Self(Arc::new(Inner {
             sink: Mutex::new(sink),
-            verbosity: AtomicU8::new(1),
+            log: Mutex::default(),
+            verbosity: AtomicU8::new(VERBOSITY_NORMAL),
             said: Mutex::default(),
             counts: Default::default(),
+            files: Mutex::default(),
         }))
+    }
+
+    /// Sends messages to `sink` from now on; returns what they went to before.
+    pub fn set_sink(&self, sink: Sink) -> Sink {
+        std::mem::replace(&mut *lock(&self.0.sink), sink)
+    }
+
+    /// Sends everything but [`Severity::Message`] to `log` instead ("error:filename" of reference 4.3.7); `None` ends
+    /// that.
+    pub fn set_log(&self, log: Option<Sink>) {
+        *lock(&self.0.log) = log;
     }
 
     /// Drops all messages, but counts them.
@@ -133,8 +203,7 @@ impl Reporter {
     pub fn collecting() -> (Self, Arc<Mutex<Vec<Message>>>) {
         let kept = Arc::new(Mutex::new(Vec::new()));
         let copy = kept.clone();
-        let reporter =
-            Self::new(Box::new(move |m| copy.lock().unwrap_or_else(PoisonError::into_inner).push(m.clone())));
+        let reporter = Self::new(Box::new(move |m| lock(&copy).push(m.clone())));
         (reporter, kept)
     }
 
@@ -158,26 +227,101 @@ impl Reporter {
         self.0.counts[severity as usize].load(Ordering::Relaxed)
     }
 
-    /// Passes a message on, if the verbosity lets it through.
+    /// Passes a message on, if the verbosity lets it through. A warning or an error that was said before in the same
+    /// words about the same place is only counted.
     pub fn say(&self, severity: Severity, at: &Location, text: impl Into<String>) {
-        self.0.counts[severity as usize].fetch_add(1, Ordering::Relaxed);
-        let shown = match severity {
-            Severity::Message | Severity::Error | Severity::Severe => true,
-            Severity::Warning => self.verbosity() >= 1,
-            Severity::Info => self.verbosity() >= 2,
+        let message = Message { severity, at: at.clone(), text: text.into() };
+        if severity >= Severity::Warning {
+            let look = message.to_string();
+            let mut said = lock(&self.0.said);
+            if let Some(&entry) = said.looks.get(&look) {
+                said.again[entry].times += 1;
+                return;
+            }
+            if said.looks.len() < MANY {
+                let entry = said.new_entry(&message);
+                said.looks.insert(look, entry);
+            }
+        }
+        self.pass(&message);
+    }
+
+    /// As [`Reporter::say`], but only the first time for this `cause`, however the words differ.
+    pub fn once(&self, cause: &str, severity: Severity, at: &Location, text: impl Into<String>) {
+        let message = Message { severity, at: at.clone(), text: text.into() };
+        {
+            let mut said = lock(&self.0.said);
+            if let Some(&entry) = said.index.get(cause) {
+                said.again[entry].times += 1;
+                return;
+            }
+            let entry = said.new_entry(&message);
+            said.index.insert(cause.to_owned(), entry);
+        }
+        self.pass(&message);
+    }
+
+    fn pass(&self, message: &Message) {
+        self.0.counts[message.severity as usize].fetch_add(1, Ordering::Relaxed);
+        let least = match message.severity {
+            Severity::Message | Severity::Error | Severity::Severe => VERBOSITY_QUIET,
+            Severity::Warning => VERBOSITY_NORMAL,
+            Severity::Info => VERBOSITY_INFO,
         };
-        if shown {
-            let message = Message { severity, at: at.clone(), text: text.into() };
-            (self.0.sink.lock().unwrap_or_else(PoisonError::into_inner))(&message);
+        if self.verbosity() >= least {
+            self.show(message);
         }
     }
 
-    /// As [`Reporter::say`], but only the first time for this `cause`.
-    pub fn once(&self, cause: &str, severity: Severity, at: &Location, text: impl Into<String>) {
-        let new = self.0.said.lock().unwrap_or_else(PoisonError::into_inner).insert(cause.to_owned());
-        if new {
-            self.say(severity, at, text);
+    fn show(&self, message: &Message) {
+        if message.severity != Severity::Message
+            && let Some(log) = &*lock(&self.0.log)
+        {
+            return log(message);
         }
+        (lock(&self.0.sink))(message);
+    }
+
+    /// Warnings and errors in numbers, and which of them came again how often; `None` when there was at most one.
+    pub fn summary(&self) -> Option<String> {
+        let (errors, warnings) = (self.errors(), self.count(Severity::Warning));
+        let said = lock(&self.0.said);
+        let repeated: Vec<&Again> =
+            said.again.iter().filter(|a| a.times > 0 && a.severity >= Severity::Warning).collect();
+        if errors + warnings < 2 && repeated.is_empty() {
+            return None;
+        }
+        let number = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+        let mut text = format!("{}, {}", number(errors, "error"), number(warnings, "warning"));
+        for again in repeated.iter().take(LISTED) {
+            text += &format!("\n  {} more: {}", number(again.times, "time"), again.shown);
+        }
+        if repeated.len() > LISTED {
+            text += &format!("\n  and {} that came again", number(repeated.len() - LISTED, "other message"));
+        }
+        Some(text)
+    }
+
+    /// Shows the summary, as information that verbosity 1 lets through.
+    pub fn tell_summary(&self) {
+        if self.verbosity() >= VERBOSITY_NORMAL
+            && let Some(text) = self.summary()
+        {
+            self.show(&Message { severity: Severity::Info, at: Location::default(), text });
+        }
+    }
+
+    /// Notes that a file was read.
+    pub fn file_read(&self, path: &Path) {
+        let mut files = lock(&self.0.files);
+        if !files.contains(path) {
+            files.insert(path.to_owned());
+        }
+    }
+
+    /// All files that were read, sorted.
+    pub fn files_read(&self) -> Vec<PathBuf> {
+        lock(&self.0.files).iter().cloned().collect()
     }
 
     /// An error without a place.
@@ -215,5 +359,67 @@ mod tests {
         let lines: Vec<String> = kept.iter().map(ToString::to_string).collect();
         assert_eq!(lines, ["a.pyg:3: warning: cannot find \"foo\"", "error: shown"]);
         assert_eq!((r.errors(), r.count(Severity::Warning)), (1, 2));
+        let summary = r.summary().unwrap();
+        assert_eq!(summary, "1 error, 2 warnings\n  2 times more: a.pyg:3: warning: cannot find \"foo\"");
+    }
+
+    #[test]
+    fn what_is_said_again_is_counted() {
+        let (r, kept) = Reporter::collecting();
+        assert_eq!(r.summary(), None);
+        r.error("one");
+        assert_eq!(r.summary(), None);
+        for line in [3, 3, 4] {
+            r.say(Severity::Error, &Location::line(&"a.pyg".into(), line), "two");
+            r.say(Severity::Message, &Location::default(), "printed");
+        }
+        let lines: Vec<String> = kept.lock().unwrap().iter().map(ToString::to_string).collect();
+        let printed = || "printed".to_owned();
+        assert_eq!(
+            lines,
+            [
+                "error: one".to_owned(),
+                "a.pyg:3: error: two".into(),
+                printed(),
+                printed(),
+                "a.pyg:4: error: two".into(),
+                printed()
+            ]
+        );
+        assert_eq!(r.summary().unwrap(), "3 errors, 0 warnings\n  1 time more: a.pyg:3: error: two");
+        r.tell_summary();
+        assert!(kept.lock().unwrap().last().unwrap().text.starts_with("3 errors"));
+    }
+
+    #[test]
+    fn handlers_are_exchanged_and_logs_take_all_but_messages() {
+        let (r, kept) = Reporter::collecting();
+        let codes = Arc::new(Mutex::new(Vec::new()));
+        let mine = codes.clone();
+        let first = r.set_sink(Box::new(move |m| mine.lock().unwrap().push(m.severity.code())));
+        r.set_verbosity(VERBOSITY_INFO);
+        r.info("a");
+        r.warning("b");
+        r.error("c");
+        r.say(Severity::Severe, &Location::default(), "d");
+        r.say(Severity::Message, &Location::default(), "e");
+        assert_eq!(*codes.lock().unwrap(), [512, 1024, 2048, 4096, 8192]);
+        drop(r.set_sink(first));
+        let log = codes.clone();
+        r.set_log(Some(Box::new(move |m| log.lock().unwrap().push(-m.severity.code()))));
+        r.error("f");
+        r.say(Severity::Message, &Location::default(), "g");
+        r.set_log(None);
+        r.error("h");
+        assert_eq!(codes.lock().unwrap().last(), Some(&-2048));
+        let texts: Vec<String> = kept.lock().unwrap().iter().map(|m| m.text.clone()).collect();
+        assert_eq!(texts, ["g", "h"]);
+    }
+
+    #[test]
+    fn files_are_listed_once_in_order() {
+        let r = Reporter::silent();
+        ["b.tx", "a.pyg", "b.tx"].iter().for_each(|f| r.file_read(Path::new(f)));
+        assert_eq!(r.files_read(), [PathBuf::from("a.pyg"), PathBuf::from("b.tx")]);
     }
 }

@@ -27,13 +27,20 @@ pub enum Status {
     Failed,
 }
 
+impl Status {
+    /// The exit status of the process.
+    pub fn code(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::WithErrors => 1,
+            Self::Failed => 2,
+        }
+    }
+}
+
 impl From<Status> for ExitCode {
     fn from(status: Status) -> Self {
-        match status {
-            Status::Done => Self::SUCCESS,
-            Status::WithErrors => Self::from(1),
-            Status::Failed => Self::from(2),
-        }
+        Self::from(status.code())
     }
 }
 

@@ -63,8 +63,6 @@ pub struct RenderEnvironment {
     pub threads: usize,
     /// Set by somebody else to make a running frame end early (`Command ("return")`).
     pub stop: Arc<AtomicBool>,
-    /// Least "statistics:level".
-    pub statistics: i32,
     /// Replaces the "crop" of every camera: xmin, xmax, ymin, ymax.
     pub crop: Option<[f32; 4]>,
     /// Scene files as the user named them, for the command line in messages about failed buckets.

@@ -149,7 +149,6 @@ impl Fixture {
             stop: Arc::new(AtomicBool::new(false)),
             scene_files: Vec::new(),
             crop: None,
-            statistics: 0,
         };
         let camera = CameraView::new(&self.scene.cameras[0], &self.reporter);
         (Arc::new(self.scene.clone()), camera, environment)

@@ -54,7 +54,7 @@ pub use camera::{CameraView, Lens, PixelRect, Projection};
 pub use environment::{NoShader, Progress, RenderEnvironment, ShaderLibrary, Silent};
 pub use error::RenderError;
 pub use renderer::{FrameReport, Renderer};
-pub use statistics::Statistics;
+pub use statistics::{ShadingStatistics, Statistics};
 
 /// How a shader's lookups are answered from texture files: for who runs shaders without a frame.
 pub mod lookups {

@@ -5,10 +5,9 @@ use crate::frame::{self, FrameOptions, FrameShader, ObjectTraits};
 use crate::object::{Holdout, ObjectState};
 use crate::output::OutputSet;
 use crate::shading::{ShaderThread, ShadingContext};
-use crate::{CameraView, RenderError, Statistics, hider};
-use granita_base::{Location, Severity};
+use crate::{CameraView, RenderError, ShadingStatistics, Statistics, hider};
 use granita_gsl::ir::ValueType;
-use granita_scene::{InputCounts, Output, Primitive, Scene};
+use granita_scene::{Output, Primitive, Scene};
 use granita_shade::Grid;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -28,6 +27,8 @@ pub struct FrameReport {
     pub complete: bool,
     /// What was done for each camera that has images, by its name.
     pub statistics: Vec<(Arc<str>, Statistics)>,
+    /// What shading looked up and built, for all of them together.
+    pub shading: ShadingStatistics,
 }
 
 impl Renderer {
@@ -94,9 +95,9 @@ impl Renderer {
                     }
                 }
             }
-            self.print_statistics(scene, view, &statistics, &shading.report())?;
             report.statistics.push((view.name.clone(), statistics));
         }
+        report.shading = shading.map(|s| s.statistics()).unwrap_or_default();
         Ok(report)
     }
 
@@ -110,35 +111,6 @@ impl Renderer {
             }
         }
         views
-    }
-
-    /// "statistics:level" and "statistics:filename" (reference 4.3.7).
-    fn print_statistics(
-        &self,
-        scene: &Scene,
-        view: &CameraView,
-        statistics: &Statistics,
-        shading: &str,
-    ) -> Result<(), RenderError> {
-        if scene.int("statistics:level").max(self.environment.statistics) <= 0 {
-            return Ok(());
-        }
-        let mut text = format!("{}\n{shading}", statistics.report(&view.name));
-        if scene.inputs != InputCounts::default() {
-            let InputCounts { read, unread } = scene.inputs;
-            text += &format!("\n  {:<34} {}", "inputs with a bound", read + unread);
-            text += &format!("\n  {:<34} {unread}", "  never read");
-        }
-        let file = scene.string("statistics:filename");
-        if file.is_empty() {
-            self.environment.reporter.say(Severity::Message, &Location::default(), format!("{text}\n"));
-            return Ok(());
-        }
-        let path = PathBuf::from(&*file);
-        let io = |source| RenderError::Io { path: path.clone(), source };
-        let beside = path.with_extension("statistics-being-written");
-        std::fs::write(&beside, format!("{text}\n")).map_err(io)?;
-        std::fs::rename(&beside, &path).map_err(io)
     }
 }
 

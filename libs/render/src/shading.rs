@@ -9,7 +9,7 @@ use crate::object::{Holdout, LinkedShaders, Linker, ObjectState, StateShaders};
 use crate::raytrace::RayWorld;
 use crate::services::Run;
 use crate::spaces::{Spaces, Units};
-use crate::{CameraView, RenderEnvironment, ShaderLibrary};
+use crate::{CameraView, RenderEnvironment, ShaderLibrary, ShadingStatistics};
 use granita_base::{Color, Location, Reporter, Severity, Vec3};
 use granita_gsl::ir::{Global, ValueType};
 use granita_scene::{LightId, Primitive, Scene, ShaderGroup, ShaderUsage};
@@ -147,30 +147,25 @@ impl ShadingContext {
         states.default_surface.get_or_insert_with(|| Arc::new(linker.default_surface())).clone()
     }
 
-    /// What was and what was not built and looked up while the frame was shaded, in lines of text.
-    pub(crate) fn report(&self) -> String {
+    /// What was and what was not built and looked up while the frame was shaded.
+    pub(crate) fn statistics(&self) -> ShadingStatistics {
         let (built, sets) = self.rays.built();
         let count = |n: &AtomicU64| n.load(Ordering::Relaxed);
         let rays = &self.rays.counts;
         let t = self.textures.statistics();
-        let rows = [
-            ("rays", count(&rays.rays).to_string()),
-            ("  shadow rays", count(&rays.shadow_rays).to_string()),
-            ("  hits shaded", count(&rays.shaded).to_string()),
-            ("  structures built", format!("{built} of {sets}")),
-            ("texture files", format!("{} ({} made into MIP maps)", t.files, t.automipmaps)),
-            ("  lookups", t.lookups.to_string()),
-            (
-                "  tiles read",
-                format!(
-                    "{} ({} KB, at most {} KB at once)",
-                    t.tiles_read,
-                    t.tile_bytes / 1024,
-                    t.peak_bytes / 1024
-                ),
-            ),
-        ];
-        rows.iter().map(|(what, value)| format!("  {what:<34} {value}")).collect::<Vec<_>>().join("\n")
+        ShadingStatistics {
+            rays: count(&rays.rays),
+            shadow_rays: count(&rays.shadow_rays),
+            ray_hits_shaded: count(&rays.shaded),
+            ray_structures: sets as u64,
+            ray_structures_built: built as u64,
+            texture_files: t.files,
+            texture_automipmaps: t.automipmaps,
+            texture_lookups: t.lookups,
+            texture_tiles_read: t.tiles_read,
+            texture_bytes_read: t.tile_bytes,
+            texture_bytes_peak: t.peak_bytes,
+        }
     }
 
     /// A warning that is said once per name of a feature.

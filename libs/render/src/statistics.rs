@@ -95,7 +95,104 @@ impl Counters {
     }
 }
 
+/// What shading a frame looked up and built, for all its cameras.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the names say it")]
+pub struct ShadingStatistics {
+    pub rays: u64,
+    /// Of them, rays that only ask whether anything is in the way.
+    pub shadow_rays: u64,
+    pub ray_hits_shaded: u64,
+    /// Geometry sets that rays could have asked for.
+    pub ray_structures: u64,
+    /// Of them, those that were asked for and built.
+    pub ray_structures_built: u64,
+    pub texture_files: u64,
+    /// Files that were no MIP maps.
+    pub texture_automipmaps: u64,
+    pub texture_lookups: u64,
+    pub texture_tiles_read: u64,
+    pub texture_bytes_read: u64,
+    /// Most bytes of tiles held at once.
+    pub texture_bytes_peak: u64,
+}
+
+impl ShadingStatistics {
+    /// All counts by the names of the fields, for machines.
+    pub fn counts(&self) -> [(&'static str, u64); 11] {
+        [
+            ("rays", self.rays),
+            ("shadow_rays", self.shadow_rays),
+            ("ray_hits_shaded", self.ray_hits_shaded),
+            ("ray_structures", self.ray_structures),
+            ("ray_structures_built", self.ray_structures_built),
+            ("texture_files", self.texture_files),
+            ("texture_automipmaps", self.texture_automipmaps),
+            ("texture_lookups", self.texture_lookups),
+            ("texture_tiles_read", self.texture_tiles_read),
+            ("texture_bytes_read", self.texture_bytes_read),
+            ("texture_bytes_peak", self.texture_bytes_peak),
+        ]
+    }
+
+    /// A table for people, without a final line break.
+    pub fn report(&self) -> String {
+        let kb = |bytes: u64| bytes / 1024;
+        let rows = [
+            ("rays", self.rays.to_string()),
+            ("  shadow rays", self.shadow_rays.to_string()),
+            ("  hits shaded", self.ray_hits_shaded.to_string()),
+            ("  structures built", format!("{} of {}", self.ray_structures_built, self.ray_structures)),
+            (
+                "texture files",
+                format!("{} ({} made into MIP maps)", self.texture_files, self.texture_automipmaps),
+            ),
+            ("  lookups", self.texture_lookups.to_string()),
+            (
+                "  tiles read",
+                format!(
+                    "{} ({} KB, at most {} KB at once)",
+                    self.texture_tiles_read,
+                    kb(self.texture_bytes_read),
+                    kb(self.texture_bytes_peak)
+                ),
+            ),
+        ];
+        rows.iter().map(|(what, value)| format!("  {what:<34} {value}")).collect::<Vec<_>>().join("\n")
+    }
+}
+
 impl Statistics {
+    /// All counts by the names of the fields, for machines.
+    pub fn counts(&self) -> [(&'static str, u64); 13] {
+        [
+            ("threads", self.threads as u64),
+            ("buckets", self.buckets),
+            ("samples", self.samples),
+            ("primitives", self.primitives),
+            ("primitives_built", self.primitives_built),
+            ("primitives_off_screen", self.primitives_off_screen),
+            ("primitives_split", self.primitives_split),
+            ("pieces_culled", self.pieces_culled),
+            ("grids", self.grids),
+            ("grids_shaded", self.grids_shaded),
+            ("grids_unshaded", self.grids_unshaded),
+            ("grids_hidden", self.grids_hidden),
+            ("points_shaded", self.points_shaded),
+        ]
+    }
+
+    /// All times by name, in seconds; those of stages are sums over all threads.
+    pub fn seconds(&self) -> [(&'static str, f64); 5] {
+        [
+            ("frame", self.frame_time.as_secs_f64()),
+            ("dice", self.dice_time.as_secs_f64()),
+            ("shade", self.shade_time.as_secs_f64()),
+            ("hide", self.hide_time.as_secs_f64()),
+            ("filter", self.filter_time.as_secs_f64()),
+        ]
+    }
+
     /// A table for people, without a final line break.
     pub fn report(&self, camera: &str) -> String {
         let seconds = |d: Duration| format!("{:.3} s", d.as_secs_f64());

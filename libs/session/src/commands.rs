@@ -2,6 +2,7 @@
 
 use crate::SessionOptions;
 use granita_base::{Location, ParamData, Params, Reporter, Severity};
+use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -29,8 +30,13 @@ pub(crate) fn run(
         // A blocking renderer is never in the middle of a frame when a scene's command comes: there is nothing
         // to wait for, and no bucket whose turn could change.
         "wait" | "bucketpriority" => (),
-        // Only "debug:filesread" would use it, which says itself that it is not supported yet.
-        "fileread" => (),
+        "fileread" => match params.string("name") {
+            Some(name) => context.reporter.file_read(Path::new(&**name)),
+            None => {
+                let text = "Command \"fileread\" needs the parameter \"string name\"";
+                context.reporter.say(Severity::Error, at, text);
+            }
+        },
         _ => return false,
     }
     true

@@ -200,6 +200,7 @@ impl Inputs {
                 _ => granita_pyg::Chunking::Auto,
             },
             safe: self.options.safe,
+            environment: self.options.program_environment.iter().cloned().collect(),
             ..PygOptions::default()
         }
     }
@@ -277,6 +278,9 @@ impl Input {
             return granita_pyg::read(from.pyg(&inputs.options)?, sink, &inputs.pyg_options(), reporter)
                 .map_err(pyg_error);
         };
+        if let From::File(path) = &from {
+            reporter.file_read(path);
+        }
         let (name, source) = (from.name(), from.source());
         let source = match (source, from) {
             (Some(source), _) => source,

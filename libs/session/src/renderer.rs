@@ -2,15 +2,17 @@
 
 use crate::commands::{self, CommandContext};
 use crate::inputs::Inputs;
+use crate::records::{self, FrameRecord};
 use crate::shaders::Shaders;
 use crate::{SessionOptions, outputs};
-use granita_base::{BaseType, Location, Param, ParamType, Params, Reporter, SearchPath, Severity};
+use granita_base::{BaseType, Location, Param, ParamData, ParamType, Params, Reporter, SearchPath, Severity};
 use granita_image::{FormatRegistry, Limits};
 use granita_render::{Progress, RenderEnvironment, RenderError, Renderer};
 use granita_scene::{FoundInput, FrameRenderer, InputPaths, Scene, Stop, UnreadInput};
-use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 
 /// What a session remembers of its frames; clones share it.
 #[derive(Clone, Default)]
@@ -19,10 +21,15 @@ pub(crate) struct Finished(pub(crate) Arc<Record>);
 /// See [`Finished`].
 #[derive(Default)]
 pub(crate) struct Record {
-    /// Some frame lacks pixels or images.
-    pub(crate) incomplete: AtomicBool,
-    /// Files written.
-    pub(crate) images: Mutex<Vec<PathBuf>>,
+    /// All frames, in order.
+    pub(crate) frames: Mutex<Vec<FrameRecord>>,
+}
+
+impl Record {
+    /// All frames, in order.
+    pub(crate) fn frames(&self) -> MutexGuard<'_, Vec<FrameRecord>> {
+        self.frames.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 /// Steps done and to do of the running frame, for "render:progress".
@@ -59,6 +66,10 @@ pub(crate) struct SessionRenderer {
     inputs: Inputs,
     finished: Finished,
     success: bool,
+    /// The file that messages go to, as "error:filename" names it.
+    error_file: Arc<str>,
+    /// Statistics of the frames so far, for "statistics:filename".
+    statistics: String,
 }
 
 impl SessionRenderer {
@@ -81,7 +92,45 @@ impl SessionRenderer {
             reporter,
             finished,
             success: false,
+            error_file: "".into(),
+            statistics: String::new(),
         }
+    }
+
+    /// Writes down what a frame did, as far as the scene and the options ask for it (reference 4.3.7).
+    fn record(&mut self, scene: &Scene, record: FrameRecord) {
+        let level = scene.int("statistics:level").max(self.options.statistics);
+        if level > 0 {
+            let text = record.text(level, &self.reporter);
+            let file = scene.string("statistics:filename");
+            if file.is_empty() {
+                self.reporter.say(Severity::Message, &Location::default(), text);
+            } else {
+                self.statistics += &text;
+                records::write_whole(Path::new(&*file), &self.statistics, &self.reporter);
+            }
+        }
+        let list = scene.string("debug:filesread");
+        if !list.is_empty() {
+            records::write_files_read(Path::new(&*list), &self.reporter);
+        }
+        self.finished.0.frames().push(record);
+    }
+
+    /// "error:filename".
+    fn log_errors(&mut self, file: &Arc<str>) {
+        if self.error_file == *file {
+            return;
+        }
+        if file.is_empty() {
+            self.reporter.set_log(None);
+        } else {
+            match records::error_log(Path::new(&**file)) {
+                Ok(log) => self.reporter.set_log(Some(log)),
+                Err(error) => return self.reporter.error(format!("\"error:filename\" {file}: {error}")),
+            }
+        }
+        self.error_file = file.clone();
     }
 
     fn search_path(&self, scene: &Scene, name: &str) -> SearchPath {
@@ -98,7 +147,6 @@ impl SessionRenderer {
             progress: self.progress.clone(),
             threads: self.options.threads,
             stop: self.commands.stop.clone(),
-            statistics: self.options.statistics,
             crop: self.options.crop,
             scene_files: self.options.scene_files.clone(),
         }
@@ -109,29 +157,24 @@ impl FrameRenderer for SessionRenderer {
     /// Renders the images of all cameras: naming one in `Render` does not leave out the others (reference 2.3), and
     /// exporters rely on that for their shadow passes.
     fn render(&mut self, scene: Arc<Scene>, _camera: Option<&str>) -> Result<(), Stop> {
-        for attribute in ["error:filename", "debug:filesread"] {
-            if !scene.string(attribute).is_empty() {
-                let cause = format!("unsupported {attribute}");
-                let text = format!("\"{attribute}\" is not supported yet");
-                self.reporter.once(&cause, Severity::Warning, &Location::default(), text);
-            }
-        }
+        let begin = Instant::now();
         self.commands.stop.store(false, Ordering::Relaxed);
         let scene = outputs::amended(&scene, &self.options, &self.registry, &self.reporter);
         let renderer = Renderer::new(self.environment(&scene));
-        self.success = false;
-        match renderer.render(&scene, None) {
-            Ok(report) => {
-                self.success = report.complete;
-                let mut images = self.finished.0.images.lock().unwrap_or_else(PoisonError::into_inner);
-                images.extend(report.images);
+        let report = match renderer.render(&scene, None) {
+            Ok(report) => Some(report),
+            Err(RenderError::Stopped) => {
+                self.reporter.warning(RenderError::Stopped.to_string());
+                None
             }
-            Err(RenderError::Stopped) => self.reporter.warning(RenderError::Stopped.to_string()),
-            Err(error) => self.reporter.error(error.to_string()),
-        }
-        if !self.success {
-            self.finished.0.incomplete.store(true, Ordering::Relaxed);
-        }
+            Err(error) => {
+                self.reporter.error(error.to_string());
+                None
+            }
+        };
+        let record = FrameRecord::new(report, scene.inputs, begin.elapsed());
+        self.success = record.complete;
+        self.record(&scene, record);
         Ok(())
     }
 
@@ -161,11 +204,18 @@ impl FrameRenderer for SessionRenderer {
     }
 
     fn attribute(&mut self, param: &Param) {
-        if &*param.name == "verbosity"
-            && self.options.verbosity.is_none()
-            && let Some([level, ..]) = param.data.to_ints().as_deref()
-        {
-            self.reporter.set_verbosity(u8::try_from((*level).clamp(0, 2)).unwrap_or(1));
+        match (&*param.name, &param.data) {
+            ("verbosity", data) if self.options.verbosity.is_none() => {
+                if let Some([level, ..]) = data.to_ints().as_deref() {
+                    self.reporter.set_verbosity(u8::try_from((*level).clamp(0, 2)).unwrap_or(1));
+                }
+            }
+            ("error:filename", ParamData::String(names)) => {
+                if let Some(file) = names.first() {
+                    self.log_errors(file);
+                }
+            }
+            _ => (),
         }
     }
 

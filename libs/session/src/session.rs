@@ -1,15 +1,14 @@
 //! The session itself.
 
 use crate::renderer::{Finished, SessionRenderer};
-use crate::{Input, InputError, Inputs, SessionError, SessionOptions, inputs};
-use granita_base::{Location, Reporter};
+use crate::{FrameRecord, Input, InputError, Inputs, SessionError, SessionOptions, inputs};
+use granita_base::{Location, Reporter, Severity};
 use granita_pyg::PygSource;
 use granita_render::{Progress, Silent};
 use granita_scene::{Call, InputPaths, SceneSink, State, Stop};
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 
 /// Is told how far a frame is.
 #[derive(Clone)]
@@ -35,12 +34,18 @@ pub struct Outcome {
     pub rendered: bool,
     /// Whether all frames have all their pixels and images.
     pub complete: bool,
+    /// What each frame did.
+    pub frames: Vec<FrameRecord>,
     /// Images written.
     pub images: Vec<PathBuf>,
     /// Primitives that wait for a `Render` that never came.
     pub waiting: usize,
     /// Errors reported.
     pub errors: usize,
+    /// Warnings reported, shown or not.
+    pub warnings: usize,
+    /// Files read, sorted: scenes, shaders, textures and what the scene itself says ("fileread").
+    pub files_read: Vec<PathBuf>,
 }
 
 /// One renderer: scene calls go in, images come out.
@@ -155,13 +160,16 @@ impl Session {
                  after World (), or see it as Pyg with topyg"
             ));
         }
-        let finished = self.finished.0;
+        let frames = self.finished.0.frames().clone();
         Outcome {
             rendered: self.state.has_rendered(),
-            complete: !finished.incomplete.load(Ordering::Relaxed),
-            images: finished.images.lock().unwrap_or_else(PoisonError::into_inner).clone(),
+            complete: frames.iter().all(|f| f.complete),
+            images: frames.iter().flat_map(|f| f.images.iter().cloned()).collect(),
+            frames,
             waiting: self.state.primitive_count(),
             errors: self.reporter.errors(),
+            warnings: self.reporter.count(Severity::Warning),
+            files_read: self.reporter.files_read(),
         }
     }
 

@@ -27,6 +27,7 @@ impl Shaders {
             return self.compiled(&file);
         }
         if let Some(file) = self.path.find(&format!("{name}.gsl")) {
+            self.reporter.file_read(&file);
             return match std::fs::read_to_string(&file) {
                 Ok(source) => self.source(&source, &file.to_string_lossy(), file.parent()),
                 Err(error) => {
@@ -44,6 +45,7 @@ impl Shaders {
 
     fn compiled(&self, file: &Path) -> Result<Arc<Module>, NoShader> {
         self.reporter.info(format!("shader {}", file.display()));
+        self.reporter.file_read(file);
         let bytes = match std::fs::read(file) {
             Ok(bytes) => bytes,
             Err(error) => {
@@ -69,7 +71,10 @@ impl Shaders {
             .map(|f: PathBuf| f.to_string_lossy().into_owned())
             .collect();
         let load = |name: &str| match std::fs::read_to_string(name) {
-            Ok(text) => Ok(Some(text)),
+            Ok(text) => {
+                self.reporter.file_read(Path::new(name));
+                Ok(Some(text))
+            }
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 let base = Path::new(name).file_stem().and_then(|s| s.to_str()).unwrap_or(name);
                 Ok(granita_bundled::shader(base).map(str::to_owned))

@@ -86,6 +86,7 @@ impl Shared {
             Err(error) => return refuse(Severity::Warning, format!("texture \"{name}\": {error}")),
         };
         add(&self.counters.files_opened, 1);
+        self.reporter.file_read(&path);
         let (file, lack) = match TextureFile::open(index, path, input) {
             Ok(opened) => opened,
             Err(what) => return refuse(Severity::Warning, format!("texture \"{name}\": {what}")),

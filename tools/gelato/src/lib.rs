@@ -2,6 +2,8 @@
 
 #![forbid(unsafe_code)]
 
+mod statistics;
+
 use clap::Parser;
 use granita_cli::{Bar, Status, console_reporter, environment, parse};
 use granita_render::Progress;
@@ -9,22 +11,26 @@ use granita_session::{
     ExtraOutput, Outcome, OwnTools, Session, SessionError, SessionOptions, SharedProgress,
 };
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Renders scenes.
 ///
 /// Several files count as one that contains them all. "-" reads standard input.
 #[derive(Parser, Debug)]
-#[command(name = "gelato")]
+#[command(name = "gelato", after_help = AFTER_HELP)]
 struct Options {
-    /// Scene files, read in this order
+    /// Scene files or generators with their arguments ("pyg < program"), read in this order
     #[arg(value_name = "FILE")]
     files: Vec<String>,
 
     /// Print statistics after rendering
     #[arg(long)]
     statistics: bool,
+
+    /// Write what was done to this file as JSON
+    #[arg(long, value_name = "FILE")]
+    statistics_json: Option<PathBuf>,
 
     /// Threads that render at once; by default what the scene says, or 1
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
@@ -55,10 +61,10 @@ struct Options {
     verbosity: Option<u8>,
 
     /// Preview mode, if not 0: renders fast and coarse, with this shading quality
-    #[arg(long, value_name = "P", default_value_t = 0.0, hide_default_value = true)]
+    #[arg(long, value_name = "P", default_value_t = 0.0, hide_default_value = true, value_parser = quality)]
     preview: f32,
 
-    /// Shading system; the last two need no lights, run none of the scene's shaders and cast no shadows
+    /// gsl: the shaders of the scene; the others: plain shading without lights, for a quick look
     #[arg(long, value_name = "NAME", value_parser = ["gsl", "defaultsurface", "keyfillrim"])]
     shade: Option<String>,
 
@@ -82,6 +88,10 @@ struct Options {
     #[arg(long)]
     safe: bool,
 }
+
+const AFTER_HELP: &str = "\
+Options may stand anywhere and begin with one dash or two. $GELATOHOME/.gelato.pyg and $HOME/.gelato.pyg are read first.
+Exit status: 0 all went well; 1 something was rendered, with errors; 2 nothing could be rendered.";
 
 /// Shows the frame's progress as a bar.
 struct ShownProgress(Mutex<Bar>);
@@ -134,6 +144,14 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
             reporter.warning(format!("{what} is not supported yet; rendering goes on without it"));
         }
     }
+    // Folders are looked for before hours of rendering, not after.
+    if let Some(folder) = options.statistics_json.as_deref().and_then(Path::parent)
+        && !folder.as_os_str().is_empty()
+        && !folder.is_dir()
+    {
+        reporter.error(format!("-statistics-json: there is no folder {}", folder.display()));
+        return Status::Failed;
+    }
     if options.files.is_empty() {
         reporter.error("no scene file was given (try -help)");
         return Status::Failed;
@@ -161,9 +179,10 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     let mut session = Session::new(session_options, reporter.clone(), progress);
     let mut failed = false;
     for file in &options.files {
-        let result = match file.as_str() {
-            "-" => session.read_stream("<stdin>", Box::new(std::io::stdin())),
-            file => session.read_file(file),
+        let words: Vec<&str> = file.split_whitespace().collect();
+        let result = match words.as_slice() {
+            ["-"] | ["pyg", "-"] => session.read_stream("<stdin>", Box::new(std::io::stdin())),
+            _ => session.read_file(file),
         };
         match result {
             Ok(()) => (),
@@ -179,7 +198,24 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     if !failed && !outcome.rendered && outcome.waiting > 0 {
         reporter.warning(format!("nothing was rendered: {} primitives, but no Render ()", outcome.waiting));
     }
-    status(&outcome, failed)
+    let mut status = status(&outcome, failed);
+    if let Some(path) = &options.statistics_json {
+        let document = statistics::document(&outcome, &options.files, &reporter, status.code());
+        if let Err(error) = statistics::write(path, &document) {
+            reporter.error(format!("-statistics-json: {error}"));
+            status = if status == Status::Done { Status::WithErrors } else { status };
+        }
+    }
+    reporter.tell_summary();
+    status
+}
+
+/// A shading quality.
+fn quality(word: &str) -> Result<f32, String> {
+    match word.parse::<f32>() {
+        Ok(p) if p >= 0.0 && p.is_finite() => Ok(p),
+        _ => Err("expected a number, 0 or more".to_owned()),
+    }
 }
 
 /// How it ended.

@@ -1,0 +1,105 @@
+//! What a session remembers and writes down about its frames: statistics, lists of files, error logs.
+
+use granita_base::Reporter;
+use granita_base::report::Sink;
+use granita_image::AtomicFile;
+use granita_render::{FrameReport, ShadingStatistics, Statistics};
+use granita_scene::InputCounts;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// One `Render`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameRecord {
+    /// Whether every pixel was rendered and every image written.
+    pub complete: bool,
+    /// From the call to its end.
+    pub time: Duration,
+    /// What was done for each camera that has images, by its name.
+    pub cameras: Vec<(Arc<str>, Statistics)>,
+    /// What shading looked up and built, for all cameras together.
+    pub shading: ShadingStatistics,
+    /// Inputs with a bound.
+    pub inputs: InputCounts,
+    /// Files written, in order of declaration.
+    pub images: Vec<PathBuf>,
+}
+
+impl FrameRecord {
+    /// Of a frame that came to an end, or that gave up (`None`).
+    pub(crate) fn new(report: Option<FrameReport>, inputs: InputCounts, time: Duration) -> Self {
+        match report {
+            Some(report) => Self {
+                complete: report.complete,
+                time,
+                cameras: report.statistics,
+                shading: report.shading,
+                inputs,
+                images: report.images,
+            },
+            None => Self { time, inputs, ..Self::default() },
+        }
+    }
+
+    /// For people, in the detail of "statistics:level".
+    pub(crate) fn text(&self, level: i32, reporter: &Reporter) -> String {
+        let mut text = String::new();
+        for (camera, statistics) in &self.cameras {
+            text += &statistics.report(camera);
+            text.push('\n');
+        }
+        text += &self.shading.report();
+        text.push('\n');
+        if self.inputs != InputCounts::default() {
+            let InputCounts { read, unread } = self.inputs;
+            text += &format!("  {:<34} {}\n", "inputs with a bound", read + unread);
+            text += &format!("  {:<34} {unread}\n", "  never read");
+        }
+        if level >= 2 {
+            let files = reporter.files_read();
+            text += &format!("  {:<34} {}\n", "files read", files.len());
+            files.iter().for_each(|f| text += &format!("    {}\n", f.display()));
+        }
+        text
+    }
+}
+
+/// Writes a text so that the file appears whole or not at all; failures are reported.
+pub(crate) fn write_whole(path: &Path, text: &str, reporter: &Reporter) {
+    let written = AtomicFile::create(path).and_then(|mut file| {
+        file.write_all(text.as_bytes()).map_err(|error| file.io_error(error))?;
+        file.commit()
+    });
+    if let Err(error) = written {
+        reporter.error(error.to_string());
+    }
+}
+
+/// "debug:filesread" (reference 4.3.7): one name a line, as `tar -T` takes them.
+pub(crate) fn write_files_read(path: &Path, reporter: &Reporter) {
+    let mut text = String::new();
+    for file in reporter.files_read() {
+        let name = file.to_string_lossy();
+        // A name that begins with a dash would be taken for an option.
+        if name.starts_with('-') {
+            text.push_str("./");
+        }
+        text.push_str(&name);
+        text.push('\n');
+    }
+    write_whole(path, &text, reporter);
+}
+
+/// "error:filename" (reference 4.3.7): messages go to this file as they come, each line whole, so that the log of a
+/// program that was killed ends with its last message.
+pub(crate) fn error_log(path: &Path) -> std::io::Result<Sink> {
+    let file = Mutex::new(File::create(path)?);
+    Ok(Box::new(move |message| {
+        let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
+        // A log that cannot be written leaves nobody to tell.
+        let _ = file.write_all(format!("{message}\n").as_bytes());
+    }))
+}

@@ -1,0 +1,69 @@
+//! `--statistics-json`: what a run did, for machines. The schema is described in `docs/gelato.md`.
+
+use granita_base::{Reporter, Severity};
+use granita_image::{AtomicFile, ImageError};
+use granita_session::{FrameRecord, Outcome};
+use serde_json::{Map, Value, json};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Named when the meaning of a field changes, or one goes away; fields may be added without.
+const SCHEMA: &str = "granita-statistics-1";
+
+/// The document.
+pub(crate) fn document(outcome: &Outcome, scenes: &[String], reporter: &Reporter, status: u8) -> Value {
+    json!({
+        "schema": SCHEMA,
+        "renderer": { "name": "Granita", "version": granita_base::VERSION },
+        "scenes": scenes,
+        "exit_status": status,
+        "messages": {
+            "errors": reporter.errors(),
+            "warnings": reporter.count(Severity::Warning),
+        },
+        "peak_memory_bytes": peak_memory(),
+        "frames": outcome.frames.iter().map(frame).collect::<Vec<_>>(),
+        "images": names(&outcome.images),
+        "files_read": names(&outcome.files_read),
+    })
+}
+
+/// Writes the document so that the file appears whole or not at all.
+pub(crate) fn write(path: &Path, document: &Value) -> Result<(), ImageError> {
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(format!("{document:#}\n").as_bytes()).map_err(|error| file.io_error(error))?;
+    file.commit()
+}
+
+fn frame(record: &FrameRecord) -> Value {
+    let cameras = record.cameras.iter().map(|(name, statistics)| {
+        let mut fields = Map::new();
+        fields.insert("name".into(), json!(&**name));
+        fields.extend(statistics.counts().map(|(name, n)| (name.to_owned(), json!(n))));
+        let seconds: Map<String, Value> =
+            statistics.seconds().map(|(name, s)| (name.to_owned(), json!(s))).into_iter().collect();
+        fields.insert("seconds".into(), Value::Object(seconds));
+        Value::Object(fields)
+    });
+    let shading: Map<String, Value> =
+        record.shading.counts().map(|(name, n)| (name.to_owned(), json!(n))).into_iter().collect();
+    json!({
+        "complete": record.complete,
+        "seconds": record.time.as_secs_f64(),
+        "cameras": cameras.collect::<Vec<_>>(),
+        "shading": shading,
+        "inputs": { "read": record.inputs.read, "unread": record.inputs.unread },
+        "images": names(&record.images),
+    })
+}
+
+fn names(paths: &[PathBuf]) -> Vec<String> {
+    paths.iter().map(|p| p.to_string_lossy().into_owned()).collect()
+}
+
+/// Most memory that this process has had at once; `None` where the system does not say.
+fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kb| kb * 1024)
+}

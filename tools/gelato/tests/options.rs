@@ -1,0 +1,319 @@
+//! The options of the tool, one by one, on a scene that renders in no time.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
+
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use tempfile::TempDir;
+
+const SCENE: &str = r#"
+Attribute ("int[2] resolution", (24, 16))
+Output ("out.tif", "tiff", "rgba", "main")
+Output ("normals.tif", "tiff", "normal N", "main", "int[4] quantize", (0, 0, 0, 0), "float dither", 0)
+Camera ("main")
+World ()
+Light ("sun", "distantlight")
+Translate (0, 0, 4)
+Shader ("surface", "plastic")
+Sphere (1, -1, 1, 360)
+Render ()
+"#;
+
+struct Place(TempDir);
+
+/// How a run ended and what it said.
+struct Ran {
+    status: i32,
+    said: String,
+}
+
+impl Place {
+    /// A folder with the scene in it.
+    fn new() -> Self {
+        let place = Self(tempfile::tempdir().unwrap());
+        place.write("scene.pyg", SCENE);
+        place
+    }
+
+    fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.path().join(name), text).unwrap();
+    }
+
+    fn read(&self, name: &str) -> String {
+        std::fs::read_to_string(self.path().join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+    }
+
+    fn bytes(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path().join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.path().join(name).exists()
+    }
+
+    /// Nothing that was only half written lies about.
+    fn is_clean(&self) -> bool {
+        let names = std::fs::read_dir(self.path()).unwrap().map(|e| e.unwrap().file_name());
+        names.into_iter().all(|n| !n.to_string_lossy().starts_with('.'))
+    }
+
+    fn command(&self, words: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_gelato"));
+        command.current_dir(self.path()).args(words).stdin(Stdio::null());
+        for variable in ["GELATOHOME", "PYG_ALWAYS_PYGLET", "PYG_NEVER_PYGLET"] {
+            command.env_remove(variable);
+        }
+        command.env("HOME", self.path());
+        command
+    }
+
+    fn run(&self, words: &[&str]) -> Ran {
+        Self::ran(self.command(words))
+    }
+
+    fn ran(mut command: Command) -> Ran {
+        let output = command.output().unwrap();
+        let said = [output.stdout, output.stderr].concat();
+        Ran { status: output.status.code().unwrap(), said: String::from_utf8(said).unwrap() }
+    }
+}
+
+#[test]
+fn statistics_for_people_and_for_machines() {
+    let place = Place::new();
+    let ran = place.run(&["-statistics", "-statistics-json", "out.json", "scene.pyg"]);
+    assert_eq!(ran.status, 0, "{}", ran.said);
+    assert!(ran.said.contains("Statistics of camera \"main\"") && ran.said.contains("texture files"));
+    let json: Value = serde_json::from_str(&place.read("out.json")).unwrap();
+    assert_eq!(json["schema"], "granita-statistics-1");
+    assert_eq!((&json["exit_status"], &json["messages"]["errors"]), (&0.into(), &0.into()));
+    assert_eq!(json["scenes"], serde_json::json!(["scene.pyg"]));
+    assert_eq!(json["files_read"], serde_json::json!(["scene.pyg"]));
+    assert_eq!(json["images"], serde_json::json!(["out.tif", "normals.tif"]));
+    let frame = &json["frames"][0];
+    assert_eq!(frame["complete"], true);
+    let camera = &frame["cameras"][0];
+    assert_eq!(
+        (&camera["name"], &camera["primitives"], &camera["buckets"]),
+        (&"main".into(), &1.into(), &1.into())
+    );
+    assert!(camera["points_shaded"].as_u64().unwrap() > 10);
+    assert!(camera["seconds"]["frame"].as_f64().unwrap() > 0.0);
+    assert!(frame["seconds"].as_f64().unwrap() >= camera["seconds"]["frame"].as_f64().unwrap());
+    assert_eq!(frame["shading"]["rays"], 0);
+    assert!(place.is_clean());
+
+    // Also of a run that failed.
+    let ran = place.run(&["-statistics-json", "failed.json", "nosuch.pyg"]);
+    let json: Value = serde_json::from_str(&place.read("failed.json")).unwrap();
+    assert_eq!((ran.status, &json["exit_status"], &json["frames"]), (2, &2.into(), &serde_json::json!([])));
+    let ran = place.run(&["-statistics-json", "no/folder/out.json", "scene.pyg"]);
+    assert!(ran.status == 2 && ran.said.contains("no folder no/folder"), "{}", ran.said);
+}
+
+#[test]
+fn attributes_that_write_files() {
+    let place = Place::new();
+    place.write("other.gsl", "#include \"part.h\"\nsurface other () { C = GREY; }\n");
+    place.write("part.h", "#define GREY 0.5\n");
+    place.write("ball.pyg", "Sphere (1, -1, 1, 360)\n");
+    let scene = SCENE.replace("\"plastic\"", "\"other\"").replace("Sphere", "Input (\"ball.pyg\")\nSphere");
+    let front = r#"
+Attribute ("string error:filename", "errors.log")
+Attribute ("string debug:filesread", "files.txt")
+Attribute ("int statistics:level", 2)
+Attribute ("string statistics:filename", "statistics.txt")
+Command ("fileread", "string name", "plugin data")
+Attribute ("float opactiy", 1)
+"#;
+    place.write("scene.pyg", &format!("{front}{scene}"));
+    let ran = place.run(&["scene.pyg"]);
+    assert_eq!((ran.status, ran.said.as_str()), (0, ""));
+    let log = place.read("errors.log");
+    assert!(
+        log.starts_with("scene.pyg:7: warning: unknown attribute \"opactiy\"; did you mean \"opacity\"?\n"),
+        "{log}"
+    );
+    assert_eq!(place.read("files.txt"), "ball.pyg\nother.gsl\npart.h\nplugin data\nscene.pyg\n");
+    let statistics = place.read("statistics.txt");
+    assert!(
+        statistics.contains("Statistics of camera") && statistics.contains("plugin data"),
+        "{statistics}"
+    );
+    assert!(place.is_clean());
+
+    // A file that cannot be written is told where messages went before.
+    place.write(
+        "scene.pyg",
+        &SCENE.replace("World", "Attribute (\"string error:filename\", \"no/such/log\")\nWorld"),
+    );
+    let ran = place.run(&["scene.pyg"]);
+    assert!(ran.status == 1 && ran.said.contains("no/such/log"), "{}", ran.said);
+}
+
+#[test]
+fn messages_by_verbosity_and_counted() {
+    let place = Place::new();
+    let twice = "Attribute (\"float opactiy\", 1)\nAttribute (\"string C\", \"red\")\n";
+    place.write("scene.pyg", &format!("{twice}{twice}{twice}{SCENE}"));
+    let normal = place.run(&["scene.pyg"]);
+    assert_eq!(normal.status, 1);
+    assert_eq!(normal.said.matches("opactiy").count(), 2, "once, and in the summary: {}", normal.said);
+    assert!(
+        normal.said.contains("1 error, 1 warning\n  2 times more: scene.pyg:1: warning:"),
+        "{}",
+        normal.said
+    );
+    for quiet in [["-silent", "scene.pyg"].as_slice(), &["-verbosity", "0", "scene.pyg"]] {
+        let ran = place.run(quiet);
+        let lines: Vec<&str> = ran.said.lines().collect();
+        assert!(ran.status == 1 && lines.len() == 1 && lines[0].contains("\"C\" wants color"), "{lines:?}");
+    }
+    let much = place.run(&["-verbosity", "2", "scene.pyg"]);
+    assert!(much.said.contains("info: compiling plastic.gsl"), "{}", much.said);
+    // The option counts more than the scene.
+    place.write("scene.pyg", &format!("Attribute (\"int verbosity\", 0)\n{twice}{SCENE}"));
+    assert!(!place.run(&["scene.pyg"]).said.contains("opactiy"));
+    assert!(place.run(&["-verbosity", "1", "scene.pyg"]).said.contains("opactiy"));
+}
+
+#[test]
+fn places_and_variables() {
+    let place = Place::new();
+    std::fs::create_dir(place.path().join("inside")).unwrap();
+    let text = SCENE
+        .replace("World", "Attribute (\"string path:shader\", \"$WHERE\")\nWorld")
+        .replace("plastic", "mine");
+    place.write("inside/scene.pyg", &text);
+    place.write("mine.gsl", "surface mine () { C = 1; }\n");
+    let ran = place.run(&["scene.pyg", "-cwd", "inside", "-env", "WHERE=.."]);
+    assert_eq!((ran.status, ran.said.as_str()), (0, ""));
+    assert!(place.has("inside/out.tif"));
+    // Programs that the scene runs and its scripts see the variable as well.
+    place.write("run.pyg", "Command (\"system test \\\"$WHERE\\\" = here && touch seen\")\n");
+    assert_eq!(place.run(&["-env", "WHERE=here", "run.pyg"]).status, 0);
+    assert!(place.has("seen"));
+    for words in
+        [["-cwd", "nowhere", "scene.pyg"], ["-env", "NOEQUALS", "scene.pyg"], ["-env", "=x", "scene.pyg"]]
+    {
+        let ran = place.run(&words);
+        assert!(ran.status == 2 && ran.said.contains(words[1]), "{}", ran.said);
+    }
+}
+
+#[test]
+fn startup_files_are_read_in_order() {
+    let place = Place::new();
+    std::fs::create_dir(place.path().join("home")).unwrap();
+    place.write(
+        ".gelato.pyg",
+        "Attribute (\"string user:a\", \"site\")\nAttribute (\"int[2] resolution\", (8, 8))\n",
+    );
+    place.write("home/.gelato.pyg", "Attribute (\"int[2] resolution\", (10, 4))\n");
+    place.write("scene.pyg", &SCENE.replace("Attribute (\"int[2] resolution\", (24, 16))\n", ""));
+    let mut command = place.command(&["scene.pyg", "-o", "small.png", "-statistics-json", "s.json"]);
+    command.env("GELATOHOME", place.path()).env("HOME", place.path().join("home"));
+    let ran = Place::ran(command);
+    assert_eq!(ran.status, 0, "{}", ran.said);
+    let png = place.bytes("small.png");
+    assert_eq!((png[19], png[23]), (10, 4));
+    let json: Value = serde_json::from_str(&place.read("s.json")).unwrap();
+    assert_eq!(json["files_read"].as_array().unwrap().len(), 3);
+}
+
+#[test]
+fn images_in_addition() {
+    let place = Place::new();
+    let ran = place.run(&["scene.pyg", "-o", "a.png", "-data", "first"]);
+    assert_eq!(ran.status, 0, "{}", ran.said);
+    assert!(place.has("a.png") && place.has("out.tif"));
+    assert_eq!(place.run(&["scene.pyg", "-o", "b.exr", "-data", "all"]).status, 0);
+    assert!(place.has("b-1.exr") && place.has("b-2.exr") && !place.has("b.exr"));
+    assert_eq!(place.run(&["scene.pyg", "-o", "z.exr", "-data", "z", "-o", "zz.exr"]).status, 0);
+    assert!(place.has("z.exr") && place.has("zz.exr"));
+    let ran = place.run(&["scene.pyg", "-o", "x.nosuch"]);
+    assert!(ran.status == 1 && ran.said.contains("x.nosuch"), "{}", ran.said);
+}
+
+#[test]
+fn quick_looks() {
+    let place = Place::new();
+    let image = |words: &[&str]| {
+        let ran = place.run(&[words, &["scene.pyg"]].concat());
+        assert_eq!((ran.status, ran.said.as_str()), (0, ""), "{words:?}");
+        place.bytes("out.tif")
+    };
+    let full = image(&[]);
+    let others = [
+        image(&["-preview", "0.2"]),
+        image(&["-shade", "defaultsurface"]),
+        image(&["-shade", "keyfillrim"]),
+        image(&["-shade", "keyfillrim", "-preview", "0.2"]),
+        image(&["-crop", "0", "0.5", "0", "1"]),
+    ];
+    for (i, other) in others.iter().enumerate() {
+        assert!(*other != full, "{i}");
+    }
+    assert_eq!(image(&["-threads", "3", "-shade", "gsl", "-preview", "0"]), full);
+    for words in
+        [["-shade", "nosuch", "scene.pyg"], ["-preview", "-1", "scene.pyg"], ["-threads", "x", "scene.pyg"]]
+    {
+        assert_eq!(place.run(&words).status, 2, "{words:?}");
+    }
+}
+
+#[test]
+fn strangers_scenes_run_no_programs() {
+    let place = Place::new();
+    let programs = "Command (\"system touch seen\")\nInput (\"pyg < touch seen\")\nCommand (\"mkdir\", \"string name\", \"seen\")\n";
+    place.write("scene.pyg", &format!("{programs}{SCENE}"));
+    let ran = place.run(&["-safe", "scene.pyg"]);
+    assert!(ran.status == 1 && !place.has("seen") && place.has("out.tif"), "{}", ran.said);
+    assert_eq!(ran.said.matches("allowed").count(), 3, "{}", ran.said);
+    place.write("scene.pyg", &format!("import os\nos.mkdir ('seen')\n{SCENE}"));
+    let ran = place.run(&["-safe", "scene.pyg"]);
+    assert!(ran.status == 2 && !place.has("seen") && ran.said.contains("scene.pyg:1"), "{}", ran.said);
+}
+
+#[test]
+fn scenes_from_everywhere() {
+    let place = Place::new();
+    // Two files count as one, and either may be a generator with arguments.
+    let (front, back) = SCENE.split_once("World").unwrap();
+    place.write("a.pyg", front);
+    place.write("b.pyg", &format!("World{back}"));
+    assert_eq!(place.run(&["a.pyg", "b.pyg"]).status, 0);
+    let whole = place.bytes("out.tif");
+    std::fs::remove_file(place.path().join("out.tif")).unwrap();
+    assert_eq!(place.run(&["pyg a.pyg", "pyg < cat b.pyg"]).status, 0);
+    assert_eq!(place.bytes("out.tif"), whole);
+    for name in ["-", "pyg -"] {
+        std::fs::remove_file(place.path().join("out.tif")).unwrap();
+        let mut command = place.command(&[name]);
+        command.stdin(std::fs::File::open(place.path().join("scene.pyg")).unwrap());
+        let ran = Place::ran(command);
+        assert_eq!((ran.status, ran.said.as_str()), (0, ""), "{name}");
+        assert_eq!(place.bytes("out.tif"), whole);
+    }
+    assert_eq!(place.run(&[]).status, 2);
+    assert_eq!(place.run(&["."]).status, 2);
+    let ran = place.run(&["a.pyg", "pyg << World (); Sphere (1, -1, 1, 360)"]);
+    assert!(ran.said.contains("nothing was rendered: 1 primitives"), "{}", ran.said);
+    for (word, status) in [("-help", 0), ("--help", 0), ("-version", 0), ("--version", 0), ("-nosuch", 2)] {
+        assert_eq!(place.run(&[word]).status, status, "{word}");
+    }
+}
+
+#[test]
+fn what_is_not_there_yet_says_so() {
+    let place = Place::new();
+    for words in [["-iv"].as_slice(), &["-net", "local"], &["-display", ":0"]] {
+        let ran = place.run(&[words, &["scene.pyg"]].concat());
+        assert!(ran.status == 0 && ran.said.contains("is not supported yet"), "{}", ran.said);
+    }
+}
