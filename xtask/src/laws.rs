@@ -43,12 +43,13 @@ const SAME_FLOOR: [(&str, &str); 5] = [
 ];
 
 /// Who may name a format crate (law 2): besides these, nobody.
-const FORMAT_USERS: [(&str, &str); 6] = [
+const FORMAT_USERS: [(&str, &str); 7] = [
     ("granita-plugin", ""),
     ("granita-tests", ""),
     ("granita-fuzz", ""),
     ("granita-session", "granita-pyg"),
     ("topyg", "granita-pyg"),
+    ("granita-benches", "granita-pyg"),
     ("iv", "granita-display"),
 ];
 

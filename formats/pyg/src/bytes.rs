@@ -3,6 +3,8 @@
 use std::io::{self, Read};
 
 const CHUNK: usize = 256 * 1024;
+/// So much of a statement is kept, should it turn out to be a script's after all.
+pub(crate) const KEPT: usize = 16 << 20;
 
 /// Reads ahead in chunks and forgets what lies before the current statement.
 pub(crate) struct Bytes {
@@ -13,11 +15,15 @@ pub(crate) struct Bytes {
     line: u32,
     /// Most bytes that one statement may take.
     limit: usize,
+    /// Long statements need not be kept.
+    may_drop: bool,
+    /// The beginning of the statement is gone.
+    dropped: bool,
 }
 
 impl Bytes {
     pub(crate) fn new(source: Box<dyn Read>, limit: usize) -> Self {
-        Self { source, buf: Vec::new(), pos: 0, eof: false, line: 1, limit }
+        Self { source, buf: Vec::new(), pos: 0, eof: false, line: 1, limit, may_drop: false, dropped: false }
     }
 
     /// Line of the current position, from 1.
@@ -34,8 +40,20 @@ impl Bytes {
         (self.pos, self.line) = mark;
     }
 
+    /// From here on what lies before the current position may be dropped once it is long: [`Bytes::back_to`] is then
+    /// impossible as long as [`Bytes::has_dropped`] says so.
+    pub(crate) fn let_drop(&mut self, may_drop: bool) {
+        self.may_drop = may_drop;
+    }
+
+    /// Whether the beginning of the statement is gone.
+    pub(crate) fn has_dropped(&self) -> bool {
+        self.dropped
+    }
+
     /// A statement begins: what lies before it is no longer needed.
     pub(crate) fn forget(&mut self) {
+        self.dropped = false;
         if self.pos >= CHUNK {
             self.buf.drain(..self.pos);
             self.pos = 0;
@@ -97,6 +115,11 @@ impl Bytes {
     fn more(&mut self) -> io::Result<()> {
         if self.eof {
             return Ok(());
+        }
+        if self.may_drop && self.pos >= KEPT {
+            self.buf.drain(..self.pos);
+            self.pos = 0;
+            self.dropped = true;
         }
         if self.buf.len() >= self.limit {
             let text = format!("a statement longer than {} bytes", self.limit);

@@ -1,6 +1,6 @@
 //! The flat subset: one call with constant arguments per statement (reference 3.6), and binary arrays (3.7).
 
-use crate::bytes::Bytes;
+use crate::bytes::{Bytes, KEPT};
 use crate::value::{Seq, Value};
 use granita_base::{Number, scan_number};
 use std::io;
@@ -9,6 +9,8 @@ use std::io;
 const MAX_DEPTH: usize = 64;
 /// Most values that `sequence * n` may make.
 const MAX_REPEAT: usize = 1 << 28;
+/// Numbers of a binary array that are read at once.
+const PIECE: usize = 1 << 16;
 
 /// What stands at the current position.
 #[derive(Debug)]
@@ -50,11 +52,13 @@ pub(crate) struct Parser {
     pub(crate) bytes: Bytes,
     /// Where the last statement began.
     start: (usize, u32),
+    /// Nobody goes back to the beginning of a statement that was flat.
+    pub(crate) may_drop: bool,
 }
 
 impl Parser {
     pub(crate) fn new(bytes: Bytes) -> Self {
-        Self { bytes, start: (0, 1) }
+        Self { bytes, start: (0, 1), may_drop: true }
     }
 
     /// The next statement. Blank lines and comments before it are passed over. Calls of names that
@@ -74,8 +78,20 @@ impl Parser {
                 Some(_) => {}
             }
             let line = self.bytes.line();
-            return match self.simple(line, is_flat) {
+            self.bytes.let_drop(self.may_drop);
+            let read = self.simple(line, is_flat);
+            self.bytes.let_drop(false);
+            return match read {
                 Ok(statement) => Ok(statement),
+                Err(NotFlat::Why(why)) if self.bytes.has_dropped() => {
+                    let text = format!(
+                        "line {}: {} in a statement of more than {} MB; so long a one must be flat",
+                        why.line,
+                        why.what,
+                        KEPT >> 20
+                    );
+                    Err(io::Error::new(io::ErrorKind::InvalidData, text))
+                }
                 Err(NotFlat::Io(e)) => Err(e),
                 Err(NotFlat::Why(why)) => {
                     // Back to the beginning of the line, so that Python sees the indentation.
@@ -419,14 +435,21 @@ impl Parser {
         let Ok(n) = usize::try_from(n as i32) else {
             return self.fail(format!("a binary array of {} values", n as i32));
         };
-        let Some(bytes) = n.checked_mul(4) else { return self.fail(cut()) };
-        let Some(data) = self.bytes.data(bytes)? else { return self.fail(cut()) };
-        let words = data.chunks_exact(4).map(word);
-        Ok(Value::Seq(if code < 0x82 {
-            Seq::Ints(words.map(|w| w as i32).collect())
-        } else {
-            Seq::Floats(words.map(f32::from_bits).collect())
-        }))
+        // Piece by piece: what the header promises is not there before it has been read.
+        let mut seq = if code < 0x82 { Seq::Ints(Vec::new()) } else { Seq::Floats(Vec::new()) };
+        let mut left = n;
+        while left > 0 {
+            let count = left.min(PIECE);
+            let Some(data) = self.bytes.data(count * 4)? else { return self.fail(cut()) };
+            let words = data.chunks_exact(4).map(word);
+            match &mut seq {
+                Seq::Floats(v) => v.extend(words.map(f32::from_bits)),
+                Seq::Ints(v) => v.extend(words.map(|w| w as i32)),
+                Seq::Strings(_) => {}
+            }
+            left -= count;
+        }
+        Ok(Value::Seq(seq))
     }
 
     /// A name, or an empty string.

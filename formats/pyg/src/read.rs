@@ -181,7 +181,11 @@ impl Reader<'_> {
     fn run(&mut self) -> Result<(), PygError> {
         if self.options.never_pyglet {
             let why = Why { what: "every scene file".into(), line: 1 };
-            return self.all_python(&why).map(drop);
+            if self.options.chunking == Chunking::Never {
+                return self.all_python(&why).map(drop);
+            }
+            while self.next_python(&why)? == Next::More {}
+            return Ok(());
         }
         loop {
             match self.statement()? {
@@ -205,6 +209,7 @@ impl Reader<'_> {
     /// The next statement; names that only the script knows make it one for Python.
     fn statement(&mut self) -> Result<Statement, PygError> {
         let (scripted, rebound) = (self.python.is_some(), self.rebound);
+        self.parser.may_drop = !scripted;
         let is_flat =
             |name: &str| !rebound && (names::is_call(name) || !(scripted || names::is_python_builtin(name)));
         self.parser.statement(&is_flat).map_err(|source| self.io(source))
@@ -271,6 +276,19 @@ impl Reader<'_> {
                 self.flat_call(&name, args, line).map(|()| Next::More)
             }
         }
+    }
+
+    /// Gathers statements, whatever they are, and executes them.
+    fn next_python(&mut self, why: &Why) -> Result<Next, PygError> {
+        self.start(why)?;
+        self.parser.bytes.forget();
+        let line = self.parser.bytes.line();
+        let mut code = Vec::new();
+        while code.len() < BATCH && self.parser.bytes.peek().map_err(|source| self.io(source))?.is_some() {
+            let taken = script::take_statement(&mut self.parser.bytes, &mut code);
+            taken.map_err(|source| self.io(source))?;
+        }
+        if code.is_empty() { Ok(Next::End) } else { self.execute(line, &code) }
     }
 
     /// Executes all that is left.

@@ -7,7 +7,6 @@
 
 def _granita_main():
     import array
-    import ast
     import builtins
     import os
     import struct
@@ -210,15 +209,19 @@ def _granita_main():
         payload = struct.pack("<I", line) + text(type(error).__name__) + text(what)
         send(b"E", payload + text(missing or ""))
 
-    def execute(line, code):
+    def moved(code, lines):
+        """The code object as if it stood so many lines further down; walking a tree of long lists would be slow."""
+        inner = tuple(moved(c, lines) if isinstance(c, types.CodeType) else c for c in code.co_consts)
+        return code.replace(co_firstlineno=code.co_firstlineno + lines, co_consts=inner)
+
+    def execute(line, source):
         try:
-            tree = ast.parse(code, file)
+            code = compile(source, file, "exec", dont_inherit=True)
         except SyntaxError as error:
             if error.lineno:
                 error.lineno += line - 1
             raise
-        ast.increment_lineno(tree, line - 1)
-        exec(compile(tree, file, "exec", dont_inherit=True), scope)
+        exec(moved(code, line - 1), scope)
 
     while True:
         kind, payload = receive()

@@ -252,6 +252,38 @@ fn statements_have_a_limit() {
 }
 
 #[test]
+fn long_statements_are_not_kept() {
+    // Longer than what is kept for Python: flat it is read, and a name in it is a mistake with its line.
+    let mut text = b"Points (1800000, \"vertex point P\", (\n".to_vec();
+    text.extend(b"0.5,1,-2,\n".repeat(1_800_000));
+    let good = [&text, &b"))\nScale (1, 2, 3)\n"[..]].concat();
+    let outcome = read_with(&good, &PygOptions::default());
+    assert_eq!(outcome.lines(), [(1, "Points"), (1_800_003, "Scale")]);
+    let bad = [&text, &b"x))\n"[..]].concat();
+    let error = read_with(&bad, &PygOptions::default()).error();
+    assert!(error.contains("line 1800002: the name \"x\""), "{error}");
+    assert!(error.contains("must be flat"), "{error}");
+}
+
+#[test]
+fn whole_scripts_are_executed_in_pieces() {
+    // Every statement goes to Python, a batch at a time; lines are those of the file.
+    let mut text = "# a scene\n\n".to_owned();
+    for _ in 0..20_000 {
+        text += "Scale (1, 2,\n  3) # comment\n\n";
+    }
+    text += "def f ():\n    Scale (4, 5, 6)\n\nf ()\n";
+    if !has_python() {
+        return;
+    }
+    let options = PygOptions { never_pyglet: true, ..PygOptions::default() };
+    let outcome = read_with(text.as_bytes(), &options);
+    let lines = outcome.lines();
+    assert_eq!(lines.len(), 20_001);
+    assert_eq!((lines[0].0, lines[19_999].0, lines[20_000].0), (3, 60_000, 60_004));
+}
+
+#[test]
 fn the_sink_can_stop() {
     let mut recorder = Recorder { stop_at: Some(2), ..Recorder::default() };
     let source = PygSource::Bytes { name: "t".into(), bytes: b"World ()\nWorld ()\nWorld ()".to_vec() };
