@@ -174,8 +174,8 @@ enum Next {
     End,
 }
 
-/// Python statements are gathered up to this size.
-const BATCH: usize = 1 << 18;
+/// Python statements are gathered up to this size. Finding the line of a call takes Python longer the longer the piece is.
+const BATCH: usize = 1 << 15;
 
 impl Reader<'_> {
     fn run(&mut self) -> Result<(), PygError> {
