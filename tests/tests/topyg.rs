@@ -1,0 +1,96 @@
+//! What `topyg` makes of a scene renders to the same bits as the scene: every scene of the suite and the examples.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use granita_tests::{Tools, repository};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// All folders under `top` that hold scenes which render something, with the names of those scenes.
+fn scenes(top: &Path, found: &mut Vec<(PathBuf, Vec<String>)>) {
+    let mut entries: Vec<PathBuf> = std::fs::read_dir(top).unwrap().map(|e| e.unwrap().path()).collect();
+    entries.sort();
+    let renders = |path: &PathBuf| {
+        path.extension().is_some_and(|e| e == "pyg")
+            && std::fs::read(path).is_ok_and(|bytes| String::from_utf8_lossy(&bytes).contains("Render"))
+    };
+    let name = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
+    // The last first: a pass for shadows comes before what needs it.
+    let mine: Vec<String> = entries.iter().rev().filter(|p| renders(p)).map(name).collect();
+    if !mine.is_empty() {
+        found.push((top.to_owned(), mine));
+    }
+    entries.iter().filter(|p| p.is_dir()).for_each(|folder| scenes(folder, found));
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        let target = to.join(path.file_name().unwrap());
+        if path.is_dir() {
+            copy(&path, &target);
+        } else {
+            std::fs::copy(&path, &target).unwrap();
+        }
+    }
+}
+
+/// Contents of all files but scenes, by name.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
+    let files = entries.filter(|p| p.is_file() && p.extension().is_none_or(|e| e != "pyg"));
+    files
+        .map(|p| (p.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(p).unwrap()))
+        .collect()
+}
+
+#[test]
+fn what_topyg_makes_renders_to_the_same_bits() {
+    let tools = Tools::build().unwrap();
+    let mut all = Vec::new();
+    for top in ["tests/suite", "examples"] {
+        scenes(&repository().join(top), &mut all);
+    }
+    assert!(all.len() > 10, "{}", all.len());
+    let scratch = tempfile::tempdir().unwrap();
+    for (n, (folder, names)) in all.iter().enumerate() {
+        let mut first: Option<(BTreeMap<String, Vec<u8>>, String)> = None;
+        let ways: [Option<&[&str]>; 4] = [None, Some(&[]), Some(&["-binary"]), Some(&["-separateparams"])];
+        for (way, options) in ways.iter().enumerate() {
+            let place = scratch.path().join(format!("{n}-{way}"));
+            copy(folder, &place);
+            let mut said = String::new();
+            for name in names {
+                if let Some(options) = options {
+                    // Written back under its own name, which messages and automatic outputs carry.
+                    let words = [*options, &[name, "-o", "made.pyg"]].concat();
+                    let ran = tools.run(&place, "topyg", &words).unwrap();
+                    if ran.status == 2 {
+                        // Scenes that cannot be read whole are about something else.
+                        continue;
+                    }
+                    std::fs::rename(place.join("made.pyg"), place.join(name)).unwrap();
+                }
+                // A part is enough: the middle, where something is to be seen.
+                let words = ["-crop", "0.4", "0.6", "0.45", "0.6", name];
+                let ran = tools.run(&place, "gelato", &words).unwrap();
+                said += &format!("{name}: {}\n", ran.status);
+            }
+            let made = (files(&place), said);
+            match &first {
+                None => first = Some(made),
+                Some((wanted, said)) => {
+                    let shown = format!("{} {options:?}", folder.display());
+                    // A call that was left out when the scene was read is not there any more: no error comes of it.
+                    let good = |said: &str| said.replace(": 1", ": 0");
+                    assert_eq!(good(&made.1), good(said), "{shown}");
+                    assert!(made.0.keys().eq(wanted.keys()), "{shown}: {:?}", made.0.keys());
+                    for (name, bytes) in &made.0 {
+                        assert!(*bytes == wanted[name], "{shown}: {name} differs");
+                    }
+                }
+            }
+        }
+    }
+}
