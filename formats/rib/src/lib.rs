@@ -1,11 +1,69 @@
-//! RIB files as scenes (RenderMan interface 3.2).
+//! RIB files as scenes: the requests of the RenderMan interface 3.2 become calls of the scene interface.
+//!
+//! One reader takes the text form, the binary encoding (appendix C of the specification), and either of them compressed
+//! by gzip. It is a stream: what it holds does not grow with the file, except for one request, for objects that wait for
+//! their instances, and for what stands in front of `WorldBegin`, which is sent when the world begins.
+//!
+//! - Each `WorldEnd` renders; a source with several frames asks its receiver for a new one in between
+//!   ([`granita_scene::SceneSink::new_frame`]).
+//! - A source without a world is a part of the scene that reads it.
+//! - A mistake costs the request that it is in, and is told with file, line and the request's name; what is not
+//!   supported is told once.
+//!
+//! What becomes of what is told in the manual (`docs/scenes.md`).
+//!
+//! Deliberately absent: blobbies, constructive solid geometry, levels of detail, imager shaders, conditional RIB.
 
 #![forbid(unsafe_code)]
 
-use granita_scene::Generator;
+mod basis;
+mod declare;
+mod frame;
+mod geometry;
+mod lex;
+mod loops;
+mod options;
+mod patches;
+mod primvars;
+mod quadrics;
+mod reader;
+mod request;
+mod shaders;
+mod textures;
+mod transforms;
+
+use granita_base::Reporter;
+use granita_scene::{Generator, GeneratorError, GeneratorSource, SceneSink};
 use std::sync::Arc;
 
-/// The generators of this crate.
+/// The generators of this crate: one, called "rib".
 pub fn generators() -> Vec<Arc<dyn Generator>> {
-    Vec::new()
+    vec![Arc::new(Rib)]
+}
+
+/// Reads RIB.
+#[derive(Clone, Copy, Debug)]
+struct Rib;
+
+impl Generator for Rib {
+    fn name(&self) -> &'static str {
+        "rib"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["rib", "ribz", "rib.gz"]
+    }
+
+    fn makes_frames(&self) -> bool {
+        true
+    }
+
+    fn run(
+        &self,
+        source: &GeneratorSource,
+        sink: &mut dyn SceneSink,
+        reporter: &Reporter,
+    ) -> Result<(), GeneratorError> {
+        reader::Reader::new(sink, reporter, &source.name()).run(source)
+    }
 }

@@ -158,6 +158,12 @@ pub trait SceneSink {
         true
     }
 
+    /// Begins another frame after `Render`, with nothing but the scene-wide attributes kept. `false` where one frame is
+    /// all that is taken, or none was rendered.
+    fn new_frame(&mut self) -> bool {
+        false
+    }
+
     /// The value of an attribute in the current state, for `GetAttribute`; `None` when there is none.
     fn attribute(&self, declaration: &str) -> Option<Param> {
         let _ = declaration;

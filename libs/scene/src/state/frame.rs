@@ -217,6 +217,21 @@ impl State {
         result
     }
 
+    /// Forgets the frame that was rendered; scene-wide and camera attributes stay as they are.
+    pub(super) fn begin_frame(&mut self) {
+        self.phase = Phase::Options;
+        self.current = super::current::Current::default();
+        self.stack.clear();
+        self.world = None;
+        self.cameras.clear();
+        self.outputs.clear();
+        self.primitives.clear();
+        self.lights.clear();
+        self.light_ids = Arc::default();
+        self.saved = Arc::default();
+        self.inputs.clear();
+    }
+
     /// The finished scene. Unless `keep`, the primitives move into it.
     pub(super) fn freeze(&mut self, keep: bool) -> Scene {
         self.drop_removed_lights();

@@ -67,6 +67,12 @@ impl Inputs {
         InputCounts { unread: self.waiting.len(), ..self.counts }
     }
 
+    /// Another frame begins.
+    pub(super) fn clear(&mut self) {
+        self.waiting.clear();
+        self.spaces.clear();
+    }
+
     /// Inputs that wait.
     pub(super) fn waiting(&self) -> usize {
         self.waiting.len()

@@ -289,6 +289,14 @@ impl SceneSink for State {
         Ok(())
     }
 
+    fn new_frame(&mut self) -> bool {
+        if self.phase != Phase::Done || self.inputs.reads_late() {
+            return false;
+        }
+        self.begin_frame();
+        true
+    }
+
     fn in_world(&self) -> bool {
         self.phase != Phase::Options
     }

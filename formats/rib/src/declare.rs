@@ -1,0 +1,264 @@
+//! Declarations of parameters: `Declare`, types inside of names, and the names that need none.
+
+use crate::request::Arg;
+use granita_base::{BaseType, Interp, Param, ParamData, ParamType};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Classes of the RenderMan interface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Class {
+    Constant,
+    Uniform,
+    Varying,
+    Vertex,
+    FaceVarying,
+}
+
+impl Class {
+    fn from_word(word: &str) -> Option<Self> {
+        Some(match word {
+            "constant" => Self::Constant,
+            "uniform" => Self::Uniform,
+            "varying" => Self::Varying,
+            "vertex" => Self::Vertex,
+            "facevarying" | "facevertex" => Self::FaceVarying,
+            _ => return None,
+        })
+    }
+
+    fn word(self) -> &'static str {
+        match self {
+            Self::Constant => "constant",
+            Self::Uniform => "uniform",
+            Self::Varying => "varying",
+            Self::Vertex => "vertex",
+            Self::FaceVarying => "facevarying",
+        }
+    }
+}
+
+/// What a parameter is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Declared {
+    pub(crate) class: Class,
+    pub(crate) base: BaseType,
+    pub(crate) array: Option<u32>,
+}
+
+impl Declared {
+    /// Values of one item.
+    pub(crate) fn width(self) -> usize {
+        self.base.components().saturating_mul(self.array.unwrap_or(1) as usize)
+    }
+
+    /// `class type[n]`; uniform is what no class means.
+    pub(crate) fn parse(text: &str) -> Option<Self> {
+        let text = text.replace('[', " [").replace(']', "] ");
+        let mut declared = Self { class: Class::Uniform, base: BaseType::Unknown, array: None };
+        for word in text.split_whitespace() {
+            if let Some(class) = Class::from_word(word) {
+                declared.class = class;
+            } else if let Some(length) = word.strip_prefix('[') {
+                declared.array = Some(length.strip_suffix(']')?.trim().parse().ok().filter(|n| *n > 0)?);
+            } else {
+                declared.base = match word {
+                    "integer" => BaseType::Int,
+                    word => BaseType::from_word(word)?,
+                };
+            }
+        }
+        (declared.base != BaseType::Unknown).then_some(declared)
+    }
+
+    fn text(self) -> String {
+        let array = self.array.map_or(String::new(), |n| format!("[{n}]"));
+        format!("{} {}{array}", self.class.word(), self.base.word())
+    }
+}
+
+/// A parameter of a request: its name, its type, its values.
+#[derive(Clone, Debug)]
+pub(crate) struct Given {
+    pub(crate) name: Arc<str>,
+    pub(crate) declared: Declared,
+    pub(crate) data: ParamData,
+}
+
+impl Given {
+    /// As a constant of the scene interface: for shaders and attributes.
+    pub(crate) fn constant(&self) -> Param {
+        let ty = ParamType { base: self.declared.base, array: self.declared.array, interp: Interp::Constant };
+        Param { name: self.name.clone(), ty, data: self.data.clone() }
+    }
+
+    /// The numbers.
+    pub(crate) fn floats(&self) -> Arc<[f32]> {
+        self.data.to_floats().unwrap_or_default()
+    }
+
+    /// The first number.
+    pub(crate) fn float(&self) -> Option<f32> {
+        self.floats().first().copied()
+    }
+
+    /// The first string.
+    pub(crate) fn string(&self) -> Option<&Arc<str>> {
+        match &self.data {
+            ParamData::String(v) => v.first(),
+            _ => None,
+        }
+    }
+}
+
+/// The declarations in force.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Declarations(BTreeMap<String, Declared>);
+
+/// Names that every renderer knows.
+fn standard(name: &str) -> Option<Declared> {
+    use BaseType::{Color, Float, HPoint, Normal, Point, String};
+    use Class::{Constant, Uniform, Varying, Vertex};
+    let (class, base, array) = match name {
+        "P" => (Vertex, Point, None),
+        "Pz" => (Vertex, Float, None),
+        "Pw" => (Vertex, HPoint, None),
+        "N" => (Varying, Normal, None),
+        "Np" => (Uniform, Normal, None),
+        "Cs" | "Os" => (Varying, Color, None),
+        "s" | "t" | "width" => (Varying, Float, None),
+        "st" => (Varying, Float, Some(2)),
+        "constantwidth" => (Constant, Float, None),
+        "Ka" | "Kd" | "Ks" | "Kr" | "Km" | "roughness" | "intensity" | "coneangle" | "conedeltaangle"
+        | "beamdistribution" | "mindistance" | "maxdistance" | "distance" | "amplitude" | "fov"
+        | "falloff" | "shadowsamples" | "shadowblur" | "shadowbias" => (Uniform, Float, None),
+        "specularcolor" | "lightcolor" | "background" => (Uniform, Color, None),
+        "from" | "to" => (Uniform, Point, None),
+        "texturename" | "shadowname" | "name" => (Uniform, String, None),
+        // Of Option and Attribute.
+        "sphere" | "endofframe" | "maxdepth" | "gridsize" | "texturememory" | "binary" | "hidden"
+        | "bias" => (Uniform, Float, None),
+        "bucketsize" => (Uniform, BaseType::Int, Some(2)),
+        "coordinatesystem" | "shader" | "texture" | "archive" | "procedural" | "display" | "sense" => {
+            (Uniform, String, None)
+        }
+        _ => return None,
+    };
+    Some(Declared { class, base, array })
+}
+
+impl Declarations {
+    /// `Declare`; `false` for a type that is none.
+    pub(crate) fn declare(&mut self, name: &str, declaration: &str) -> bool {
+        match Declared::parse(declaration) {
+            Some(declared) => {
+                self.0.insert(name.to_owned(), declared);
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// As requests, for a source that is read later.
+    pub(crate) fn requests(&self) -> String {
+        let quoted = |name: &str| name.replace('\\', "\\\\").replace('"', "\\\"");
+        self.0.iter().map(|(name, d)| format!("Declare \"{}\" \"{}\" ", quoted(name), d.text())).collect()
+    }
+
+    /// The type and the name of a token: declared in itself, before, or known.
+    pub(crate) fn find<'a>(&self, token: &'a str) -> Option<(Declared, &'a str)> {
+        let token = token.trim();
+        match token.rsplit_once(char::is_whitespace) {
+            Some((declaration, name)) => Some((Declared::parse(declaration)?, name)),
+            None => {
+                let known = self.0.get(token).copied().or_else(|| standard(token));
+                known.map(|declared| (declared, token))
+            }
+        }
+    }
+
+    /// The parameter list of a request. What is wrong with some goes to `wrong`; they are left out.
+    pub(crate) fn list(&self, args: &[Arg], wrong: &mut dyn FnMut(String)) -> Vec<Given> {
+        let mut list = Vec::new();
+        let mut rest = args.iter();
+        while let Some(token) = rest.next() {
+            let Some(token) = token.strings().and_then(|s| s.first().cloned()) else {
+                wrong(format!("{} where the name of a parameter belongs", token.kind()));
+                continue;
+            };
+            let Some(value) = rest.next() else {
+                wrong(format!("parameter \"{token}\" has no value"));
+                break;
+            };
+            let Some((declared, name)) = self.find(&token) else {
+                wrong(format!("parameter \"{token}\" is not declared: it is left out"));
+                continue;
+            };
+            let data = match declared.base {
+                BaseType::String => value.strings().map(ParamData::String),
+                BaseType::Int => value.ints().map(ParamData::Int),
+                _ => value.floats().map(ParamData::Float),
+            };
+            match data {
+                Some(data) if !data.is_empty() && data.len().is_multiple_of(declared.width()) => {
+                    list.push(Given { name: name.into(), declared, data });
+                }
+                Some(data) => wrong(format!(
+                    "parameter \"{token}\" has {} values, not a multiple of {}",
+                    data.len(),
+                    declared.width()
+                )),
+                None => wrong(format!(
+                    "parameter \"{token}\" wants {}s, not {}",
+                    declared.base.word(),
+                    value.kind()
+                )),
+            }
+        }
+        list
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn declarations() {
+        let all = Declarations::default();
+        let (d, name) = all.find("uniform float[3] weights").unwrap();
+        assert_eq!((d.class, d.width(), name), (Class::Uniform, 3, "weights"));
+        assert_eq!(all.find("facevarying float [2] uv").unwrap().0.array, Some(2));
+        assert_eq!(all.find("color tint").unwrap().0.class, Class::Uniform);
+        assert_eq!(all.find("integer n").unwrap().0.base, BaseType::Int);
+        assert!(all.find("nobody").is_none() && all.find("strange thing").is_none());
+        assert!(Declared::parse("float[0]").is_none() && Declared::parse("float[").is_none());
+        let mut all = all;
+        assert!(all.declare("tint", "varying color") && !all.declare("x", "nothing"));
+        assert_eq!(all.find("tint").unwrap().0.class, Class::Varying);
+        assert_eq!(all.requests(), "Declare \"tint\" \"varying color\" ");
+    }
+
+    #[test]
+    fn lists() {
+        let all = Declarations::default();
+        let s = |t: &str| Arg::String(t.into());
+        let mut told = Vec::new();
+        let args = [
+            s("Kd"),
+            Arg::Float(0.5),
+            s("unknown"),
+            Arg::Int(1),
+            s("from"),
+            Arg::Ints([1, 2].into()),
+            s("texturename"),
+            Arg::Int(3),
+            Arg::Int(4),
+            s("Ks"),
+        ];
+        let list = all.list(&args, &mut |text| told.push(text));
+        assert_eq!(list.len(), 1);
+        assert_eq!(list[0].constant().declaration(), "float Kd");
+        assert_eq!(told.len(), 5, "{told:?}");
+    }
+}

@@ -1,0 +1,336 @@
+//! Options and attributes.
+
+use crate::basis::Basis;
+use crate::declare::Given;
+use crate::frame::{Display, Projection};
+use crate::reader::{Done, Fault, Reader, plain};
+use crate::request::{Arg, Request};
+use granita_base::{BaseType, Filter, Param, ParamData};
+use granita_scene::Call;
+use std::sync::Arc;
+
+/// All numbers among the arguments, in order, up to the first string.
+pub(crate) fn numbers(args: &[Arg]) -> Vec<f32> {
+    args.iter().map_while(Arg::floats).flat_map(|f| f.to_vec()).collect()
+}
+
+/// Exactly `N` numbers.
+pub(crate) fn exactly<const N: usize>(request: &Request) -> Result<[f32; N], Fault> {
+    let all = numbers(&request.args);
+    let n = all.len();
+    all.try_into().map_err(|_| Fault::Mistake(format!("wants {N} numbers, not {n}")))
+}
+
+/// The string at a place.
+pub(crate) fn string(request: &Request, at: usize) -> Result<Arc<str>, Fault> {
+    let found = request.args.get(at).and_then(|a| a.strings()?.first().cloned());
+    found.ok_or_else(|| Fault::Mistake(format!("argument {} should be a string", at + 1)))
+}
+
+impl Reader<'_> {
+    /// Options of the frame; `None` for other requests.
+    pub(crate) fn option_request(&mut self, request: &Request) -> Option<Done> {
+        let done = match request.name.as_str() {
+            "Format" => exactly::<3>(request).and_then(|[x, y, aspect]| {
+                if !(1.0..=1.0e6).contains(&x) || !(1.0..=1.0e6).contains(&y) {
+                    return Err(Fault::Mistake(format!("{x} x {y} pixels")));
+                }
+                self.options.resolution = [x as i32, y as i32];
+                self.options.pixel_aspect = if aspect > 0.0 { aspect } else { 1.0 };
+                Ok(())
+            }),
+            "FrameAspectRatio" => {
+                exactly::<1>(request).map(|[a]| self.options.frame_aspect = Some(a).filter(|a| *a > 0.0))
+            }
+            "ScreenWindow" => exactly::<4>(request).map(|w| self.options.screen = Some(w)),
+            "CropWindow" => exactly::<4>(request).map(|w| self.options.crop = Some(w)),
+            "Clipping" => {
+                exactly::<2>(request).map(|[near, far]| self.options.clipping = [near.max(1.0e-6), far])
+            }
+            "Shutter" => exactly::<2>(request).map(|s| self.options.shutter = s),
+            "DepthOfField" if request.args.is_empty() => {
+                self.options.lens = None;
+                Ok(())
+            }
+            "DepthOfField" => exactly::<3>(request).map(|l| self.options.lens = Some(l)),
+            "PixelSamples" => exactly::<2>(request).map(|s| self.options.samples = s),
+            "Exposure" => exactly::<2>(request).map(|e| self.options.exposure = e),
+            "Projection" => self.projection(request),
+            "PixelFilter" => self.pixel_filter(request),
+            "Quantize" => self.quantize(request),
+            "Display" => self.display(request),
+            "Hider" => self.hider(request),
+            "ColorSamples" => self.color_samples(request),
+            "Option" => self.option(request),
+            "Declare" => string(request, 0).and_then(|name| {
+                let declaration = string(request, 1)?;
+                if self.declarations.declare(&name, &declaration) {
+                    Ok(())
+                } else {
+                    Err(Fault::Mistake(format!("\"{declaration}\" is no type")))
+                }
+            }),
+            // Nothing that a picture would show.
+            "version" | "ErrorHandler" | "PixelVariance" | "RelativeDetail" | "ArchiveRecord" => Ok(()),
+            "Imager" => Err(Fault::Unsupported("Imager is not supported".to_owned())),
+            _ => return None,
+        };
+        Some(done)
+    }
+
+    fn projection(&mut self, request: &Request) -> Done {
+        let name = string(request, 0)?;
+        let params = self.params(request, 1);
+        let fov = params.iter().find(|p| &*p.name == "fov").and_then(Given::float);
+        self.options.projection = match &*name {
+            "perspective" => Projection::Perspective(fov.unwrap_or(90.0)),
+            "orthographic" => Projection::Orthographic,
+            other => return Err(Fault::Mistake(format!("there is no projection \"{other}\""))),
+        };
+        if self.forget_transforms() {
+            self.once("Projection: transformations in front of it are left out".to_owned());
+        }
+        Ok(())
+    }
+
+    fn pixel_filter(&mut self, request: &Request) -> Done {
+        let name = string(request, 0)?;
+        let width = numbers(request.args.get(1..).unwrap_or_default());
+        let [x, y] = width[..] else { return Err(Fault::Mistake("wants two widths".to_owned())) };
+        let known = match &*name {
+            "bessel" | "disk" | "lanczos" => "gaussian",
+            "separable-catmull-rom" => "catmull-rom",
+            "bspline" => "b-spline",
+            other => other,
+        };
+        if Filter::from_word(known).is_none() {
+            return Err(Fault::Mistake(format!("there is no filter \"{name}\"")));
+        }
+        if known != &*name && matches!(&*name, "bessel" | "disk" | "lanczos") {
+            self.once(format!("PixelFilter: \"{name}\" is not supported; gaussian stands for it"));
+        }
+        self.options.filter = (known.to_owned(), [x, y]);
+        Ok(())
+    }
+
+    fn quantize(&mut self, request: &Request) -> Done {
+        let kind = string(request, 0)?;
+        let values = numbers(request.args.get(1..).unwrap_or_default());
+        let values: [f32; 4] =
+            values.try_into().map_err(|_| "wants one, min, max and amplitude".to_owned())?;
+        let kind = if &*kind == "rgb" { "rgba" } else { &*kind };
+        self.options.quantize.insert(kind.to_owned(), values);
+        Ok(())
+    }
+
+    fn display(&mut self, request: &Request) -> Done {
+        let (name, kind, mode) = (string(request, 0)?, string(request, 1)?, string(request, 2)?);
+        let params = self.params(request, 3);
+        let (name, adds) = match name.strip_prefix('+') {
+            Some(name) => (name, true),
+            None => (&*name, false),
+        };
+        let mut kind = kind.to_string();
+        if kind == "framebuffer" {
+            self.once(format!("Display \"{name}\": there is no frame buffer; a file is written"));
+            kind = String::new();
+        }
+        if !adds {
+            self.options.displays.clear();
+        }
+        // Without an ending the type is the format's, and TIFF is what "file" means.
+        if kind == "file" || kind.is_empty() {
+            kind = if name.contains('.') { String::new() } else { "tiff".to_owned() };
+        }
+        self.options.displays.push(Display { name: name.to_owned(), kind, mode: mode.to_string(), params });
+        Ok(())
+    }
+
+    fn hider(&mut self, request: &Request) -> Done {
+        let name = string(request, 0)?;
+        let params = match request.args.get(1) {
+            Some(_) => self.params(request, 1),
+            None => Vec::new(),
+        };
+        if let Some(filter) = params.iter().find(|p| &*p.name == "depthfilter").and_then(Given::string) {
+            self.options.depth_filter = filter.to_string();
+        }
+        match &*name {
+            "hidden" | "stochastic" => Ok(()),
+            other => {
+                Err(Fault::Unsupported(format!("Hider: \"{other}\" is not supported; \"hidden\" is used")))
+            }
+        }
+    }
+
+    /// Colours of `n` samples: kept is how they become three.
+    fn color_samples(&mut self, request: &Request) -> Done {
+        let arrays: Vec<_> = request.args.iter().filter_map(Arg::floats).filter(|f| f.len() > 1).collect();
+        let to_rgb = arrays.first().filter(|a| a.len().is_multiple_of(3));
+        let to_rgb = to_rgb.ok_or_else(|| "wants two matrices of 3n numbers".to_owned())?;
+        self.color_samples =
+            (to_rgb.len() != 9 || arrays.len() > 1).then(|| (to_rgb.len() / 3, to_rgb.to_vec()));
+        Ok(())
+    }
+
+    /// A colour of three numbers.
+    pub(crate) fn color(&self, values: &[f32]) -> Result<[f32; 3], Fault> {
+        if let Some((n, to_rgb)) = &self.color_samples
+            && values.len() == *n
+        {
+            let sum = |c: usize| values.iter().enumerate().map(|(i, v)| v * to_rgb[3 * i + c]).sum();
+            return Ok([sum(0), sum(1), sum(2)]);
+        }
+        let n = values.len();
+        values.try_into().map_err(|_| Fault::Mistake(format!("wants 3 numbers, not {n}")))
+    }
+
+    fn option(&mut self, request: &Request) -> Done {
+        let group = string(request, 0)?;
+        for given in self.params(request, 1) {
+            let name = &*given.name;
+            let int = |declaration: &str, value: f32| Param::declared(declaration, value as i32).ok();
+            let first = given.float().unwrap_or(0.0);
+            let param = match (&*group, name) {
+                ("searchpath", "shader" | "texture" | "archive" | "procedural") => {
+                    let kind = match name {
+                        "archive" => "input",
+                        "procedural" => "generator",
+                        other => other,
+                    };
+                    let path = given.string().map(|p| p.replace('@', "&")).unwrap_or_default();
+                    Param::declared(&format!("string path:{kind}"), path.as_str()).ok()
+                }
+                ("limits", "bucketsize") => {
+                    if let [x, y] = given.floats()[..] {
+                        self.options.bucketsize = Some([x as i32, y as i32]);
+                    }
+                    continue;
+                }
+                ("limits", "gridsize") => int("int limits:gridsize", first),
+                ("limits", "texturememory") => int("int limits:texturememory", first),
+                ("limits", "threads") => int("int limits:threads", first),
+                ("statistics", "endofframe") => int("int statistics:level", first),
+                ("trace", "maxdepth") => int("int ray:maxdepth", first),
+                _ => {
+                    self.once(format!("Option \"{group}\" \"{name}\" is not supported"));
+                    continue;
+                }
+            };
+            if let Some(param) = param {
+                self.emit(Call::Attribute(param))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Attributes; `None` for other requests.
+    pub(crate) fn attribute_request(&mut self, request: &Request) -> Option<Done> {
+        let done = match request.name.as_str() {
+            "Color" | "Opacity" => {
+                let name = if request.name == "Color" { "color C" } else { "color opacity" };
+                self.color(&numbers(&request.args)).and_then(|c| self.attribute(name, &c[..]))
+            }
+            "ShadingRate" => exactly::<1>(request).and_then(|[rate]| {
+                // The area of a facet in pixels; the attribute counts points along a pixel's side.
+                self.attribute("float shadingquality", 1.0 / rate.max(1.0e-4).sqrt())
+            }),
+            "Sides" => {
+                exactly::<1>(request).and_then(|[n]| self.attribute("int twosided", i32::from(n != 1.0)))
+            }
+            "Matte" => {
+                exactly::<1>(request).and_then(|[on]| self.attribute("int holdout", i32::from(on != 0.0)))
+            }
+            "Orientation" => string(request, 0).and_then(|w| self.attribute("string orientation", &*w)),
+            "ReverseOrientation" => self.attribute("string orientation", "reverse"),
+            "TextureCoordinates" => exactly::<8>(request).map(|c| self.local.corners = Some(c)),
+            "Basis" => self.basis(request),
+            "Attribute" => self.set_attribute(request),
+            "ShadingInterpolation" | "GeometricApproximation" | "GeometricRepresentation" | "Bound" => Ok(()),
+            "Detail" | "DetailRange" => Err(Fault::Unsupported(format!(
+                "{} is not supported: all levels of detail are shown",
+                request.name
+            ))),
+            "Interior" | "Exterior" => Err(Fault::Unsupported(format!("{} is not supported", request.name))),
+            _ => return None,
+        };
+        Some(done)
+    }
+
+    fn basis(&mut self, request: &Request) -> Done {
+        let mut rest = request.args.iter();
+        let mut one = || -> Result<Basis, Fault> {
+            let (matrix, step) = (rest.next(), rest.next());
+            let step = step.and_then(|s| s.ints()?.first().copied()).and_then(|s| usize::try_from(s).ok());
+            let step = step
+                .filter(|s| (1..=4).contains(s))
+                .ok_or_else(|| "wants basis, step, basis, step".to_owned())?;
+            let basis = match matrix.and_then(Arg::strings).and_then(|s| s.first().cloned()) {
+                Some(name) => Basis::named(&name).map(|b| b.with_step(step)),
+                None => matrix.and_then(Arg::floats).and_then(|m| Basis::of(&m, step)),
+            };
+            basis.ok_or_else(|| Fault::Mistake("a basis is a name or 16 numbers".to_owned()))
+        };
+        (self.local.ubasis, self.local.vbasis) = (one()?, one()?);
+        Ok(())
+    }
+
+    fn set_attribute(&mut self, request: &Request) -> Done {
+        let group = string(request, 0)?;
+        for given in self.params(request, 1) {
+            let name = &*given.name;
+            let first = given.float().unwrap_or(0.0);
+            let on = i32::from(first != 0.0);
+            match (&*group, name) {
+                ("identifier", "name") => {
+                    let text = given.string().cloned().unwrap_or_default();
+                    self.attribute("string name", &*text)?;
+                }
+                ("displacementbound", "sphere") => {
+                    self.attribute("float displace:maxradius", first.max(0.0))?;
+                    // A coordinate system named in the same request comes later and wins.
+                    self.attribute("string displace:maxspace", "object")?;
+                }
+                ("displacementbound", "coordinatesystem") => {
+                    let space = given.string().map_or("object", |s| &**s).to_owned();
+                    self.attribute("string displace:maxspace", space.as_str())?;
+                }
+                (
+                    "visibility",
+                    set @ ("camera" | "transmission" | "diffuse" | "specular" | "trace" | "photon"),
+                ) => {
+                    let sign = if on == 1 { '+' } else { '-' };
+                    self.attribute("string geometryset", format!("{sign}{set}").as_str())?;
+                }
+                ("cull", "hidden") => self.attribute("int cull:occlusion", on)?,
+                ("dice", "binary") => self.attribute("int dice:binary", on)?,
+                ("dice", "rasterorient") => self.attribute("int dice:rasterorient", on)?,
+                ("trimcurve", "sense") => {
+                    let sense = given.string().map_or("inside", |s| &**s).to_owned();
+                    self.attribute("string trimcurve:sense", sense.as_str())?;
+                }
+                ("light", "samples" | "nsamples") => {
+                    self.attribute("int light:nsamples", first.max(1.0) as i32)?
+                }
+                ("trace", "bias") | ("shadow", "bias") => self.attribute("float shadow:bias", first)?,
+                ("trace", "displacements") => self.attribute("int ray:displace", on)?,
+                ("trace", "samplemotion") => self.attribute("int ray:motion", on)?,
+                ("user", _) => {
+                    let mut param = given.constant();
+                    param.name = format!("user:{name}").into();
+                    if matches!(param.ty.base, BaseType::Int) {
+                        param.data = param.data.to_ints().map_or(param.data.clone(), ParamData::Int);
+                    }
+                    self.emit(Call::Attribute(param))?;
+                }
+                _ => self.once(format!("Attribute \"{group}\" \"{name}\" is not supported")),
+            }
+        }
+        Ok(())
+    }
+
+    /// A name in the geometry sets of what follows.
+    pub(crate) fn add_to_set(&mut self, set: &str) -> Done {
+        self.emit(Call::Attribute(plain("geometryset", BaseType::String, format!("+{set}").as_str())))
+    }
+}

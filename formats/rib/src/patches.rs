@@ -1,0 +1,317 @@
+//! Patches, NURBS and curves.
+
+use crate::basis::{Basis, linear_as_bezier};
+use crate::declare::Class;
+use crate::geometry::{int, ints, same, width};
+use crate::options::string;
+use crate::primvars::{CURVES, PATCH, Variable, params, variables};
+use crate::reader::{Done, Fault, Reader};
+use crate::request::{Arg, Request};
+use granita_base::shape::KnotSpan;
+use granita_base::{CurveBasis, Interp, ParamData, ShapeDesc, TrimDesc};
+use granita_scene::Call;
+use std::sync::Arc;
+
+/// One direction of a patch mesh.
+#[derive(Clone, Copy)]
+struct Side {
+    basis: Basis,
+    n: usize,
+    periodic: bool,
+    segments: usize,
+}
+
+impl Side {
+    /// Values of a varying variable along it.
+    fn varying(&self) -> usize {
+        if self.periodic { self.segments } else { self.segments + 1 }
+    }
+
+    /// Control values after conversion.
+    fn converted(&self) -> usize {
+        3 * self.segments + 1
+    }
+
+    /// Items of `width` numbers at segment ends, as Bezier control items.
+    fn spread(&self, values: &[f32], width: usize) -> Vec<f32> {
+        let mut values = values.to_vec();
+        if self.periodic {
+            values.extend_from_within(..width);
+        }
+        linear_as_bezier(&values, width)
+    }
+}
+
+/// Applies `f` to every row of `row` numbers.
+fn by_rows(values: &[f32], row: usize, f: impl Fn(&[f32]) -> Vec<f32>) -> Vec<f32> {
+    values.chunks_exact(row.max(1)).flat_map(f).collect()
+}
+
+impl Reader<'_> {
+    pub(crate) fn patch(&mut self, request: &Request) -> Done {
+        let kind = string(request, 0)?;
+        let given = self.given(request, 1);
+        let mut all = variables(&given, PATCH);
+        self.corners(&mut all);
+        match &*kind {
+            "bilinear" => {
+                let linear = CurveBasis::Linear;
+                self.shape(ShapeDesc::Patch { u: linear, v: linear, nu: 2, nv: 2 }, params(all))
+            }
+            "bicubic" => {
+                let side = |basis: Basis| Side { basis, n: 4, periodic: false, segments: 1 };
+                self.bicubic(side(self.local.ubasis), side(self.local.vbasis), all)
+            }
+            other => Err(Fault::Mistake(format!("there is no patch \"{other}\""))),
+        }
+    }
+
+    pub(crate) fn patch_mesh(&mut self, request: &Request) -> Done {
+        let kind = string(request, 0)?;
+        let (nu, uwrap) = (int(request, 1)?, string(request, 2)?);
+        let (nv, vwrap) = (int(request, 3)?, string(request, 4)?);
+        let given = self.given(request, 5);
+        let mut all = variables(&given, PATCH);
+        self.corners(&mut all);
+        let (up, vp) = (&*uwrap == "periodic", &*vwrap == "periodic");
+        check_counts(&all, nu, nv)?;
+        match &*kind {
+            "bilinear" => {
+                // Values between vertices are blended as the vertices are.
+                for variable in &mut all {
+                    if variable.interp == Interp::Linear && variable.items() == nu * nv && nu * nv != 4 {
+                        variable.interp = Interp::Vertex;
+                    }
+                    if variable.interp == Interp::Vertex && (up || vp) && variable.items() == nu * nv {
+                        let (mu, mv) = (nu + usize::from(up), nv + usize::from(vp));
+                        let places = (0..mu * mv).map(|k| (k / mu % nv) * nu + k % mu % nu);
+                        variable.data = variable.picked(places);
+                    }
+                }
+                let linear = CurveBasis::Linear;
+                let (nu, nv) = (nu + usize::from(up), nv + usize::from(vp));
+                self.shape(ShapeDesc::Patch { u: linear, v: linear, nu, nv }, params(all))
+            }
+            "bicubic" => {
+                let side = |basis: Basis, n: usize, periodic: bool| {
+                    let segments = basis.segments(n, periodic);
+                    let segments = segments.ok_or_else(|| format!("{n} vertices make no whole patches"))?;
+                    Ok::<_, String>(Side { basis, n, periodic, segments })
+                };
+                let u = side(self.local.ubasis, nu, up)?;
+                let v = side(self.local.vbasis, nv, vp)?;
+                self.bicubic(u, v, all)
+            }
+            other => Err(Fault::Mistake(format!("there is no patch mesh \"{other}\""))),
+        }
+    }
+
+    /// A cubic patch mesh; in the bases of the scene interface where they do, as Bezier patches otherwise.
+    fn bicubic(&mut self, u: Side, v: Side, mut all: Vec<Variable>) -> Done {
+        check_counts(&all, u.n, v.n)?;
+        let many = u.segments * v.segments > 1;
+        let spreads = |x: &Variable| many && x.interp == Interp::Linear && x.items() != 4;
+        let periodic = u.periodic || v.periodic;
+        if let (Some(ub), Some(vb), false) =
+            (u.basis.native, v.basis.native, periodic || all.iter().any(spreads))
+        {
+            return self.shape(ShapeDesc::Patch { u: ub, v: vb, nu: u.n, nv: v.n }, params(all));
+        }
+        let (mu, mv) = (u.converted(), v.converted());
+        for variable in &mut all {
+            let width = variable.width();
+            let Some(values) = variable.data.to_floats().filter(|_| variable.interp != Interp::Constant)
+            else {
+                variable.interp = Interp::Constant;
+                continue;
+            };
+            let vertex = variable.interp == Interp::Vertex;
+            let items = variable.items();
+            let new = if vertex && items == u.n * v.n {
+                let rows =
+                    by_rows(&values, u.n * width, |row| u.basis.converted(row, width, u.n, u.periodic));
+                v.basis.converted(&rows, mu * width, v.n, v.periodic)
+            } else if !vertex && items == u.varying() * v.varying() && (many || periodic) {
+                let rows = by_rows(&values, u.varying() * width, |row| u.spread(row, width));
+                v.spread(&rows, mu * width)
+            } else {
+                continue;
+            };
+            variable.interp = Interp::Vertex;
+            variable.data = ParamData::Float(new.into());
+        }
+        let bezier = CurveBasis::Bezier;
+        self.shape(ShapeDesc::Patch { u: bezier, v: bezier, nu: mu, nv: mv }, params(all))
+    }
+
+    pub(crate) fn nu_patch(&mut self, request: &Request) -> Done {
+        let span = |at: usize| -> Result<KnotSpan, Fault> {
+            let (n, order) = (int(request, at)?, int(request, at + 1)?);
+            let knots = request.args.get(at + 2).and_then(Arg::floats).unwrap_or_default();
+            let end = |k: usize| request.args.get(at + k).and_then(|a| a.floats()?.first().copied());
+            let (Some(min), Some(max)) = (end(3), end(4)) else {
+                return Err(Fault::Mistake("wants n, order, knots, min and max twice".to_owned()));
+            };
+            if order < 1 || n < order || Some(knots.len()) != n.checked_add(order) {
+                return Err(Fault::Mistake(format!(
+                    "{n} vertices of order {order} with {} knots",
+                    knots.len()
+                )));
+            }
+            Ok(KnotSpan { n, order, knots, min, max })
+        };
+        let (u, v) = (span(0)?, span(5)?);
+        let given = self.given(request, 10);
+        let mut all = variables(&given, PATCH);
+        self.corners(&mut all);
+        // Segments of u and v; the scene interface has values at the four corners.
+        let (su, sv) = (u.n + 2 - u.order, v.n + 2 - v.order);
+        for variable in &mut all {
+            if variable.interp == Interp::Linear && variable.items() != 4 {
+                if variable.items() == su * sv {
+                    variable.data = variable.picked([0, su - 1, su * (sv - 1), su * sv - 1].into_iter());
+                    self.once("NuPatch: of varying values only those at the corners are used".to_owned());
+                } else if variable.items() == u.n * v.n {
+                    variable.interp = Interp::Vertex;
+                }
+            }
+        }
+        self.shape(ShapeDesc::Nurbs { u, v }, params(all))
+    }
+
+    pub(crate) fn trim_curve(&mut self, request: &Request) -> Done {
+        let floats = |at: usize| {
+            let found = request.args.get(at).and_then(Arg::floats);
+            found.ok_or_else(|| Fault::Mistake("wants ncurves, order, knot, min, max, n, u, v, w".to_owned()))
+        };
+        let (ncurves, order, n) = (ints(request, 0)?, ints(request, 1)?, ints(request, 5)?);
+        let (knots, min, max) = (floats(2)?, floats(3)?, floats(4)?);
+        let (u, v, w) = (floats(6)?, floats(7)?, floats(8)?);
+        if u.len() != v.len() || u.len() != w.len() {
+            return Err(Fault::Mistake(format!(
+                "{}, {} and {} numbers of u, v and w",
+                u.len(),
+                v.len(),
+                w.len()
+            )));
+        }
+        let uvw: Arc<[f32]> =
+            u.iter().zip(v.iter()).zip(w.iter()).flat_map(|((u, v), w)| [*u, *v, *w]).collect();
+        let trim = TrimDesc { ncurves, n, order, knots, min, max, uvw };
+        let none = trim.ncurves.is_empty();
+        self.emit(Call::TrimCurve((!none).then(|| Box::new(trim))))
+    }
+
+    pub(crate) fn curves(&mut self, request: &Request) -> Done {
+        let kind = string(request, 0)?;
+        let nverts = ints(request, 1)?;
+        let periodic = &*string(request, 2)? == "periodic";
+        let given = self.given(request, 3);
+        let mut all = variables(&given, CURVES);
+        if !all.iter().any(|v| &*v.name == "width") {
+            all.push(width(1.0));
+        }
+        let basis = match &*kind {
+            "linear" => None,
+            "cubic" => Some(self.local.vbasis),
+            other => return Err(Fault::Mistake(format!("there are no curves \"{other}\""))),
+        };
+        // Segments of each curve.
+        let mut sides = Vec::with_capacity(nverts.len());
+        for n in nverts.iter() {
+            let n = usize::try_from(*n).unwrap_or(0);
+            let segments = match basis {
+                Some(basis) => basis.segments(n, periodic),
+                None if n < 2 => None,
+                None => Some(if periodic { n } else { n - 1 }),
+            };
+            let Some(segments) = segments else {
+                return Err(Fault::Mistake(format!("{n} vertices make no whole curve")));
+            };
+            sides.push(Side { basis: basis.unwrap_or(Basis::BEZIER), n, periodic, segments });
+        }
+        let vertices: usize = sides.iter().map(|s| s.n).sum();
+        let ends: usize = sides.iter().map(Side::varying).sum();
+        let varying = |v: &Variable| {
+            given.iter().any(|g| {
+                same(&g.name, &v.name) && matches!(g.declared.class, Class::Varying | Class::FaceVarying)
+            })
+        };
+        for v in &all {
+            let want = match v.interp {
+                Interp::Vertex => vertices,
+                Interp::Linear => ends,
+                Interp::PerPiece => sides.len(),
+                Interp::Constant => continue,
+            };
+            if v.items() != want {
+                let n = v.items();
+                return Err(Fault::Mistake(format!("\"{}\" has {n} values where {want} are needed", v.name)));
+            }
+        }
+        // Neighbours with as many vertices are one call.
+        let (mut from, mut vertex, mut end) = (0, 0, 0);
+        while from < sides.len() {
+            let side = sides[from];
+            let count = sides[from..].iter().take_while(|s| s.n == side.n).count();
+            let bends = side.segments > 1 && all.iter().any(varying);
+            let native = basis.and_then(|b| b.native).filter(|_| !periodic && !bends);
+            let n_out = match (basis, native) {
+                (None, _) => side.n + usize::from(periodic),
+                (Some(_), Some(_)) => side.n,
+                (Some(_), None) => side.converted(),
+            };
+            let slice = |v: &Variable| -> Variable {
+                let mut out = v.clone();
+                let (first, each) = match v.interp {
+                    Interp::Vertex => (vertex, side.n),
+                    Interp::Linear => (end, side.varying()),
+                    Interp::PerPiece => (from, 1),
+                    Interp::Constant => return out,
+                };
+                out.data = v.picked(first..first + each * count);
+                if v.interp == Interp::PerPiece {
+                    return out;
+                }
+                let (width, vertexlike) = (v.width(), v.interp == Interp::Vertex);
+                if basis.is_none() {
+                    // Linear curves blend both classes alike.
+                    let places = (0..count).flat_map(|k| (0..n_out).map(move |i| k * each + i % each));
+                    let data = out.picked(places);
+                    return Variable { interp: Interp::Vertex, data, ..out };
+                }
+                if native.is_some() {
+                    return out;
+                }
+                let Some(values) = out.data.to_floats() else { return out };
+                let new = if vertexlike {
+                    by_rows(&values, each * width, |row| side.basis.converted(row, width, side.n, periodic))
+                } else {
+                    by_rows(&values, each * width, |row| side.spread(row, width))
+                };
+                Variable { interp: Interp::Vertex, data: ParamData::Float(new.into()), ..out }
+            };
+            let group: Vec<Variable> = all.iter().map(slice).collect();
+            let basis = match (basis, native) {
+                (None, _) => CurveBasis::Linear,
+                (_, Some(native)) => native,
+                _ => CurveBasis::Bezier,
+            };
+            self.shape(ShapeDesc::Curves { basis, ncurves: count, nverts: n_out }, params(group))?;
+            vertex += side.n * count;
+            end += side.varying() * count;
+            from += count;
+        }
+        Ok(())
+    }
+}
+
+/// That positions are as many as the request says.
+fn check_counts(all: &[Variable], nu: usize, nv: usize) -> Result<(), Fault> {
+    let want = nu.checked_mul(nv).filter(|n| *n < 1 << 28).ok_or_else(|| format!("{nu} x {nv} vertices"))?;
+    match all.iter().find(|v| matches!(&*v.name, "P" | "Pw")) {
+        Some(p) if p.items() == want => Ok(()),
+        Some(p) => Err(Fault::Mistake(format!("{} points where {nu} x {nv} are needed", p.items()))),
+        None => Err(Fault::Mistake("no \"P\" or \"Pw\"".to_owned())),
+    }
+}
