@@ -55,6 +55,15 @@ pub(crate) fn statement() -> impl Strategy<Value = String> {
         expression().prop_map(|e| format!("y += {e};")),
         (expression(), expression()).prop_map(|(i, e)| format!("t[abs ({i})] = {e}; y = t[x];")),
         expression().prop_map(|e| format!("q[1] = {e}; x -= q[0];")),
+        expression().prop_map(|e| format!("s = concat (substr (s, -9), format (\"%g\", floor ({e})));")),
+        (expression(), 0..4).prop_map(|(e, k)| format!("s = substr (s, {e}); y += match (\"[{k}-9]$\", s);")),
+        expression().prop_map(|e| format!("if (s != \"\") s = {e} > 0 ? \"1\" : \"a\"; x += s == \"a\";")),
+        expression().prop_map(|e| format!("x = twist ({e}, y);")),
+        expression().prop_map(|e| format!("y = twist (t[1], q[{e} > 0]);")),
+        expression().prop_map(|e| format!("if ({e} > 3) exit ();")),
+        expression().prop_map(|e| format!("q += deltav (P * {e}); y += filterwidth (q) + samplearea (P * {e});")),
+        expression().prop_map(|e| format!("x += gridmax ({e}) - gridmin (y);")),
+        expression().prop_map(|e| format!("setmessage (\"m\", {e}); y += getmessage (\"surface\", \"m\", x);")),
     ];
     simple.prop_recursive(3, 12, 3, |inner| {
         let many = prop::collection::vec(inner.clone(), 1..3).prop_map(|list| list.join(" "));
@@ -64,18 +73,38 @@ pub(crate) fn statement() -> impl Strategy<Value = String> {
             (expression(), many.clone(), many.clone()).prop_map(|(c, a, b)| {
                 format!("for (float k = 0; k < 4; ++k) {{ {a} if (k > {c}) break; {b} }}")
             }),
-            (expression(), many.clone(), many).prop_map(|(c, a, b)| {
+            (expression(), many.clone(), many.clone()).prop_map(|(c, a, b)| {
                 format!("for (float k = 0; k < 3; ++k) {{ {a} if (k == floor ({c})) continue; {b} }}")
+            }),
+            (expression(), many.clone()).prop_map(|(c, a)| {
+                format!("{{ float n = 0; do {{ {a} n += 1; }} while (n < 3 && {c} > y); }}")
+            }),
+            (expression(), many.clone()).prop_map(|(c, a)| {
+                format!("{{ float n = 0; while (n < 3 && ({c} || x)) {{ n++; {a} }} }}")
+            }),
+            (expression(), many.clone()).prop_map(|(c, a)| {
+                format!("lights (P) {{ x += Cl[0] * {c} + L[2]; {a} }}")
+            }),
+            (expression(), many).prop_map(|(c, a)| {
+                format!("lights (\"key | !key\", P, N, 1 + {c}) {{ {a} y += Cl[1]; }}")
             }),
         ]
     })
 }
 
+/// A function by reference, and the lights that loops see.
+pub(crate) const FUNCTION: &str =
+    "float twist (float p, float q) { if (p > q) return p; q += 1; for (float k = 0; k < 2; ++k) if (k > p) return k; return q * 0.5; }";
+pub(crate) const LIGHTS: [&str; 2] = [
+    "light k (string __category = \"key\") { emit (point (0.3, 0.5, -2)) { Cl = color (Ps[0], 0.5, 1) / dot (L, L); } }",
+    "light s () { emit (vector (0, 0.25, 1), 0) { Cl = Ns[2]; } }",
+];
+
 /// Results x and y over a 4 x 3 square, with inputs given as `varying` says.
 fn run(body: &str, inputs: [f32; 3], varying: [bool; 3], executor: &mut Executor) -> Vec<u32> {
     let source = format!(
-        "surface t (float a = 0, float b = 0, float c = 0, output float x = 1, output float y = 2) \
-         {{ float t[3] = {{1, 2, 3}}; point q = 1; {body} }}"
+        "{FUNCTION} surface t (float a = 0, float b = 0, float c = 0, output float x = 1, output float y = 2) \
+         {{ float t[3] = {{1, 2, 3}}; point q = 1; string s = \"ab1\"; {body} }}"
     );
     let names = ["a", "b", "c"];
     let given: Params = (0..3).filter(|&k| !varying[k]).map(|k| param(names[k], inputs[k])).collect();
@@ -89,7 +118,8 @@ fn run(body: &str, inputs: [f32; 3], varying: [bool; 3], executor: &mut Executor
         });
     }
     let wanted = [("x", ValueType::Float), ("y", ValueType::Float)];
-    let results = executor.run(&group, &mut grid, &mut Double::default(), &wanted);
+    let mut services = Double { grid: Some(grid.clone()), ..Double::with_lights(&LIGHTS) };
+    let results = executor.run(&group, &mut grid, &mut services, &wanted);
     // Which NaN it is does not matter.
     let bits = |x: f32| if x.is_nan() { u32::MAX } else { x.to_bits() };
     results.into_iter().flat_map(|r| r.expect("an output")).map(bits).collect()

@@ -1,6 +1,6 @@
 //! Optimised code gives what unoptimised code gives, to the bit.
 
-use crate::equivalence::statement;
+use crate::equivalence::{FUNCTION, LIGHTS, statement};
 use crate::fixture::*;
 use granita_base::{BaseType, Param, ParamType, Params};
 use granita_gsl::ir::ValueType;
@@ -32,7 +32,7 @@ fn both(layers: &[(&str, Params)], connections: &[[&str; 4]]) -> [Group; 2] {
 
 /// Results and colours over a grid, with what was printed.
 fn results(group: &Group, mut grid: Grid, wanted: &[(&str, ValueType)]) -> (Vec<Option<Vec<u32>>>, String) {
-    let mut services = Double { grid: Some(grid.clone()), ..Double::default() };
+    let mut services = Double { grid: Some(grid.clone()), ..Double::with_lights(&LIGHTS) };
     let results = Executor::new().run(group, &mut grid, &mut services, wanted);
     // Which NaN it is does not matter.
     let bits = |x: &f32| if x.is_nan() { u32::MAX } else { x.to_bits() };
@@ -54,11 +54,11 @@ proptest! {
     ) {
         let body = body.join("\n");
         let source = format!(
-            "surface t (float a = 0.5, float b = a * 2, float c = {}, string way = \"on\", \
+            "{FUNCTION} surface t (float a = 0.5, float b = a * 2, float c = {}, string way = \"on\", \
              output float x = 1, output float y = a) \
-             {{ float t[3] = {{1, 2, 3}}; point q = 1; float z = 3 * b; if (way == \"on\") {{ {body} }} \
+             {{ float t[3] = {{1, 2, 3}}; point q = 1; string s = way; float z = 3 * b; if (way == \"on\") {{ {body} }} \
              float unread = noise (P * z); if (way != \"on\") x = unread; {body} C = color (x, y, z); \
-             printf (\"%g\", b * 2); }}",
+             printf (\"%g %s\", b * 2, s); }}",
             default,
         );
         let names = ["a", "b", "c"];
