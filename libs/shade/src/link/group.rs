@@ -3,13 +3,14 @@
 use super::analyse::{Facts, analyse};
 use super::given::given;
 use super::optimize::{Known, is_inert, optimize};
+use super::relink::Relink;
 use super::wires::{End, Named, Tap, Wire, compatible, refuse, resolve};
-use crate::ShadeError;
 use crate::run::strings::Strings;
 use crate::tape::{Tape, fuse};
+use crate::{Grid, ShadeError};
 use granita_base::{Params, Severity};
 use granita_gsl::ir::{Block, ConstValue, Global, Module, ShaderKind, SymbolId, SymbolKind, ValueType};
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -149,6 +150,8 @@ pub struct Group {
     writes: [bool; Global::ALL.len()],
     outputs: Vec<Arc<str>>,
     said: Mutex<HashSet<String>>,
+    /// How to link it again; where it has parameters of variable length only.
+    again: Option<Box<Relink>>,
 }
 
 impl Group {
@@ -176,6 +179,19 @@ impl Group {
         options: LinkOptions,
         report: &mut dyn FnMut(Severity, String),
     ) -> Result<Self, ShadeError> {
+        let mut group = Self::link_lengths(layers, connections, options, &BTreeMap::new(), report)?;
+        group.again = Relink::of(&group, layers, connections, options).map(Box::new);
+        Ok(group)
+    }
+
+    /// As [`Group::link_with`]; `fixed` are lengths of variable-length parameters, by layer and number.
+    pub(super) fn link_lengths(
+        layers: &[LayerSource<'_>],
+        connections: &[ConnectionSource<'_>],
+        options: LinkOptions,
+        fixed: &BTreeMap<(usize, usize), u32>,
+        report: &mut dyn FnMut(Severity, String),
+    ) -> Result<Self, ShadeError> {
         let usage = common_kind(layers)?;
         let facts = layers.iter().map(|l| analyse(&l.module)).collect::<Result<Vec<_>, _>>()?;
         let mut group = Self {
@@ -192,10 +208,11 @@ impl Group {
             writes: [false; Global::ALL.len()],
             outputs: Vec::new(),
             said: Mutex::default(),
+            again: None,
         };
         let wires = resolve_all(layers, connections, report);
         for (k, source) in layers.iter().enumerate() {
-            group.add_layer(k, source, &wires, options, report)?;
+            group.add_layer(k, source, &wires, options, fixed, report)?;
         }
         for wire in &wires {
             group.add_wire(wire);
@@ -231,6 +248,12 @@ impl Group {
         }
         self.usage = usage;
         Ok(())
+    }
+
+    /// The group with its variable-length parameters as long as the primitive variables of a grid that replace
+    /// them (reference 5.3.2); `None` when they are already.
+    pub(crate) fn for_grid(&self, grid: &Grid) -> Option<Arc<Self>> {
+        self.again.as_ref()?.group(self, grid)
     }
 
     /// What the group is used as: the type of its shaders, or what [`Group::attach`] made it.
@@ -349,6 +372,7 @@ impl Group {
         source: &LayerSource<'_>,
         wires: &[Resolved],
         options: LinkOptions,
+        fixed: &BTreeMap<(usize, usize), u32>,
         report: &mut dyn FnMut(Severity, String),
     ) -> Result<(), ShadeError> {
         let module = &source.module;
@@ -374,7 +398,8 @@ impl Group {
                 lengths[decl.symbol.0 as usize] = {
                     let size = symbol.ty.value.components();
                     let own = given.as_ref().map_or(symbol.ty.elements(), |g| g.len() / size);
-                    self.open_length(index, k, own as u32, wires)
+                    let linked = || self.open_length(index, k, own as u32, wires);
+                    fixed.get(&(index, k)).copied().unwrap_or_else(linked)
                 };
             }
             params.push(ParamPlan {

@@ -4,6 +4,7 @@ mod analyse;
 mod given;
 mod group;
 mod optimize;
+mod relink;
 mod wires;
 
 pub(crate) use analyse::usage_word;

@@ -8,8 +8,8 @@ use granita_gsl::Func;
 use granita_gsl::ir::{Op, SymbolId, ValueType};
 use std::sync::Arc;
 
-/// The functions. Those that print say one line for all lanes when their arguments are uniform, else one
-/// per active lane.
+/// The functions. Those that print say one line for all lanes when their arguments are the same in all active
+/// lanes, else one per active lane: what is said does not depend on how values are kept.
 pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     match func {
         Func::Format => strings(m, op, |m, i| formatted(m, &op.args, i)),
@@ -91,14 +91,30 @@ fn strings(m: &mut Machine<'_>, op: &Op, f: impl Fn(&Machine<'_>, usize) -> Stri
 
 /// Something said once, or per active lane.
 fn each_lane(m: &mut Machine<'_>, op: &Op, f: impl Fn(&mut Machine<'_>, usize)) {
-    if m.varies(&op.args) {
+    if op.args.iter().any(|&arg| differs(m, arg)) {
         for k in 0..m.mask.count() {
             let i = m.mask.active[k] as usize;
             f(m, i);
         }
     } else {
-        f(m, 0);
+        f(m, m.first());
     }
+}
+
+/// Whether active lanes hold different values. One text has one number, and all NaNs print alike.
+fn differs(m: &Machine<'_>, arg: SymbolId) -> bool {
+    let view = m.view(arg);
+    if !view.varying {
+        return false;
+    }
+    let bits = |x: f32| if x.is_nan() { f32::NAN.to_bits() } else { x.to_bits() };
+    (0..view.elements).any(|e| {
+        (0..view.components).any(|c| {
+            let lane = view.lane_at(e, c);
+            let first = bits(lane.get(m.first()));
+            m.mask.active.iter().any(|&i| bits(lane.get(i as usize)) != first)
+        })
+    })
 }
 
 /// `match (pattern, subject)`.

@@ -47,6 +47,8 @@ impl Executor {
         if n == 0 {
             return vec![None; wanted.len()];
         }
+        let fitting = group.for_grid(grid);
+        let group = fitting.as_deref().unwrap_or(group);
         let mut machine = machine(group, grid, services, &mut self.state);
         machine.mask.fill(n);
         machine.base = n;

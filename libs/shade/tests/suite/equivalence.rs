@@ -61,9 +61,11 @@ pub(crate) fn statement() -> impl Strategy<Value = String> {
         expression().prop_map(|e| format!("x = twist ({e}, y);")),
         expression().prop_map(|e| format!("y = twist (t[1], q[{e} > 0]);")),
         expression().prop_map(|e| format!("if ({e} > 3) exit ();")),
-        expression().prop_map(|e| format!("q += deltav (P * {e}); y += filterwidth (q) + samplearea (P * {e});")),
+        expression()
+            .prop_map(|e| format!("q += deltav (P * {e}); y += filterwidth (q) + samplearea (P * {e});")),
         expression().prop_map(|e| format!("x += gridmax ({e}) - gridmin (y);")),
-        expression().prop_map(|e| format!("setmessage (\"m\", {e}); y += getmessage (\"surface\", \"m\", x);")),
+        expression()
+            .prop_map(|e| format!("setmessage (\"m\", {e}); y += getmessage (\"surface\", \"m\", x);")),
     ];
     simple.prop_recursive(3, 12, 3, |inner| {
         let many = prop::collection::vec(inner.clone(), 1..3).prop_map(|list| list.join(" "));
@@ -82,9 +84,8 @@ pub(crate) fn statement() -> impl Strategy<Value = String> {
             (expression(), many.clone()).prop_map(|(c, a)| {
                 format!("{{ float n = 0; while (n < 3 && ({c} || x)) {{ n++; {a} }} }}")
             }),
-            (expression(), many.clone()).prop_map(|(c, a)| {
-                format!("lights (P) {{ x += Cl[0] * {c} + L[2]; {a} }}")
-            }),
+            (expression(), many.clone())
+                .prop_map(|(c, a)| { format!("lights (P) {{ x += Cl[0] * {c} + L[2]; {a} }}") }),
             (expression(), many).prop_map(|(c, a)| {
                 format!("lights (\"key | !key\", P, N, 1 + {c}) {{ {a} y += Cl[1]; }}")
             }),
@@ -93,8 +94,7 @@ pub(crate) fn statement() -> impl Strategy<Value = String> {
 }
 
 /// A function by reference, and the lights that loops see.
-pub(crate) const FUNCTION: &str =
-    "float twist (float p, float q) { if (p > q) return p; q += 1; for (float k = 0; k < 2; ++k) if (k > p) return k; return q * 0.5; }";
+pub(crate) const FUNCTION: &str = "float twist (float p, float q) { if (p > q) return p; q += 1; for (float k = 0; k < 2; ++k) if (k > p) return k; return q * 0.5; }";
 pub(crate) const LIGHTS: [&str; 2] = [
     "light k (string __category = \"key\") { emit (point (0.3, 0.5, -2)) { Cl = color (Ps[0], 0.5, 1) / dot (L, L); } }",
     "light s () { emit (vector (0, 0.25, 1), 0) { Cl = Ns[2]; } }",

@@ -100,6 +100,72 @@ fn primitive_variables_come_first() {
     assert_eq!(r, [102.0, 103.0, 104.0, 105.0, 106.0, 107.0]);
 }
 
+#[test]
+fn arrays_of_primitives_set_the_length_of_parameters() {
+    let source = "surface t (float list[] = {1, 2}, color tints[] = {0}, string names[] = {\"a\"}, output color r = 0) { \
+                  float sum = 0; for (float k = 0; k < arraylength (list); ++k) sum += list[k]; \
+                  r = color (arraylength (list), sum, arraylength (tints) + 10 * arraylength (names)); \
+                  if (names[arraylength (names) - 1] == \"z\") r[2] += 100; }";
+    let array = |name: &str, base, n: u32, data| Primvar {
+        name: name.into(),
+        ty: ParamType { array: Some(n), ..ParamType::of(base) },
+        data,
+    };
+    let list = |n: u32, varying: bool| {
+        let lanes = if varying { 2 } else { 1 };
+        let values = (0..n * lanes).map(|i| (1 + i / lanes) as f32).collect();
+        array("list", BaseType::Float, n, PrimvarData::Floats { values, varying })
+    };
+    let tints =
+        array("tints", BaseType::Color, 3, PrimvarData::Floats { values: vec![0.0; 9], varying: false });
+    let names = array("names", BaseType::String, 2, PrimvarData::Strings(vec!["y".into(), "z".into()]));
+    let mut services = Double::default();
+    for optimize in [true, false] {
+        let none = Params::new();
+        let layer = LayerSource { module: module(source), params: &none, name: None };
+        let group =
+            Group::link_with(&[layer], &[], granita_shade::LinkOptions { optimize }, &mut |_, text| {
+                panic!("{text}")
+            })
+            .expect("a group");
+        for (primvars, expected) in [
+            (vec![], [2.0, 3.0, 11.0]),
+            (vec![list(5, false)], [5.0, 15.0, 11.0]),
+            (vec![list(1, true)], [1.0, 1.0, 11.0]),
+            (vec![list(2, true)], [2.0, 3.0, 11.0]),
+            (vec![list(4, true), tints.clone()], [4.0, 10.0, 13.0]),
+            (vec![names.clone(), tints.clone()], [2.0, 3.0, 123.0]),
+            // Of another type: does not count.
+            (
+                vec![array(
+                    "list",
+                    BaseType::Color,
+                    2,
+                    PrimvarData::Floats { values: vec![9.0; 6], varying: false },
+                )],
+                [2.0, 3.0, 11.0],
+            ),
+            (vec![list(5, false)], [5.0, 15.0, 11.0]),
+        ] {
+            let mut grid = square(2, 1);
+            grid.primvars = primvars;
+            let r = output(&group, &mut grid, &mut services, "r", ValueType::Color);
+            assert_eq!([r[0], r[2], r[4]], expected);
+            assert_eq!([r[1], r[3], r[5]], expected);
+        }
+    }
+    // Such a parameter feeds the next layer in its length; and it comes before a connection.
+    let taker = "surface b (float x[] = {0}, output float r = 0) { r = arraylength (x) * 10 + x[arraylength (x) - 1]; }";
+    let giver = "surface a (output float list[] = {7, 8, 9}) { }";
+    let group = link(&[(giver, Params::new()), (taker, Params::new())], &[["a", "list", "b", "x"]]);
+    let mut grid = square(2, 1);
+    assert_eq!(output(&group, &mut grid, &mut services, "r", ValueType::Float), [39.0; 2]);
+    grid.primvars = vec![list(5, false)];
+    assert_eq!(output(&group, &mut grid, &mut services, "r", ValueType::Float), [55.0; 2]);
+    grid.primvars = vec![Primvar { name: "x".into(), ..list(4, true) }];
+    assert_eq!(output(&group, &mut grid, &mut services, "r", ValueType::Float), [44.0; 2]);
+}
+
 const GIVER: &str = "surface g (output float f = 2, output color c = 0, output float list[3] = {1, 2, 3}, \
                      output string s = \"yes\") { c = color (u, 5, 6); C = 0.5; }";
 

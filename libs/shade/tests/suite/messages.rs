@@ -35,7 +35,8 @@ fn printing() {
         &mut services,
     );
     assert_eq!(services.printed(), ["once 3\n", "0.0", "1.0"]);
-    assert_eq!(services.errors(), ["shader \"t\": bad 1", "shader \"t\": bad 1"]);
+    // The same in all points where it runs: once.
+    assert_eq!(services.errors(), ["shader \"t\": bad 1"]);
     assert_eq!(services.files, [("log.txt".to_owned(), "1.000000 1.000000 1.000000".to_owned())]);
 }
 

@@ -1,0 +1,116 @@
+//! Groups linked again for primitive variables that are longer or shorter than the parameters they replace.
+
+use super::group::{ConnectionSource, Group, LayerSource, LinkOptions};
+use crate::Grid;
+use crate::run::params::same_type;
+use granita_base::Params;
+use granita_gsl::ir::{Module, ValueType};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// More lengths than objects of one scene have; those that follow are linked anew.
+const MAX_VARIANTS: usize = 64;
+
+/// Lengths by layer and parameter.
+type Lengths = BTreeMap<(usize, usize), u32>;
+
+/// What a group with variable-length parameters was linked from.
+#[derive(Debug)]
+pub(crate) struct Relink {
+    layers: Vec<(Arc<Module>, Params, Option<String>)>,
+    connections: Vec<[String; 4]>,
+    options: LinkOptions,
+    open: Vec<Open>,
+    variants: Mutex<BTreeMap<Lengths, Arc<Group>>>,
+}
+
+/// A parameter of variable length, and how long it is.
+#[derive(Debug)]
+struct Open {
+    at: (usize, usize),
+    name: Arc<str>,
+    value: ValueType,
+    length: u32,
+}
+
+impl Relink {
+    /// Of a group that was just linked; `None` when all its lengths are fixed.
+    pub(super) fn of(
+        group: &Group,
+        layers: &[LayerSource<'_>],
+        connections: &[ConnectionSource<'_>],
+        options: LinkOptions,
+    ) -> Option<Self> {
+        let mut open = Vec::new();
+        for (k, layer) in group.layers.iter().enumerate() {
+            for (p, plan) in layer.params.iter().enumerate() {
+                let ty = layer.module.symbol(plan.symbol).ty;
+                if ty.open && ty.array.is_some() {
+                    let length = layer.places[plan.symbol.0 as usize].elements;
+                    open.push(Open { at: (k, p), name: plan.name.clone(), value: ty.value, length });
+                }
+            }
+        }
+        let text = str::to_owned;
+        (!open.is_empty()).then(|| Self {
+            layers: layers.iter().map(|l| (l.module.clone(), l.params.clone(), l.name.map(text))).collect(),
+            connections: connections
+                .iter()
+                .map(|c| [c.source_layer, c.source, c.target_layer, c.target].map(text))
+                .collect(),
+            options,
+            open,
+            variants: Mutex::default(),
+        })
+    }
+
+    /// The variant for a grid; `None` when the group itself fits, or nothing else can be linked.
+    pub(super) fn group(&self, own: &Group, grid: &Grid) -> Option<Arc<Group>> {
+        let mut lengths = Lengths::new();
+        for open in &self.open {
+            let Some(primvar) = grid.primvars.iter().find(|p| p.name == open.name) else { continue };
+            let Some(n) = primvar.ty.array.filter(|n| *n > 0 && *n != open.length) else { continue };
+            if same_type(primvar.ty, open.value, Some(n)) {
+                lengths.insert(open.at, n);
+            }
+        }
+        if lengths.is_empty() {
+            return None;
+        }
+        let known = |map: &BTreeMap<Lengths, Arc<Group>>| map.get(&lengths).cloned();
+        if let Some(group) = known(&self.variants.lock().unwrap_or_else(PoisonError::into_inner)) {
+            return Some(group);
+        }
+        let layers: Vec<LayerSource<'_>> = self
+            .layers
+            .iter()
+            .map(|(module, params, name)| LayerSource {
+                module: module.clone(),
+                params,
+                name: name.as_deref(),
+            })
+            .collect();
+        let connections: Vec<ConnectionSource<'_>> = self
+            .connections
+            .iter()
+            .map(|[source_layer, source, target_layer, target]| ConnectionSource {
+                source_layer,
+                source,
+                target_layer,
+                target,
+            })
+            .collect();
+        // What is wrong was said when the group was linked first.
+        let mut group =
+            Group::link_lengths(&layers, &connections, self.options, &lengths, &mut |_, _| {}).ok()?;
+        group.attach(own.usage()).ok()?;
+        group.keeps = own.keeps;
+        let group = Arc::new(group);
+        let mut variants = self.variants.lock().unwrap_or_else(PoisonError::into_inner);
+        if variants.len() >= MAX_VARIANTS {
+            variants.clear();
+        }
+        variants.insert(lengths, group.clone());
+        Some(group)
+    }
+}
