@@ -13,7 +13,7 @@ use crate::raymesh::{self, HitShading, MeshHit, RayMesh};
 use crate::shading::{ShaderThread, ShadingContext};
 use granita_base::{Color, Vec3, hash};
 use granita_scene::Scene;
-use granita_shade::RayKind;
+use granita_shade::{Primvar, PrimvarData, RayKind};
 use granita_trace::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -94,6 +94,8 @@ pub(crate) struct RayScene {
     meshes: Vec<RayMesh>,
     /// Nothing in it lets light through.
     opaque_to_shadows: bool,
+    /// Some of its shaders ask the shaders whose rays meet them.
+    pub(crate) asks_parents: bool,
     /// Made when the first light shines from it.
     areas: OnceLock<AreaTable>,
 }
@@ -187,6 +189,7 @@ impl RayScene {
         }
         Self {
             opaque_to_shadows: meshes.iter().all(|m| m.object.opaque_to_shadows),
+            asks_parents: meshes.iter().any(|m| asks_parent(&m.object)),
             tracer: tracer.build(),
             meshes,
             areas: OnceLock::new(),
@@ -220,6 +223,8 @@ impl RayScene {
 /// A ray to be traced. The direction is of length 1, so that distances are world units.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RayRequest {
+    /// Lane of the shader that traces.
+    pub(crate) lane: u32,
     /// Where, which way, how far.
     pub(crate) ray: Ray,
     /// Width at the origin.
@@ -283,12 +288,14 @@ struct Pending {
 }
 
 impl ShaderThread<'_> {
-    /// Colour and opacity along each ray: hits are shaded front to back until nothing shines through.
+    /// Colour and opacity along each ray: hits are shaded front to back until nothing shines through. `said` are
+    /// messages and parameters of the shader that traces, for those that ask them.
     pub(crate) fn radiance(
         &mut self,
         scene: &RayScene,
         rays: &[RayRequest],
         why: RayPurpose,
+        said: &[Primvar],
     ) -> Vec<Radiance> {
         let mut out = vec![Radiance::NOTHING; rays.len()];
         let plain: Vec<Ray> = rays.iter().map(|r| r.ray).collect();
@@ -313,7 +320,7 @@ impl ShaderThread<'_> {
         let mut layer = 0;
         while !waiting.is_empty() {
             let how = why.hits(kind, hash::words(&[why.seed, layer]));
-            let shaded = self.shade_hits(scene, rays, &waiting, how);
+            let shaded = self.shade_hits(scene, rays, &waiting, how, said);
             layer += 1;
             let mut behind = Vec::new();
             for (w, (color, opacity)) in waiting.iter().zip(shaded) {
@@ -344,6 +351,7 @@ impl ShaderThread<'_> {
         scene: &RayScene,
         rays: &[RayRequest],
         why: RayPurpose,
+        said: &[Primvar],
     ) -> Vec<Color> {
         let plain: Vec<Ray> = rays.iter().map(|r| r.ray).collect();
         self.frame().rays.counts.shadow_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
@@ -389,7 +397,7 @@ impl ShaderThread<'_> {
             waiting.truncate(kept);
         }
         let kind = RayKind { shadow: true, ..why.parent };
-        let shaded = self.shade_hits(scene, rays, &waiting, why.hits(kind, why.seed));
+        let shaded = self.shade_hits(scene, rays, &waiting, why.hits(kind, why.seed), said);
         for (w, (_, opacity)) in waiting.iter().zip(shaded) {
             out[w.ray as usize] *= Color::ONE - opacity.clamp(Color::ZERO, Color::ONE);
         }
@@ -411,6 +419,7 @@ impl ShaderThread<'_> {
         rays: &[RayRequest],
         pending: &[Pending],
         how: HitShading,
+        said: &[Primvar],
     ) -> Vec<(Color, Color)> {
         let mut out = vec![(Color::ZERO, Color::ONE); pending.len()];
         // What may share a grid: mesh, strings, time.
@@ -444,6 +453,10 @@ impl ShaderThread<'_> {
                 let seed = hash::words(&[how.seed, mesh.primitive.id, part[0].3 as u32]);
                 let time = f32::from_bits(part[0].2);
                 let mut grid = mesh.grid(&hits, HitShading { time, seed, derivatives, ..how });
+                if !said.is_empty() && asks_parent(&object) {
+                    let lanes: Vec<u32> = part.iter().map(|o| rays[pending[o.3].ray as usize].lane).collect();
+                    grid.parent = said.iter().filter_map(|v| of_rays(v, &lanes, grid.len())).collect();
+                }
                 if object.displacement.is_some() && !object.displaces_rays() {
                     self.bump(&object, &mut grid);
                 }
@@ -479,6 +492,32 @@ impl ShadingContext {
     }
 }
 
+/// Whether a shader of the object may ask the shader whose ray meets it.
+fn asks_parent(object: &crate::object::ObjectState) -> bool {
+    let bumps = object.displacement.as_ref().filter(|_| !object.displaces_rays());
+    [Some(&object.surface), object.volume.as_ref(), bumps]
+        .into_iter()
+        .flatten()
+        .any(|s| s.group.asks_parent())
+}
+
+/// A value of the shader that traces, for each of `points` points: those of the hits' rays, then again those of
+/// their neighbours.
+fn of_rays(value: &Primvar, lanes: &[u32], points: usize) -> Option<Primvar> {
+    let data = match &value.data {
+        PrimvarData::Floats { values, varying: true } => {
+            let size = value.ty.width().max(1);
+            let width = values.len() / size;
+            let at = |c: usize, i: usize| values.get(c * width + lanes[i % lanes.len()] as usize).copied();
+            let all: Option<Vec<f32>> =
+                (0..size).flat_map(|c| (0..points).map(move |i| (c, i))).map(|(c, i)| at(c, i)).collect();
+            PrimvarData::Floats { values: all?, varying: true }
+        }
+        same => same.clone(),
+    };
+    Some(Primvar { data, ..value.clone() })
+}
+
 /// A tracer's hit as a place in the world.
 fn mesh_hit(request: &RayRequest, hit: &Hit) -> MeshHit {
     let i = request.ray.dir * hit.t;
@@ -508,7 +547,27 @@ mod tests {
 
     fn request(origin: Vec3, dir: Vec3, time: f32) -> RayRequest {
         let ray = Ray { origin, tmin: 0.0, dir, tmax: f32::INFINITY, time };
-        RayRequest { ray, width: 0.0, spread: 0.0 }
+        RayRequest { lane: 0, ray, width: 0.0, spread: 0.0 }
+    }
+
+    #[test]
+    fn values_follow_their_rays() {
+        let ty = granita_base::ParamType::of(granita_base::BaseType::Color);
+        let value = |values: &[f32], varying| Primvar {
+            name: "x".into(),
+            ty,
+            data: PrimvarData::Floats { values: values.into(), varying },
+        };
+        let of = |v: &Primvar, lanes: &[u32], points| of_rays(v, lanes, points).map(|v| v.data);
+        let v = value(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], true);
+        // Two lanes; hits of rays of the second, the first and the second.
+        let wanted = [2.0, 1.0, 2.0, 4.0, 3.0, 4.0, 6.0, 5.0, 6.0];
+        assert_eq!(of(&v, &[1, 0, 1], 3), Some(value(&wanted, true).data));
+        let wanted = [2.0, 2.0, 2.0, 4.0, 4.0, 4.0, 6.0, 6.0, 6.0];
+        assert_eq!(of(&v, &[1], 3), Some(value(&wanted, true).data));
+        assert_eq!(of(&v, &[7], 1), None);
+        let same = value(&[1.0, 2.0, 3.0], false);
+        assert_eq!(of(&same, &[7], 9), Some(same.data.clone()));
     }
 
     const UNSHADED: RayPurpose = RayPurpose {
@@ -531,7 +590,7 @@ mod tests {
             .map(|i| request(Vec3::Z * 5.0, in_cone(-Vec3::Z, 0.6, Distribution::Uniform, i, 3), 0.0))
             .collect();
         let set = frame.rays.scene("set", &frame).unwrap();
-        let found = ShaderThread::new(&frame).radiance(set, &rays, UNSHADED);
+        let found = ShaderThread::new(&frame).radiance(set, &rays, UNSHADED, &[]);
         let mut hits = 0;
         for (r, found) in rays.iter().zip(found) {
             let to = center - r.ray.origin;

@@ -16,7 +16,7 @@ use granita_base::{
 use granita_scene::{AttributeSet, LightId, ShaderUsage};
 use granita_shade::{
     Batch, EnvironmentQuery, Grid, IlluminateQuery, Lane, Lane3, Lanes3, LightInfo, LightResult,
-    LookupResult, RayKind, Services, ShadowQuery, TextureQuery, Topology, TraceQuery, TraceResult,
+    LookupResult, Primvar, RayKind, Services, ShadowQuery, TextureQuery, Topology, TraceQuery, TraceResult,
 };
 use std::sync::Arc;
 
@@ -48,6 +48,8 @@ pub(crate) struct Run<'r, 'f> {
     centres: Option<u32>,
     /// Calls that drew random numbers so far: two calls of one shader draw different ones.
     calls: u32,
+    /// What the shader says to the shaders of objects that its rays meet.
+    said: Vec<Primvar>,
 }
 
 impl<'r, 'f> Run<'r, 'f> {
@@ -81,6 +83,7 @@ impl<'r, 'f> Run<'r, 'f> {
                 _ => None,
             },
             calls: 0,
+            said: Vec::new(),
         }
     }
 
@@ -104,6 +107,7 @@ impl<'r, 'f> Run<'r, 'f> {
             seed: hash::words(&[surface.seed, light.seed, surface.calls]),
             centres: surface.centres,
             calls: 0,
+            said: Vec::new(),
         }
     }
 
@@ -218,6 +222,7 @@ fn without_variables(grid: &Grid) -> Grid {
         ray: grid.ray,
         object: grid.object.clone(),
         messages: Vec::new(),
+        parent: Vec::new(),
     }
 }
 
@@ -362,6 +367,17 @@ impl Services for Run<'_, '_> {
 
     fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {
         self.frame.textures.info(texture, name)
+    }
+
+    fn is_asked_by(&mut self, set: &str) -> bool {
+        self.said.clear();
+        !self.thread.builds_rays
+            && self.frame.rays.is_set(set)
+            && self.frame.rays.scene(set, self.frame).is_some_and(|scene| scene.asks_parents)
+    }
+
+    fn say_to_rays(&mut self, values: Vec<Primvar>) {
+        self.said = values;
     }
 
     fn say(&mut self, severity: Severity, text: &str) {

@@ -398,6 +398,52 @@ fn a_trace_loop_counts_what_it_hits() {
 }
 
 #[test]
+fn hits_ask_the_shader_whose_ray_meets_them() {
+    let listens = "surface listens () {
+        float x = -1; color k = 0; string who = \"\";
+        float got = getmessage (\"parent\", \"x\", x) + 10 * getmessage (\"parent\", \"k\", k)
+            + 100 * getmessage (\"parent\", \"who\", who) + 1000 * getmessage (\"parent\", \"none\", x);
+        C = color (got, x, k[1]);
+        if (who != \"floor\") C = 0;
+    }";
+    let tells = |rays: &str| {
+        format!(
+            "surface tells (color k = color (0.1, 0.25, 0.3)) {{
+                setmessage (\"x\", 0); setmessage (\"who\", \"floor\");
+                if (P[0] > 0) setmessage (\"x\", P[0]);
+                C = 0; {rays}
+            }}"
+        )
+    };
+    for rays in [
+        "trace (\"set\", P, N, 0, 1) { getmessage (\"trace\", \"Cl\", C); }",
+        "C = environment (\"set\", N);",
+        "C = indirect (\"set\", P, N, \"samples\", 1);",
+        // Only what is said before the rays leave counts.
+        "C = environment (\"set\", N, \"samples\", 4); setmessage (\"x\", 77);",
+    ] {
+        let source = tells(rays);
+        let mut f = Fixture::new(&[&source, listens]);
+        let floor = f.attributes("tells", &[], &[]);
+        let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+        let lid = f.attributes("listens", &["set"], &[]);
+        f.rectangle([-500.0; 2], [500.0; 2], 2.0, lid);
+        let grid = shade(&f, &floor, &[[-3.0, 0.0], [2.0, 0.0], [5.0, 1.0]]);
+        for (lane, x) in [0.0, 2.0, 5.0].into_iter().enumerate() {
+            assert!(
+                (grid.c.get(lane) - Color::new(111.0, x, 0.25)).length() < 1e-3,
+                "{rays} {lane}: {}",
+                grid.c.get(lane)
+            );
+        }
+        // Nobody's ray: nothing is found.
+        let lid = f.scene.primitives[1].clone();
+        let grid = shade(&f, &lid, &[[0.0, 0.0]]);
+        near(grid.c.get(0), Color::ZERO);
+    }
+}
+
+#[test]
 fn shadows_stay_off_the_surface_that_throws_them() {
     // A matte ball lit from the camera's side: no point of it that faces the light is in its own shadow.
     let mut f = Fixture::new(&[MATTE, POINT]);

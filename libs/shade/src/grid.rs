@@ -174,6 +174,9 @@ pub struct Grid {
     pub object: Arc<str>,
     /// Left by the shaders that ran on this grid before.
     pub messages: Vec<Message>,
+    /// Of hits: messages and parameters of the shader that spawned the rays, for `getmessage ("parent", ...)`,
+    /// for each point those of its ray. Of one name the first of the right type counts.
+    pub parent: Vec<Primvar>,
 }
 
 impl Grid {
@@ -201,6 +204,7 @@ impl Grid {
             ray: RayKind::default(),
             object: Arc::from(""),
             messages: Vec::new(),
+            parent: Vec::new(),
         }
     }
 

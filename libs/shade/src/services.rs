@@ -4,7 +4,7 @@
 //! lanes** of a grid; the renderer implements them, tests use doubles. Methods with a default body are
 //! those a renderer may do without; the default says so by its result.
 
-use crate::Lanes3;
+use crate::{Lanes3, Primvar};
 use granita_base::{Color, Param, Severity, Transform, Vec3};
 use std::sync::Arc;
 
@@ -300,10 +300,18 @@ pub trait Services {
     /// Data about a texture file (reference table 5.5).
     fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param>;
 
-    /// `getmessage ("parent", name)`: of the shader that spawned the ray now being shaded; by default none.
-    fn parent_message(&mut self, name: &str) -> Option<Param> {
-        let _ = name;
-        None
+    /// Whether shaders of a geometry set's objects may ask the shader whose rays meet them
+    /// ([`Group::asks_parent`](crate::Group::asks_parent)); by default not.
+    fn is_asked_by(&mut self, set: &str) -> bool {
+        let _ = set;
+        false
+    }
+
+    /// What the running shader has to say to those shaders: its messages and parameters, one value per lane or
+    /// one for all, in the order of [`Grid::parent`](crate::Grid::parent). Holds for the rays that are traced
+    /// next, when [`Services::is_asked_by`] said so.
+    fn say_to_rays(&mut self, values: Vec<Primvar>) {
+        let _ = values;
     }
 
     /// `fprintf`: appends text to a file; by default not supported.

@@ -182,6 +182,7 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
                 time: run.ray_time(index, seed),
             };
             rays.push(RayRequest {
+                lane,
                 ray: aim.ray(),
                 width: dpdx.length().max(dpdy.length()) * per_ray,
                 spread: (drdx.length().max(drdy.length()) + 2.0 * half_angle.max(0.0)) * per_ray,
@@ -194,7 +195,7 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
     };
     let shade = o.shade.is_none_or(|s| query.batch.active.iter().any(|l| s.get(*l as usize) != 0.0));
     let purpose = RayPurpose { shade, ..run.purpose(call) };
-    let found = run.thread.radiance(scene, &rays, purpose);
+    let found = run.thread.radiance(scene, &rays, purpose, &run.said);
     let mut rest = &found[..];
     for (lane, samples) in spread_over {
         let (own, others) = rest.split_at(samples as usize);
@@ -252,7 +253,7 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
             let margin = run.frame.ray_margin(p);
             let aim = Aim { p, dir, bias, margin, tmax: distance, time: run.ray_time(index, seed) };
             let footprint = query.dpdx.get(i).length().max(query.dpdy.get(i).length());
-            rays.push(RayRequest { ray: aim.ray(), width: footprint, spread: 2.0 * half_angle });
+            rays.push(RayRequest { lane, ray: aim.ray(), width: footprint, spread: 2.0 * half_angle });
         }
         spread_over.push((lane, samples));
     }
@@ -260,7 +261,7 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
         return;
     };
     let purpose = run.purpose(call);
-    let passed = run.thread.transmission(scene, &rays, purpose);
+    let passed = run.thread.transmission(scene, &rays, purpose, &run.said);
     let mut rest = &passed[..];
     for (lane, samples) in spread_over {
         let (own, others) = rest.split_at(samples as usize);
@@ -296,7 +297,7 @@ fn probe(
         };
         lanes.push(lane);
         let spread = 2.0 * angle.max(0.0) / (samples as f32).sqrt();
-        rays.push(RayRequest { ray: aim.ray(), width: 0.0, spread });
+        rays.push(RayRequest { lane, ray: aim.ray(), width: 0.0, spread });
     }
     (lanes, rays)
 }
@@ -340,7 +341,7 @@ pub(super) fn trace(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut Tra
     let too_deep = run.is_too_deep();
     let seed = hash::words(&[run.seed, call, query.sample]);
     let purpose = RayPurpose { shade: wants && !too_deep, seed, ..run.purpose(call) };
-    let found = run.thread.radiance(scene, &rays, purpose);
+    let found = run.thread.radiance(scene, &rays, purpose, &run.said);
     let beyond = run.frame.rays.limits.max_depth_color;
     for (lane, r) in lanes.iter().zip(found) {
         let i = *lane as usize;
@@ -445,7 +446,7 @@ pub(super) fn indirect(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut 
         let Some(scene) = run.frame.rays.scene(query.set, run.frame) else { break };
         let purpose =
             RayPurpose { indirect: true, seed: hash::words(&[run.seed, call, first]), ..run.purpose(call) };
-        for (lane, r) in lanes.iter().zip(run.thread.radiance(scene, &rays, purpose)) {
+        for (lane, r) in lanes.iter().zip(run.thread.radiance(scene, &rays, purpose, &run.said)) {
             sums[*lane as usize] += r.color;
         }
         first += together;

@@ -26,6 +26,8 @@ pub(crate) struct Facts {
     pub(crate) derivatives: bool,
     /// Sources of `getmessage`, as far as they are constant.
     pub(crate) listens: Vec<ShaderKind>,
+    /// Some `getmessage` may ask the shader whose ray sees the point.
+    pub(crate) asks_parent: bool,
 }
 
 /// Walks a module and checks that it holds together.
@@ -232,9 +234,10 @@ impl Walk<'_> {
                 self.facts.writes[Global::N as usize] = true;
             }
             Func::GetMessage => {
-                if let Some(kind) = op.args.first().and_then(|&s| self.constant(s)).and_then(usage_word) {
-                    self.facts.listens.push(kind);
-                }
+                let source = op.args.first().and_then(|&s| self.constant(s));
+                let (parent, kind) = (source.is_none_or(|s| s == "parent"), source.and_then(usage_word));
+                self.facts.asks_parent |= parent;
+                self.facts.listens.extend(kind);
             }
             _ => {}
         }

@@ -326,6 +326,12 @@ impl Group {
         self.facts.iter().any(|f| f.listens.contains(&usage))
     }
 
+    /// Whether some `getmessage` may ask the shader that spawned the ray that sees the point; it finds what
+    /// it asks for in [`Grid::parent`].
+    pub fn asks_parent(&self) -> bool {
+        self.facts.iter().any(|f| f.asks_parent)
+    }
+
     /// Leaves all parameters on the grid after a run, for a later shader of the object that
     /// [listens](Group::listens_to).
     pub fn keep_parameters(&mut self) {

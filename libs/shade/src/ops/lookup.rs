@@ -245,6 +245,7 @@ fn environment(
         None => derive::differences(m, r, 3),
     };
     let channels = channels(m, op);
+    m.tell_rays(name);
     let mut result = std::mem::take(&mut m.st.lookup);
     let (results, unknown) = {
         let parts = Parts::of(m.group, m.layer, m.st, m.n, &m.mask);
@@ -317,6 +318,7 @@ fn shadow(m: &mut Machine<'_>, op: &Op, name: &str, operands: &[SymbolId], pairs
     }
     let spread = [emission.spread];
     let mut occluded = Lanes3::zeros(m.n);
+    m.tell_rays(name);
     let unknown = {
         let parts = Parts::of(m.group, m.layer, m.st, m.n, &m.mask);
         let mut parsed = options(&parts, pairs);
@@ -353,6 +355,7 @@ pub(super) fn probe(m: &mut Machine<'_>, func: Func, op: &Op) {
         const ONE: &[f32] = &[1.0];
         let mut color = Lanes3::zeros(m.n);
         let mut blocked = vec![0.0; m.n];
+        m.tell_rays(set);
         let unknown = {
             let parts = Parts::of(m.group, m.layer, m.st, m.n, &m.mask);
             let parsed = options(&parts, &pairs);

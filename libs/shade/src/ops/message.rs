@@ -35,6 +35,32 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     }
 }
 
+impl Machine<'_> {
+    /// Before rays are traced against a set: tells what their shader says to the shaders that they meet.
+    pub(crate) fn tell_rays(&mut self, set: &str) {
+        if !self.services.is_asked_by(set) {
+            return;
+        }
+        let mut values = Vec::new();
+        for sent in &self.st.messages {
+            let array = (sent.elements > 1).then_some(sent.elements);
+            let name = self.text(sent.name).clone();
+            values.push(self.as_primvar(&name, sent.value, array, &sent.slot));
+        }
+        // Of layers the last that runs comes first.
+        let layers = &self.group.layers;
+        for layer in layers[..=self.layer].iter().rev() {
+            for plan in &layer.params {
+                let place = &layer.places[plan.symbol.0 as usize];
+                let At::Slot(slot) = place.at else { continue };
+                let array = place.array.then_some(place.elements);
+                values.push(self.as_primvar(&plan.name, place.value, array, &self.st.slots[slot as usize]));
+            }
+        }
+        self.services.say_to_rays(values);
+    }
+}
+
 /// Keeps a message; one of the same name and type is replaced in the active lanes.
 fn send(m: &mut Machine<'_>, op: &Op) {
     let name = m.view(op.args[0]).get(m.first());
@@ -67,7 +93,10 @@ fn receive(m: &mut Machine<'_>, source: &str, name: &str, dst: SymbolId) -> bool
             light.params.iter().rev().any(|p| *p.name == *name && store_param(m, dst, p))
         }
         "trace" => from_ray(m, name, dst),
-        "parent" => m.services.parent_message(name).is_some_and(|p| store_param(m, dst, &p)),
+        "parent" => {
+            let grid = m.grid;
+            grid.parent.iter().any(|p| *p.name == *name && store_primvar(m, dst, p))
+        }
         "primitive" => {
             let grid = m.grid;
             grid.primvars.iter().any(|p| *p.name == *name && store_primvar(m, dst, p))

@@ -241,6 +241,7 @@ impl Machine<'_> {
                 break;
             }
             let mut result = TraceResult::default();
+            self.tell_rays(&set);
             {
                 let parts = Parts::of(self.group, self.layer, self.st, self.n, &self.mask);
                 let parsed = lookup::options(&parts, options);

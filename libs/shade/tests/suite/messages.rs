@@ -105,8 +105,59 @@ fn messages_of_lights_and_primitives() {
         data: PrimvarData::Floats { values: vec![3.0, 4.0], varying: true },
     });
     assert_eq!(output(&group, &mut grid, &mut Double::default(), "r", ValueType::Float), [13.0, 14.0]);
+    let asks = "surface t (output float r = 0) { float x = 0; color c = 0; \
+                r = getmessage (\"parent\", \"x\", x) * 100 + x; r += getmessage (\"parent\", \"x\", c) * 1000 + c[1]; \
+                r += getmessage (\"parent\", \"y\", x) * 10000; }";
+    let group = link(&[(asks, Params::new())], &[]);
+    assert!(group.asks_parent());
+    let mut grid = square(2, 1);
+    let floats_named = |name: &str, ty, values: &[f32]| Primvar {
+        name: name.into(),
+        ty: ParamType::of(ty),
+        data: PrimvarData::Floats { values: values.into(), varying: values.len() % 2 == 0 },
+    };
+    // The first of the right type counts.
+    grid.parent = vec![
+        floats_named("x", BaseType::Color, &[0.0, 0.0, 7.0, 8.0, 0.0, 0.0]),
+        floats_named("x", BaseType::Float, &[3.0, 4.0]),
+        floats_named("x", BaseType::Float, &[9.0]),
+    ];
+    let r = output(&group, &mut grid, &mut Double::default(), "r", ValueType::Float);
+    assert_eq!(r, [1110.0, 1112.0]);
     assert_eq!(
         floats("float x = 0; r = getmessage (\"parent\", \"x\", x) + getmessage (\"volume\", \"x\", x);"),
         [0.0; 6]
     );
+}
+
+#[test]
+fn what_is_stored_is_compared() {
+    assert_eq!(
+        floats(
+            "string s = \"\"; float g = getattribute (\"user:name\", s); r = 5; if (s != \"fred\") r = g;"
+        ),
+        [5.0; 6]
+    );
+    assert_eq!(
+        floats(
+            "string s = \"\"; r = getattribute (\"user:name\", s) + 10 * getattribute (\"none\", s); if (s != \"fred\") r = 0;"
+        ),
+        [1.0; 6]
+    );
+    let source = "surface t (output color r = 0) { string s = \"\"; setmessage (\"who\", \"fred\"); \
+        float g = getmessage (\"surface\", \"who\", s); r = color (g, 2, 3); if (s != \"fred\") r = 0; }";
+    let group = link(&[(source, Params::new())], &[]);
+    let out = output(&group, &mut square(2, 1), &mut Double::default(), "r", ValueType::Color);
+    assert_eq!(out, [1.0, 1.0, 2.0, 2.0, 3.0, 3.0]);
+    let source = "surface t (output color r = 0) { string s = \"\"; \
+        float g = getmessage (\"parent\", \"who\", s); r = color (g, 2, 3); if (s != \"fred\") r = 0; }";
+    let group = link(&[(source, Params::new())], &[]);
+    let mut grid = square(2, 1);
+    grid.parent = vec![Primvar {
+        name: "who".into(),
+        ty: ParamType::of(BaseType::String),
+        data: PrimvarData::Strings(vec!["fred".into()]),
+    }];
+    let out = output(&group, &mut grid, &mut Double::default(), "r", ValueType::Color);
+    assert_eq!(out, [1.0, 1.0, 2.0, 2.0, 3.0, 3.0]);
 }
