@@ -50,12 +50,17 @@ impl Tools {
         }
     }
 
+    /// The program called `name`.
+    pub fn program(&self, name: &str) -> PathBuf {
+        self.folder.join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
+    }
+
     /// Runs a tool in `folder`, with nothing of the suite's own settings in its environment.
     ///
     /// # Errors
     /// When it cannot be started.
     pub fn run(&self, folder: &Path, name: &str, arguments: &[&str]) -> Result<Ran, String> {
-        let program = self.folder.join(format!("{name}{}", std::env::consts::EXE_SUFFIX));
+        let program = self.program(name);
         let mut command = Command::new(&program);
         command.current_dir(folder).args(arguments).env_remove("GELATOHOME");
         let ran = command.output().map_err(|e| format!("{}: {e}", program.display()))?;

@@ -33,11 +33,13 @@ mod names;
 mod python;
 mod read;
 mod script;
+mod serve;
 mod text;
 mod value;
 mod write;
 
 pub use read::{Chunking, PygError, PygOptions, PygSource, read};
+pub use serve::serve;
 pub use write::{Writer, WriterOptions};
 
 /// `; did you mean ...`, or nothing.

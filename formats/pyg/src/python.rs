@@ -11,7 +11,9 @@ use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::Arc;
 
-const SHIM: &str = include_str!("shim.py");
+/// The frames, which the Python package has too, and what runs in the child.
+const SHIM: &str =
+    concat!(include_str!("../../../bindings/python/gelato/_stream.py"), "\n", include_str!("shim.py"));
 
 /// What the child tells.
 #[derive(Debug)]
@@ -20,6 +22,10 @@ pub(crate) enum Event {
     Call { line: u32, name: String, args: Vec<Value> },
     /// `GetAttribute`: to be answered.
     Get(String),
+    /// Calls come from this file from now on.
+    File(String),
+    /// To be answered when everything before is done.
+    Wait,
     /// The script printed.
     Printed(String),
     /// The piece is executed; whether the script gave one of the calls' names another meaning.
@@ -76,28 +82,15 @@ impl Python {
     }
 
     fn send(&mut self, kind: u8, parts: &[&[u8]]) -> io::Result<()> {
-        let length: usize = parts.iter().map(|p| p.len()).sum();
-        let length = u32::try_from(length).map_err(|_| io::Error::other("a piece of script is too long"))?;
-        self.to.write_all(&[kind])?;
-        self.to.write_all(&length.to_le_bytes())?;
-        parts.iter().try_for_each(|p| self.to.write_all(p))?;
-        self.to.flush()
+        send(&mut self.to, kind, parts)
     }
 
     /// Waits for what the child tells next.
     pub(crate) fn event(&mut self) -> io::Result<Event> {
-        let mut head = [0; 5];
-        if let Err(error) = self.from.read_exact(&mut head) {
-            return Err(self.died(error));
+        match receive(&mut self.from) {
+            Ok(event) => event.ok_or_else(|| io::Error::other("the interpreter sent something unreadable")),
+            Err(error) => Err(self.died(error)),
         }
-        let length = u32::from_le_bytes([head[1], head[2], head[3], head[4]]) as usize;
-        let mut payload = Vec::with_capacity(length.min(1 << 20));
-        (&mut self.from).take(length as u64).read_to_end(&mut payload)?;
-        if payload.len() < length {
-            return Err(self.died(io::ErrorKind::UnexpectedEof.into()));
-        }
-        let mut frame = Frame(&payload);
-        frame.event(head[0]).ok_or_else(|| io::Error::other("the interpreter sent something unreadable"))
     }
 
     /// Why there is nothing more to read.
@@ -120,7 +113,31 @@ impl Drop for Python {
     }
 }
 
-fn encode(value: Option<&Param>, out: &mut Vec<u8>) {
+/// Writes a frame.
+pub(crate) fn send(to: &mut dyn Write, kind: u8, parts: &[&[u8]]) -> io::Result<()> {
+    let length: usize = parts.iter().map(|p| p.len()).sum();
+    let length = u32::try_from(length).map_err(|_| io::Error::other("a frame is too long"))?;
+    to.write_all(&[kind])?;
+    to.write_all(&length.to_le_bytes())?;
+    parts.iter().try_for_each(|p| to.write_all(p))?;
+    to.flush()
+}
+
+/// Reads a frame; `None` when it makes no sense. An end inside of one or before it is an error.
+pub(crate) fn receive(from: &mut dyn Read) -> io::Result<Option<Event>> {
+    let mut head = [0; 5];
+    from.read_exact(&mut head)?;
+    let length = u32::from_le_bytes([head[1], head[2], head[3], head[4]]) as usize;
+    let mut payload = Vec::with_capacity(length.min(1 << 20));
+    from.take(length as u64).read_to_end(&mut payload)?;
+    if payload.len() < length {
+        return Err(io::ErrorKind::UnexpectedEof.into());
+    }
+    Ok(Frame(&payload).event(head[0]))
+}
+
+/// The bytes of a value.
+pub(crate) fn encode(value: Option<&Param>, out: &mut Vec<u8>) {
     let Some(param) = value else { return out.push(b'N') };
     let text = |s: &str, out: &mut Vec<u8>| {
         out.extend((s.len() as u32).to_le_bytes());
@@ -196,6 +213,8 @@ impl Frame<'_> {
                 Event::Call { line, name, args }
             }
             b'A' => Event::Get(self.rest()),
+            b'F' => Event::File(self.rest()),
+            b'W' => Event::Wait,
             b'P' => Event::Printed(self.rest()),
             b'D' => Event::Done { rebound: self.array::<1>()? != [0] },
             b'E' => Event::Error {

@@ -156,6 +156,28 @@ pub fn read(
     Reader { file, parser, sink, options, reporter, python: None, rebound: false }.run()
 }
 
+/// Makes a call of its name and arguments, and passes it on; mistakes are reported.
+pub(crate) fn pass_on(
+    name: &str,
+    args: Vec<Value>,
+    at: &Location,
+    sink: &mut dyn SceneSink,
+    reporter: &Reporter,
+) -> Result<(), Stop> {
+    match calls::call(name, args) {
+        Some(Ok(call)) => sink.call(call, at)?,
+        Some(Err(mistake)) => reporter.say(Severity::Error, at, format!("{mistake}: the call is ignored")),
+        // What it returns is not used.
+        None if name == "GetAttribute" => {}
+        None => {
+            let hint = hint(granita_scene::suggestion(name, names::CALLS));
+            let cause = format!("pyg unknown call {name}");
+            reporter.once(&cause, Severity::Error, at, format!("unknown call \"{name}\"{hint}"));
+        }
+    }
+    Ok(())
+}
+
 struct Reader<'a> {
     file: Arc<str>,
     parser: Parser,
@@ -221,20 +243,7 @@ impl Reader<'_> {
 
     fn flat_call(&mut self, name: &str, args: Vec<Value>, line: u32) -> Result<(), PygError> {
         let at = Location::line(&self.file, line);
-        match calls::call(name, args) {
-            Some(Ok(call)) => self.sink.call(call, &at)?,
-            Some(Err(mistake)) => {
-                self.reporter.say(Severity::Error, &at, format!("{mistake}: the call is ignored"))
-            }
-            // What it returns is not used.
-            None if name == "GetAttribute" => {}
-            None => {
-                let hint = hint(granita_scene::suggestion(name, names::CALLS));
-                let cause = format!("pyg unknown call {name}");
-                self.reporter.once(&cause, Severity::Error, &at, format!("unknown call \"{name}\"{hint}"));
-            }
-        }
-        Ok(())
+        Ok(pass_on(name, args, &at, self.sink, self.reporter)?)
     }
 
     /// Gathers statements until the next flat one, and executes them.
@@ -352,6 +361,8 @@ impl Reader<'_> {
                     let value = self.sink.attribute(&name);
                     python.answer(value.as_ref()).map_err(broken)?;
                 }
+                // Only programs that start the renderer send these.
+                Event::File(_) | Event::Wait => {}
                 Event::Printed(text) => {
                     printed.push_str(&text);
                     while let Some(end) = printed.find('\n') {

@@ -12,7 +12,7 @@ mod args;
 mod progress;
 
 pub use args::parse;
-pub use progress::{Bar, console_reporter};
+pub use progress::{Bar, console_reporter, reporter_with};
 
 use std::process::ExitCode;
 

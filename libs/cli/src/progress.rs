@@ -61,10 +61,15 @@ impl Bar {
 /// A reporter that prints to the terminal, above `bar`: messages to standard output, the rest to standard
 /// error behind the tool's name.
 pub fn console_reporter(tool: &'static str, bar: &Bar) -> Reporter {
+    reporter_with(tool, bar, crate::print)
+}
+
+/// As [`console_reporter`], with messages to `say` instead of standard output.
+pub fn reporter_with(tool: &'static str, bar: &Bar, say: impl Fn(&str) + Send + Sync + 'static) -> Reporter {
     let bar = bar.clone();
     Reporter::new(Box::new(move |message| {
         if message.severity == granita_base::Severity::Message {
-            bar.all.suspend(|| crate::print(&message.text));
+            bar.all.suspend(|| say(&message.text));
         } else {
             bar.line(&format!("{tool}: {message}"));
         }

@@ -161,6 +161,9 @@ fn program(name: &str, options: &SessionOptions) -> Command {
 /// Gives a program the session's variables.
 fn prepare(command: &mut Command, options: &SessionOptions) {
     command.envs(options.program_environment.iter().map(|(k, v)| (k, v)));
+    if options.programs_print_to_stderr {
+        command.stdout(std::io::stderr());
+    }
 }
 
 #[cfg(test)]

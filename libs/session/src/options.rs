@@ -31,6 +31,8 @@ pub struct SessionOptions {
     pub environment: Environment,
     /// Variables that programs started by the scene get in addition to those of this process.
     pub program_environment: Vec<(String, String)>,
+    /// Standard output belongs to somebody else: what programs started by the scene print goes to standard error.
+    pub programs_print_to_stderr: bool,
     /// The suite's own tools: what their names mean when a scene runs a program.
     pub own_tools: Option<OwnTools>,
     /// Threads to render with; 0 leaves it to the scene ("limits:threads").

@@ -3,10 +3,11 @@
 use crate::renderer::{Finished, SessionRenderer};
 use crate::{FrameRecord, Input, InputError, Inputs, SessionError, SessionOptions, inputs};
 use granita_base::{Location, Reporter, Severity};
+use granita_pyg::PygError;
 use granita_pyg::PygSource;
 use granita_render::{Progress, Silent};
 use granita_scene::{Call, InputPaths, SceneSink, State, Stop};
-use std::io::Read;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -126,6 +127,18 @@ impl Session {
         let reporter = self.reporter.clone();
         let read = |state: &mut State| granita_pyg::read(source, state, &options, &reporter);
         self.state.read(name, name, read).map_err(|error| failed(inputs::pyg_error(error)))
+    }
+
+    /// Takes calls from a program that started this one, until its stream ends; answers go to `output` (see
+    /// `granita_pyg::serve`).
+    ///
+    /// # Errors
+    /// As [`Session::read_file`].
+    pub fn serve(&mut self, input: &mut dyn Read, output: &mut dyn Write) -> Result<(), SessionError> {
+        granita_pyg::serve(input, output, &mut self.state, &self.reporter).map_err(|error| match error {
+            PygError::Stopped(stop) => stopped(stop),
+            other => SessionError::Failed(other.to_string()),
+        })
     }
 
     /// As the scene call `Input` without a bound.

@@ -5,12 +5,13 @@
 mod statistics;
 
 use clap::Parser;
-use granita_cli::{Bar, Status, console_reporter, environment, parse};
+use granita_cli::{Bar, Status, console_reporter, environment, parse, reporter_with};
 use granita_render::Progress;
 use granita_session::{
     ExtraOutput, Outcome, OwnTools, Session, SessionError, SessionOptions, SharedProgress,
 };
 use std::ffi::OsString;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -84,6 +85,10 @@ struct Options {
     #[arg(long, num_args = 4, value_names = ["XMIN", "XMAX", "YMIN", "YMAX"], allow_negative_numbers = true)]
     crop: Vec<f32>,
 
+    /// Take calls from the program that started this one: binary frames on standard input, answers on standard output
+    #[arg(long, conflicts_with = "files")]
+    stream: bool,
+
     /// Run no scripts and programs that the scene names: for scenes from strangers
     #[arg(long)]
     safe: bool,
@@ -92,6 +97,36 @@ struct Options {
 const AFTER_HELP: &str = "\
 Options may stand anywhere and begin with one dash or two. $GELATOHOME/.gelato.pyg and $HOME/.gelato.pyg are read first.
 Exit status: 0 all went well; 1 something was rendered, with errors; 2 nothing could be rendered.";
+
+/// Standard output as a stream of frames, shared with whoever prints.
+#[derive(Clone, Default)]
+struct Answers(Arc<Mutex<()>>);
+
+impl Answers {
+    /// A frame of text for the other side to print.
+    fn print(&self, text: &str) {
+        let length = u32::try_from(text.len()).unwrap_or(u32::MAX);
+        let text = &text.as_bytes()[..length as usize];
+        // Nobody is left to tell when the other side is gone.
+        let _ = self.put(&[&b"P"[..], &length.to_le_bytes(), text].concat());
+        let _ = std::io::stdout().lock().flush();
+    }
+
+    fn put(&self, bytes: &[u8]) -> std::io::Result<()> {
+        let _alone = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        std::io::stdout().lock().write_all(bytes)
+    }
+}
+
+impl Write for Answers {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.put(bytes).map(|()| bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        std::io::stdout().lock().flush()
+    }
+}
 
 /// Shows the frame's progress as a bar.
 struct ShownProgress(Mutex<Bar>);
@@ -116,7 +151,13 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     let options: Options = parse(words);
     let quiet = options.silent || options.verbosity == Some(0);
     let bar = Bar::new(!quiet);
-    let reporter = console_reporter("gelato", &bar);
+    let answers = Answers::default();
+    let reporter = if options.stream {
+        let answers = answers.clone();
+        reporter_with("gelato", &bar, move |text| answers.print(text))
+    } else {
+        console_reporter("gelato", &bar)
+    };
     if options.silent {
         reporter.set_verbosity(0);
     }
@@ -152,7 +193,7 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
         reporter.error(format!("-statistics-json: there is no folder {}", folder.display()));
         return Status::Failed;
     }
-    if options.files.is_empty() {
+    if options.files.is_empty() && !options.stream {
         reporter.error("no scene file was given (try -help)");
         return Status::Failed;
     }
@@ -160,6 +201,7 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     let session_options = SessionOptions {
         environment: variables,
         program_environment,
+        programs_print_to_stderr: options.stream,
         own_tools: std::env::current_exe().ok().map(|program| OwnTools {
             program,
             names: tools.iter().map(|name| (*name).to_owned()).collect(),
@@ -192,6 +234,15 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
                 failed = true;
                 break;
             }
+        }
+    }
+    if options.stream {
+        let result = session.serve(&mut std::io::stdin().lock(), &mut answers.clone());
+        if let Err(error) = result
+            && !matches!(error, SessionError::Exit)
+        {
+            reporter.error(error.to_string());
+            failed = true;
         }
     }
     let outcome = session.finish();

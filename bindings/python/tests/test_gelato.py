@@ -1,0 +1,159 @@
+"""Tests of the package; ``GELATO`` names the program. Run by ``cargo test -p granita-tests --test python``."""
+
+import array
+import io
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+
+import gelato  # noqa: E402
+from gelato import _stream  # noqa: E402
+
+try:
+    import numpy
+except ImportError:
+    numpy = None
+
+
+def values(data):
+    """Code and numbers of an encoded sequence."""
+    code = data[:1]
+    numbers = array.array("i" if code == b"I" else "f")
+    numbers.frombytes(data[5:])
+    return code, list(numbers)
+
+
+class Encoding(unittest.TestCase):
+    def test_sequences(self):
+        self.assertEqual(values(_stream.encode([1, 2])), (b"I", [1, 2]))
+        self.assertEqual(values(_stream.encode((1, 2.5))), (b"F", [1, 2.5]))
+        self.assertEqual(values(_stream.encode(range(3))), (b"I", [0, 1, 2]))
+        self.assertEqual(values(_stream.encode([[1, 2], (3, 4.5)])), (b"F", [1, 2, 3, 4.5]))
+        self.assertEqual(values(_stream.encode(k for k in (1, 2))), (b"I", [1, 2]))
+        self.assertEqual(values(_stream.encode(array.array("d", [0.5]))), (b"F", [0.5]))
+        self.assertEqual(values(_stream.encode([1 << 40])), (b"F", [float(1 << 40)]))
+        self.assertEqual(_stream.encode(True), _stream.encode(1))
+        self.assertRaises(TypeError, _stream.encode, ["a", 1])
+        self.assertRaises(TypeError, _stream.encode, object())
+        deep = [1]
+        for _ in range(100):
+            deep = [deep]
+        self.assertRaises(TypeError, _stream.encode, deep)
+
+    def test_answers_come_back(self):
+        for value in (None, 3, -1.5, "words \u00e9", (1, 2, 3), (0.5, 2.0), ("a", "", "b")):
+            self.assertEqual(_stream.decode(_stream.encode(value)), value)
+
+    @unittest.skipIf(numpy is None, "numpy is not installed")
+    def test_numpy(self):
+        for kind in ("float32", "float64", "float16", ">f4", "int8", "uint16", "int32", "int64"):
+            whole = numpy.arange(12, dtype=kind)
+            code = b"F" if "f" in kind else b"I"
+            expected = (code, [float(k) for k in range(12)] if code == b"F" else list(range(12)))
+            self.assertEqual(values(_stream.encode(whole)), expected, kind)
+            self.assertEqual(values(_stream.encode(whole.reshape(2, 2, 3))), expected, kind)
+            # Every other one, and columns before rows.
+            self.assertEqual(values(_stream.encode(whole[::2]))[1], expected[1][::2], kind)
+            turned = whole.reshape(3, 4).T
+            self.assertEqual(values(_stream.encode(turned))[1], [float(k) for k in turned.flatten()], kind)
+        self.assertEqual(_stream.encode(numpy.float32(0.5)), _stream.encode(0.5))
+        self.assertEqual(_stream.encode(numpy.int64(7)), _stream.encode(7))
+        self.assertEqual(values(_stream.encode(numpy.array([True, False])))[1], [1, 0])
+
+
+class Rendering(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+        before = os.getcwd()
+        os.chdir(self.folder.name)
+        self.addCleanup(os.chdir, before)
+
+    def scene(self, r, file):
+        r.Attribute("int[2] resolution", (32, 24))
+        r.Output(file, "ppm", "rgb", "camera")
+        r.Translate(0, 0, 5)
+        r.World()
+        r.Light("key", "pointlight", "float intensity", 20, "point from", [2, 3, -4])
+        r.Attribute("color C", (1, 0.5, 0.25))
+        r.Shader("surface", "plastic")
+        r.Sphere(1, -1, 1, 360)
+
+    def test_a_picture_is_the_scene_file_s(self):
+        with gelato.CreateRenderer("-threads", 1) as r:
+            self.scene(r, "python.ppm")
+            self.assertEqual(r.GetAttribute("int[2] resolution"), (32, 24))
+            self.assertEqual(r.GetAttribute("color C"), (1, 0.5, 0.25))
+            self.assertEqual(r.GetAttribute("string geometryset") is None, False)
+            self.assertIsNone(r.GetAttribute("float user:nothing"))
+            r.Render()
+            self.assertTrue(os.path.exists("python.ppm"), "Render returned before it was done")
+            self.assertEqual(r.errors, 0)
+            self.assertEqual(r.finish(), 0)
+        lines = io.StringIO()
+
+        class Printer:
+            def __getattr__(self, name):
+                return lambda *args: lines.write("%s %r\n" % (name, args))
+
+        self.scene(Printer(), "file.ppm")
+        with open("scene.pyg", "w", encoding="utf-8") as f:
+            f.write(lines.getvalue() + "Render ()\n")
+        subprocess.run([os.environ["GELATO"], "scene.pyg"], check=True)
+        with open("python.ppm", "rb") as a, open("file.ppm", "rb") as b:
+            self.assertEqual(a.read(), b.read())
+
+    def test_functions_of_the_module_and_what_shaders_print(self):
+        script = (
+            "import gelato\n"
+            "from gelato import *\n"
+            "with open('say.gsl', 'w') as f: f.write('surface say () { if (gridindex () == 0) printf (\"said\\\\n\"); }')\n"
+            "gelato.Attribute('int[2] resolution', (8, 8))\n"
+            "Output('m.tif', 'tiff', 'rgba', 'camera')\n"
+            "Translate(0, 0, 5)\n"
+            "World()\n"
+            "Shader('surface', 'say')\n"
+            "Sphere(1, -1, 1, 360)\n"
+            "Render()\n"
+            "Command('system', 'string[3] command', ('sh', '-c', 'echo from a program'))\n"
+            "Sphere('many')\n"
+            "print('errors', gelato.GelatoRenderer.errors)\n"
+            "print('status', gelato.finish())\n"
+        )
+        with open("script.py", "w", encoding="utf-8") as f:
+            f.write(script)
+        package = os.path.dirname(os.path.dirname(os.path.abspath(gelato.__file__)))
+        environment = dict(os.environ, PYTHONPATH=package)
+        ran = subprocess.run([sys.executable, "script.py"], env=environment, capture_output=True, text=True)
+        self.assertEqual(ran.returncode, 0, ran.stderr)
+        self.assertIn("said", ran.stdout)
+        self.assertIn("errors 1\nstatus 1\n", ran.stdout)
+        self.assertIn("from a program", ran.stderr)
+        # The place is the script's.
+        self.assertIn("script.py:12: error: Sphere wants", ran.stderr)
+
+    def test_what_cannot_be(self):
+        before = os.environ["GELATO"]
+        os.environ["GELATO"] = os.path.join(self.folder.name, "absent")
+        try:
+            with self.assertRaisesRegex(gelato.GelatoError, "cannot run .*absent"):
+                gelato.CreateRenderer().World()
+        finally:
+            os.environ["GELATO"] = before
+        with gelato.CreateRenderer() as r:
+            r.World()
+            with self.assertRaises(TypeError):
+                r.Sphere(object())
+            # A call that could not be sent leaves no trace.
+            self.assertEqual(r.errors, 0)
+            r.Command("exit")
+        with self.assertRaises(gelato.GelatoError):
+            r.World()
+
+
+if __name__ == "__main__":
+    unittest.main()
