@@ -13,8 +13,9 @@ use granita_scene::{Call, SceneSink, Stop};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 18] = [
+pub const TARGETS: [(&str, Target); 19] = [
     ("pyg", pyg),
+    ("calls", calls),
     ("gsl", gsl),
     ("gso", gso),
     ("tiff", tiff),
@@ -52,6 +53,11 @@ pub fn pyg(bytes: &[u8]) {
         PygOptions { always_pyglet: true, safe: true, statement_limit: 1 << 20, ..PygOptions::default() };
     let source = PygSource::Bytes { name: "fuzz".into(), bytes: bytes.to_vec() };
     let _ = granita_pyg::read(source, &mut Nowhere, &options, &Reporter::silent());
+}
+
+/// Calls from a program that started the renderer.
+pub fn calls(mut bytes: &[u8]) {
+    let _ = granita_pyg::serve(&mut bytes, &mut std::io::sink(), &mut Nowhere, &Reporter::silent());
 }
 
 /// A shader; what compiles must survive being written and read.
