@@ -4,16 +4,16 @@
 //! targets for libFuzzer; the ordinary tests run them over the corpus in `fuzz/corpus/TARGET` and over mutations of
 //! it that are the same on every machine.
 
-use granita_base::{Location, Reporter, hash};
+use granita_base::{Interp, Location, Reporter, ShapeDesc, hash};
 use granita_image::Limits;
 use granita_pyg::{PygOptions, PygSource};
-use granita_scene::{Call, SceneSink, Stop};
+use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
 
 /// A function that must survive any bytes.
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 19] = [
+pub const TARGETS: [(&str, Target); 22] = [
     ("pyg", pyg),
     ("calls", calls),
     ("gsl", gsl),
@@ -33,6 +33,9 @@ pub const TARGETS: [(&str, Target); 19] = [
     ("sgi", sgi),
     ("iff", iff),
     ("dds", dds),
+    ("obj", obj),
+    ("ply", ply),
+    ("gltf", gltf),
 ];
 
 /// Limits that keep a hostile file from asking for much.
@@ -149,6 +152,70 @@ pub fn iff(bytes: &[u8]) {
 /// DDS.
 pub fn dds(bytes: &[u8]) {
     picture(bytes, "dds");
+}
+
+/// Wavefront OBJ.
+pub fn obj(bytes: &[u8]) {
+    generated("obj", bytes);
+}
+
+/// Stanford PLY.
+pub fn ply(bytes: &[u8]) {
+    generated("ply", bytes);
+}
+
+/// glTF 2, both as JSON and binary.
+pub fn gltf(bytes: &[u8]) {
+    generated("gltf", bytes);
+}
+
+/// Runs the bundled generator of this name, and asks for the bound before; shapes must be what their calls say.
+fn generated(name: &str, bytes: &[u8]) {
+    let generators = granita_plugin::bundled_generators();
+    let generator = generators.by_name(name).expect("a bundled generator");
+    let source = GeneratorSource::Bytes { name: "fuzz".into(), bytes: bytes.into() };
+    let bound = generator.bound(&source);
+    assert!(bound.is_none_or(|b| b.iter().all(|x| x.is_finite())), "a bound that is not finite");
+    let _ = generator.run(&source, &mut Shapes, &Reporter::silent());
+}
+
+/// Checks the shapes that it receives.
+struct Shapes;
+
+impl SceneSink for Shapes {
+    fn call(&mut self, call: Call, _: &Location) -> Result<(), Stop> {
+        let Call::Shape { shape, params } = call else { return Ok(()) };
+        let p = params.floats("P").expect("positions");
+        assert!(p.iter().all(|x| x.is_finite()), "positions that are not finite");
+        let vertices = p.len() / 3;
+        let (linear, pieces) = match &*shape {
+            ShapeDesc::Mesh { nverts, verts, .. } => {
+                assert!(nverts.iter().all(|n| *n >= 3), "faces of fewer than three corners");
+                assert_eq!(nverts.iter().map(|n| *n as usize).sum::<usize>(), verts.len());
+                assert!(verts.iter().all(|v| *v >= 0 && (*v as usize) < vertices), "vertices that are none");
+                (verts.len(), nverts.len())
+            }
+            ShapeDesc::Curves { ncurves, nverts, .. } => {
+                assert_eq!(ncurves * nverts, vertices);
+                (2 * ncurves, *ncurves)
+            }
+            ShapeDesc::Points { n } => {
+                assert_eq!(*n, vertices);
+                (vertices, vertices)
+            }
+            _ => return Ok(()),
+        };
+        for param in &params {
+            let items = match param.ty.interp {
+                Interp::Constant => 1,
+                Interp::PerPiece => pieces,
+                Interp::Linear => linear,
+                Interp::Vertex => vertices,
+            };
+            assert_eq!(param.data.len(), items * param.ty.width(), "{}", param.declaration());
+        }
+        Ok(())
+    }
 }
 
 /// Reads everything that a file offers: rows, tiles, levels.
