@@ -1,13 +1,13 @@
 //! How fast a mesh file is read: `cargo run --release -p granita-mesh --example speed -- FILE [COPIES]`.
 //!
-//! The file is read COPIES times (10), from memory, into a receiver that counts what it gets.
+//! The file is read COPIES times (10), from memory, into a receiver that counts what it gets. The time is that of the processor.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program of its own")]
 
+use cpu_time::ProcessTime;
 use granita_base::{Location, Reporter, ShapeDesc};
 use granita_scene::{Call, GeneratorRegistry, GeneratorSource, SceneSink, Stop};
 use std::path::Path;
 use std::process::ExitCode;
-use std::time::Instant;
 
 #[derive(Default)]
 struct Count {
@@ -43,7 +43,7 @@ fn main() -> ExitCode {
     let source = GeneratorSource::Bytes { name: file.clone(), bytes: bytes.into() };
     let GeneratorSource::Bytes { bytes, .. } = &source else { return ExitCode::FAILURE };
     let mut count = Count::default();
-    let begin = Instant::now();
+    let begin = ProcessTime::now();
     for _ in 0..copies {
         if let Err(error) = generator.run(&source, &mut count, &Reporter::silent()) {
             eprintln!("{error}");
