@@ -58,6 +58,14 @@ impl Default for LinkOptions {
     }
 }
 
+/// What linking a layer takes from the group.
+struct Linking<'a> {
+    wires: &'a [Resolved],
+    options: LinkOptions,
+    /// Lengths of variable-length parameters, by layer and number.
+    fixed: &'a BTreeMap<(usize, usize), u32>,
+}
+
 /// Where a symbol lives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum At {
@@ -212,7 +220,7 @@ impl Group {
         };
         let wires = resolve_all(layers, connections, report);
         for (k, source) in layers.iter().enumerate() {
-            group.add_layer(k, source, &wires, options, fixed, report)?;
+            group.add_layer(k, source, &Linking { wires: &wires, options, fixed }, report)?;
         }
         for wire in &wires {
             group.add_wire(wire);
@@ -376,11 +384,10 @@ impl Group {
         &mut self,
         index: usize,
         source: &LayerSource<'_>,
-        wires: &[Resolved],
-        options: LinkOptions,
-        fixed: &BTreeMap<(usize, usize), u32>,
+        how: &Linking<'_>,
         report: &mut dyn FnMut(Severity, String),
     ) -> Result<(), ShadeError> {
+        let Linking { wires, options, fixed } = *how;
         let module = &source.module;
         for param in source.params {
             if module.param(&param.name).is_none() {

@@ -379,7 +379,7 @@ mod tests {
                         noise(&task, 2, &mut narrow);
                         let bits = |v: &[f32]| v.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
                         assert_eq!(bits(&wide), bits(&narrow), "{d} {task:?}");
-                        for i in 0..n {
+                        for (i, together) in wide.iter().enumerate() {
                             let x = std::array::from_fn::<_, 4, _>(|k| task.x[k].map(|x| [x.get(i)]));
                             let p = task.periods.map(|p| p.map(|p| [p.get(i)]));
                             let one = |v| Lane { values: v, stride: 0 };
@@ -390,7 +390,7 @@ mod tests {
                             };
                             let mut value = [9.0];
                             noise(&alone, 2, &mut value);
-                            assert_eq!(value[0].to_bits(), wide[i].to_bits(), "{d} {kind:?} {i}");
+                            assert_eq!(value[0].to_bits(), together.to_bits(), "{d} {kind:?} {i}");
                         }
                     }
                 }

@@ -114,7 +114,7 @@ fn messages_of_lights_and_primitives() {
     let floats_named = |name: &str, ty, values: &[f32]| Primvar {
         name: name.into(),
         ty: ParamType::of(ty),
-        data: PrimvarData::Floats { values: values.into(), varying: values.len() % 2 == 0 },
+        data: PrimvarData::Floats { values: values.into(), varying: values.len().is_multiple_of(2) },
     };
     // The first of the right type counts.
     grid.parent = vec![

@@ -374,6 +374,7 @@ fn tried(test: impl FnOnce() -> f64) -> Result<f64, String> {
 }
 
 /// Runs the rows of one file, all of them whatever fails; `cargo test forms -- --nocapture` prints the largest errors.
+#[allow(clippy::print_stdout, reason = "the errors that were found, for who asks")]
 fn check_rows(rows: Vec<Row>) {
     let mut report = String::new();
     let mut wrong = String::new();

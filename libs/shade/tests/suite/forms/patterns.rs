@@ -32,7 +32,7 @@ fn gradient(h: u32, d: &[f64]) -> f64 {
             _ => (turn(0, d[0]) + turn(1, d[1])) / std::f64::consts::SQRT_2,
         },
         n => {
-            let left_out = ((h >> 16) * n as u32 >> 16) as usize;
+            let left_out = (((h >> 16) * n as u32) >> 16) as usize;
             (0..n).filter(|k| *k != left_out).map(|k| turn(k, d[k])).sum()
         }
     }
@@ -283,6 +283,9 @@ fn solved(basis: &str, v: f64, y: &[f64]) -> (f64, f64) {
     (low, 1.0 + size / slope.max(1e-6))
 }
 
+/// The knots of a spline, from the numbers of a point.
+type Knots = Box<dyn Fn(&[f64]) -> Vec<f64>>;
+
 fn splines(list: &mut Vec<Row>) {
     const BASES: [(&str, usize); 5] =
         [("catmull-rom", 7), ("bezier", 7), ("bspline", 7), ("hermite", 6), ("linear", 7)];
@@ -308,7 +311,7 @@ fn splines(list: &mut Vec<Row>) {
         rows[1].push(numbers(&format!("spline (\"{basis}\", a, {knots})"), &args, bound, exact()));
         rows[3].push(numbers(&format!("{array} r = spline (\"{basis}\", a, k);"), &args, bound, exact()));
         // Rising: each value adds to the last; a Hermite spline's slopes are those of its values.
-        let (rising, values): (String, Box<dyn Fn(&[f64]) -> Vec<f64>>) = if basis == "hermite" {
+        let (rising, values): (String, Knots) = if basis == "hermite" {
             (
                 "0.1, 1, 1 + b, 1, 2 + b + c, 1".into(),
                 Box::new(|x| vec![0.1, 1.0, 1.0 + x[1], 1.0, 2.0 + x[1] + x[2], 1.0]),
@@ -324,7 +327,7 @@ fn splines(list: &mut Vec<Row>) {
         };
         let args =
             [(F, Within(-0.5, 6.0)), (F, Within(0.5, 1.0)), (F, Within(0.5, 1.0)), (F, Within(0.5, 1.0))];
-        let exact = |values: Box<dyn Fn(&[f64]) -> Vec<f64>>| -> Exact {
+        let exact = |values: Knots| -> Exact {
             Box::new(move |x| {
                 let x: Vec<f64> = x.iter().flatten().copied().collect();
                 vec![solved(basis, x[0], &values(&x))]

@@ -210,7 +210,7 @@ pub(super) fn operators() -> Vec<Numbers> {
         ("a && b", |x, y| x != 0.0 && y != 0.0),
         ("a || b", |x, y| x != 0.0 || y != 0.0),
         ("!a", |x, _| x == 0.0),
-        ("!(a < b)", |x, y| !(x < y)),
+        ("!(a < b)", |x, y| x >= y || x.is_nan() || y.is_nan()),
         ("a < b && b < 1", |x, y| x < y && y < 1.0),
         ("a < b || b < 1", |x, y| x < y || y < 1.0),
         ("r = a++ < b;", |x, y| x < y),

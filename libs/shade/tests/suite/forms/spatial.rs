@@ -145,9 +145,7 @@ fn apply(kind: Kind, m: M4, v: V3) -> Vec<(f64, f64)> {
             Kind::Vector => (sum(&m, 0.0, j), sizes(&m, 0.0, j)),
             Kind::Normal => {
                 let mut linear = m;
-                for i in 0..3 {
-                    linear[i][3] = 0.0;
-                }
+                linear.iter_mut().for_each(|row| row[3] = 0.0);
                 linear[3] = [0.0, 0.0, 0.0, 1.0];
                 let back = inverse(linear);
                 let by: M4 = std::array::from_fn(|i| std::array::from_fn(|j| back[j][i]));
@@ -680,7 +678,7 @@ fn between_colors() -> Vec<Numbers> {
                 let (max, min) = values.iter().fold((f64::MIN, f64::MAX), |(a, b), v| (a.max(*v), b.min(*v)));
                 // Hue and saturation of nearly grey or black colours, and of those beyond the cube, are
                 // decided by a bit.
-                if to.starts_with("hs") && (max - min < 0.02 || max < 0.02 || max > 0.98 || min < 0.0) {
+                if to.starts_with("hs") && (max - min < 0.02 || !(0.02..=0.98).contains(&max) || min < 0.0) {
                     return vec![(0.0, f64::INFINITY); 3];
                 }
                 let grown = if to.starts_with("hs") { 50.0 } else { 4.0 };
