@@ -23,6 +23,8 @@ pub(crate) enum Statement {
     Call { name: String, args: Vec<Value>, line: u32 },
     /// Something that only Python understands; the position is unchanged.
     Python { line: u32, why: Why },
+    /// Something that nobody understands, and behind which nothing can be made out.
+    Broken(Why),
 }
 
 /// Why a statement is not flat.
@@ -36,6 +38,8 @@ pub(crate) struct Why {
 #[derive(Debug)]
 pub(crate) enum NotFlat {
     Why(Why),
+    /// Nor is it Python.
+    Broken(Why),
     Io(io::Error),
 }
 
@@ -43,6 +47,11 @@ impl From<io::Error> for NotFlat {
     fn from(e: io::Error) -> Self {
         Self::Io(e)
     }
+}
+
+/// Whether a byte begins neither a letter of ASCII nor one of UTF-8.
+fn is_no_text(byte: u8) -> bool {
+    matches!(byte, 0x80..=0xc1 | 0xf5..=0xff)
 }
 
 pub(crate) type Flat<T> = Result<T, NotFlat>;
@@ -93,6 +102,7 @@ impl Parser {
                     Err(io::Error::new(io::ErrorKind::InvalidData, text))
                 }
                 Err(NotFlat::Io(e)) => Err(e),
+                Err(NotFlat::Broken(why)) => Ok(Statement::Broken(why)),
                 Err(NotFlat::Why(why)) => {
                     // Back to the beginning of the line, so that Python sees the indentation.
                     self.bytes.back_to(start);
@@ -146,7 +156,10 @@ impl Parser {
             "from" | "import" => return self.import(&name),
             "" => {
                 let c = char::from(first);
-                return self.fail(if first >= 0x80 { "a binary code".into() } else { format!("\"{c}\"") });
+                if is_no_text(first) {
+                    return self.broken(format!("the binary code {first} where a statement is expected"));
+                }
+                return self.fail(format!("\"{c}\""));
             }
             _ => {}
         }
@@ -310,11 +323,10 @@ impl Parser {
             Some(0x80..=0x83) => self.binary(),
             Some(c) if c.is_ascii_alphabetic() || c == b'_' => self.named(),
             None => self.fail("the end of the file where a value is expected".into()),
-            Some(c) => {
-                let shown =
-                    if c >= 0x80 { format!("the binary code {c}") } else { format!("\"{}\"", char::from(c)) };
-                self.fail(format!("{shown} where a value is expected"))
+            Some(c) if is_no_text(c) => {
+                self.broken(format!("the binary code {c}, which has no meaning, where a value is expected"))
             }
+            Some(c) => self.fail(format!("\"{}\" where a value is expected", char::from(c))),
         }
     }
 
@@ -425,22 +437,25 @@ impl Parser {
         let code = self.bytes.peek()?.unwrap_or(0);
         self.bytes.skip(1);
         let big = code & 1 == 1;
-        let cut = || "a binary array that ends too early".to_owned();
-        let Some(head) = self.bytes.data(4)? else { return self.fail(cut()) };
+        let Some(head) = self.bytes.data(4)? else {
+            return self.broken("a binary array without its length".into());
+        };
         let word = |b: &[u8]| {
             let b = [b[0], b[1], b[2], b[3]];
             if big { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) }
         };
         let n = word(head);
         let Ok(n) = usize::try_from(n as i32) else {
-            return self.fail(format!("a binary array of {} values", n as i32));
+            return self.broken(format!("a binary array of {} values", n as i32));
         };
         // Piece by piece: what the header promises is not there before it has been read.
         let mut seq = if code < 0x82 { Seq::Ints(Vec::new()) } else { Seq::Floats(Vec::new()) };
         let mut left = n;
         while left > 0 {
             let count = left.min(PIECE);
-            let Some(data) = self.bytes.data(count * 4)? else { return self.fail(cut()) };
+            let Some(data) = self.bytes.data(count * 4)? else {
+                return self.broken(format!("a binary array of {n} values, which the file is too short for"));
+            };
             let words = data.chunks_exact(4).map(word);
             match &mut seq {
                 Seq::Floats(v) => v.extend(words.map(f32::from_bits)),
@@ -512,9 +527,13 @@ impl Parser {
                 self.bytes.advance();
                 Ok(())
             }
-            Some(c) if c >= 0x80 => self.fail(format!("the binary code {c} behind a statement")),
+            Some(c) if is_no_text(c) => self.broken(format!("the binary code {c} behind a statement")),
             Some(c) => self.fail(format!("\"{}\" behind a statement", char::from(c))),
         }
+    }
+
+    fn broken<T>(&self, what: String) -> Flat<T> {
+        Err(NotFlat::Broken(Why { what, line: self.bytes.line() }))
     }
 
     pub(crate) fn fail<T>(&self, what: String) -> Flat<T> {

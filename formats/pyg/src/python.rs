@@ -30,8 +30,8 @@ pub(crate) enum Event {
     Printed(String),
     /// The piece is executed; whether the script gave one of the calls' names another meaning.
     Done { rebound: bool },
-    /// The piece ended with an exception.
-    Error { line: u32, kind: String, text: String, name: String },
+    /// The piece ended with an exception; nothing of it was executed if it is `unread`, no Python at all.
+    Error { line: u32, kind: String, text: String, name: String, unread: bool },
     /// The script left by `sys.exit`.
     Exit { line: u32, code: i32, text: String },
 }
@@ -217,7 +217,8 @@ impl Frame<'_> {
             b'W' => Event::Wait,
             b'P' => Event::Printed(self.rest()),
             b'D' => Event::Done { rebound: self.array::<1>()? != [0] },
-            b'E' => Event::Error {
+            b'E' | b'Y' => Event::Error {
+                unread: kind == b'Y',
                 line: self.word()?,
                 kind: self.text()?,
                 text: self.text()?,

@@ -153,7 +153,7 @@ pub fn read(
         reporter.file_read(&path);
     }
     let parser = Parser::new(Bytes::new(stream, options.statement_limit));
-    Reader { file, parser, sink, options, reporter, python: None, rebound: false }.run()
+    Reader { file, parser, sink, options, reporter, python: None, rebound: false, unread: 0 }.run()
 }
 
 /// Makes a call of its name and arguments, and passes it on; mistakes are reported.
@@ -166,7 +166,10 @@ pub(crate) fn pass_on(
 ) -> Result<(), Stop> {
     match calls::call(name, args) {
         Some(Ok(call)) => sink.call(call, at)?,
-        Some(Err(mistake)) => reporter.say(Severity::Error, at, format!("{mistake}: the call is ignored")),
+        Some(Err(mistake)) => {
+            let text = format!("{mistake}: the call is ignored{}", object(sink));
+            reporter.say(Severity::Error, at, text);
+        }
         // What it returns is not used.
         None if name == "GetAttribute" => {}
         None => {
@@ -178,6 +181,16 @@ pub(crate) fn pass_on(
     Ok(())
 }
 
+/// The name of the object that is being made, for messages; nothing when it has none.
+fn object(sink: &dyn SceneSink) -> String {
+    match sink.attribute("string name").map(|p| p.data) {
+        Some(granita_base::ParamData::String(name)) if name.first().is_some_and(|n| !n.is_empty()) => {
+            format!(" (object \"{}\")", name[0])
+        }
+        _ => String::new(),
+    }
+}
+
 struct Reader<'a> {
     file: Arc<str>,
     parser: Parser,
@@ -187,6 +200,8 @@ struct Reader<'a> {
     python: Option<Python>,
     /// The script changed what the names of calls mean: nothing is flat any more.
     rebound: bool,
+    /// Statements that could not be read and were passed over.
+    unread: usize,
 }
 
 /// Whether to go on reading.
@@ -195,6 +210,30 @@ enum Next {
     More,
     End,
 }
+
+/// How a piece of script failed.
+enum Failed {
+    /// It is no Python; nothing of it was executed, and the interpreter goes on.
+    Unread(PygError),
+    /// In its course.
+    Ended(PygError),
+}
+
+impl From<PygError> for Failed {
+    fn from(error: PygError) -> Self {
+        Self::Ended(error)
+    }
+}
+
+impl From<Failed> for PygError {
+    fn from(failed: Failed) -> Self {
+        let (Failed::Unread(error) | Failed::Ended(error)) = failed;
+        error
+    }
+}
+
+/// So many statements that cannot be read are passed over; a file with more of them is no scene.
+const MAX_UNREAD: usize = 20;
 
 /// Python statements are gathered up to this size. Finding the line of a call takes Python longer the longer the piece is.
 const BATCH: usize = 1 << 15;
@@ -214,6 +253,7 @@ impl Reader<'_> {
                 Statement::End => return Ok(()),
                 Statement::Nothing => {}
                 Statement::Call { name, args, line } => self.flat_call(&name, args, line)?,
+                Statement::Broken(why) => return Err(self.malformed(why)),
                 Statement::Python { line, why } => {
                     let next = if self.options.chunking == Chunking::Never || self.rebound {
                         self.all_python(&why)?
@@ -248,14 +288,24 @@ impl Reader<'_> {
 
     /// Gathers statements until the next flat one, and executes them.
     fn some_python(&mut self, line: u32, why: &Why) -> Result<Next, PygError> {
-        self.start(why)?;
         let mut code = Vec::new();
+        if let Some(missing) = self.take(&mut code)? {
+            let at = Location::line(&self.file, line);
+            self.unread += 1;
+            let text = format!("{missing}: the call is ignored{}", object(self.sink));
+            self.reporter.say(Severity::Error, &at, text);
+            return Ok(Next::More);
+        }
+        self.start(why)?;
         let mut flat = None;
-        while code.len() < BATCH {
-            let taken = script::take_statement(&mut self.parser.bytes, &mut code);
-            taken.map_err(|source| self.io(source))?;
+        // Where each statement begins: its line and its place in the code.
+        let mut begins = vec![(line, 0)];
+        loop {
             if code.last() != Some(&b'\n') {
                 code.push(b'\n');
+            }
+            if code.len() >= BATCH {
+                break;
             }
             match self.statement()? {
                 Statement::Python { line: next, .. } => {
@@ -263,6 +313,15 @@ impl Reader<'_> {
                     let lines = code.iter().filter(|c| **c == b'\n').count() as u32;
                     let missing = (next - line).saturating_sub(lines);
                     code.extend(std::iter::repeat_n(b'\n', missing as usize));
+                    let end = code.len();
+                    let mark = self.parser.bytes.mark();
+                    if self.take(&mut code)?.is_some() {
+                        // Dealt with when it comes up again.
+                        code.truncate(end);
+                        self.parser.bytes.back_to(mark);
+                        break;
+                    }
+                    begins.push((next, end));
                 }
                 other => {
                     flat = Some(other);
@@ -270,12 +329,17 @@ impl Reader<'_> {
                 }
             }
         }
-        if self.execute(line, &code)? == Next::End {
+        let next = match self.execute(line, &code) {
+            Err(Failed::Unread(_)) => self.one_by_one(&code, &begins)?,
+            other => other?,
+        };
+        if next == Next::End {
             return Ok(Next::End);
         }
         match flat {
             None | Some(Statement::Nothing | Statement::Python { .. }) => Ok(Next::More),
             Some(Statement::End) => Ok(Next::End),
+            Some(Statement::Broken(why)) => Err(self.malformed(why)),
             Some(Statement::Call { name, args, line }) => {
                 // The piece just executed may have changed what the name means.
                 if self.rebound {
@@ -285,6 +349,47 @@ impl Reader<'_> {
                 self.flat_call(&name, args, line).map(|()| Next::More)
             }
         }
+    }
+
+    /// Takes the next statement for Python. A call of the scene interface that is none, because a string or a bracket has
+    /// no end, is passed over up to the next line with a call; what is missing is returned.
+    fn take(&mut self, code: &mut Vec<u8>) -> Result<Option<&'static str>, PygError> {
+        let mark = self.parser.bytes.mark();
+        let start = code.len();
+        let missing =
+            script::take_statement(&mut self.parser.bytes, code).map_err(|source| self.io(source))?;
+        let is_call = script::begins_with_call(&code[start..]);
+        if missing.is_none() || !is_call || self.unread >= MAX_UNREAD {
+            return Ok(None);
+        }
+        self.parser.bytes.back_to(mark);
+        script::skip_to_call(&mut self.parser.bytes).map_err(|source| self.io(source))?;
+        Ok(missing)
+    }
+
+    /// Executes statements one after the other. Of those that cannot be read, calls of the scene interface are reported
+    /// and passed over, as other mistakes of single calls are; anything else ends the script.
+    fn one_by_one(&mut self, code: &[u8], begins: &[(u32, usize)]) -> Result<Next, PygError> {
+        for (i, &(line, start)) in begins.iter().enumerate() {
+            let end = begins.get(i + 1).map_or(code.len(), |b| b.1);
+            let statement = code.get(start..end).unwrap_or_default();
+            match self.execute(line, statement) {
+                Err(Failed::Unread(PygError::Malformed { what, at }))
+                    if script::begins_with_call(statement) && self.unread < MAX_UNREAD =>
+                {
+                    self.unread += 1;
+                    let text = format!("{what}: the call is ignored{}", object(self.sink));
+                    self.reporter.say(Severity::Error, &at, text);
+                }
+                Ok(Next::More) => {}
+                other => return Ok(other?),
+            }
+        }
+        Ok(Next::More)
+    }
+
+    fn malformed(&self, why: Why) -> PygError {
+        PygError::Malformed { what: why.what, at: Location::line(&self.file, why.line) }
     }
 
     /// Gathers statements, whatever they are, and executes them.
@@ -297,7 +402,7 @@ impl Reader<'_> {
             let taken = script::take_statement(&mut self.parser.bytes, &mut code);
             taken.map_err(|source| self.io(source))?;
         }
-        if code.is_empty() { Ok(Next::End) } else { self.execute(line, &code) }
+        if code.is_empty() { Ok(Next::End) } else { Ok(self.execute(line, &code)?) }
     }
 
     /// Executes all that is left.
@@ -342,14 +447,17 @@ impl Reader<'_> {
     }
 
     /// Executes a piece of script and passes its calls on.
-    fn execute(&mut self, line: u32, code: &[u8]) -> Result<Next, PygError> {
+    fn execute(&mut self, line: u32, code: &[u8]) -> Result<Next, Failed> {
         let Some(mut python) = self.python.take() else { return Ok(Next::End) };
-        let next = self.converse(&mut python, line, code)?;
-        self.python = Some(python);
-        Ok(next)
+        let next = self.converse(&mut python, line, code);
+        // After any other failure nobody knows what state the script is in.
+        if matches!(next, Ok(_) | Err(Failed::Unread(_))) {
+            self.python = Some(python);
+        }
+        next
     }
 
-    fn converse(&mut self, python: &mut Python, line: u32, code: &[u8]) -> Result<Next, PygError> {
+    fn converse(&mut self, python: &mut Python, line: u32, code: &[u8]) -> Result<Next, Failed> {
         let at = Location::line(&self.file, line);
         let broken = |what: io::Error| PygError::Malformed { what: what.to_string(), at: at.clone() };
         python.execute(line, code).map_err(broken)?;
@@ -376,12 +484,13 @@ impl Reader<'_> {
                     self.say_rest(printed);
                     return Ok(Next::More);
                 }
-                Event::Error { line, kind, text, name } => {
+                Event::Error { line, kind, text, name, unread } => {
                     self.say_rest(printed);
                     let hint =
                         hint(granita_scene::suggestion(&name, names::CALLS).filter(|_| !name.is_empty()));
                     let what = format!("{kind}: {text}{hint}");
-                    return Err(PygError::Malformed { what, at: Location::line(&self.file, line) });
+                    let error = PygError::Malformed { what, at: Location::line(&self.file, line) };
+                    return Err(if unread { Failed::Unread(error) } else { Failed::Ended(error) });
                 }
                 Event::Exit { line, code, text } => {
                     self.say_rest(printed);
@@ -389,7 +498,9 @@ impl Reader<'_> {
                         return Ok(Next::End);
                     }
                     let text = if text.is_empty() { format!("the script ended with {code}") } else { text };
-                    return Err(PygError::Malformed { what: text, at: Location::line(&self.file, line) });
+                    return Err(
+                        PygError::Malformed { what: text, at: Location::line(&self.file, line) }.into()
+                    );
                 }
             }
         }

@@ -3,15 +3,23 @@
 use crate::bytes::Bytes;
 use std::io;
 
+/// What a statement may lack.
+const STRING: &str = "a string without its end";
+const BRACKET: &str = "a bracket without its end";
+
 /// Words that continue a compound statement at the same indentation.
 const CONTINUED: [&[u8]; 4] = [b"else", b"elif", b"except", b"finally"];
 
 /// Takes the next statement: one logical line, and the indented block that belongs to it.
 ///
-/// The text is as written, except that binary arrays (reference 3.7) become lists.
-pub(crate) fn take_statement(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<()> {
+/// The text is as written, except that binary arrays (reference 3.7) become lists. Returns what is missing when its first
+/// line cannot be Python because a string or a bracket has no end.
+pub(crate) fn take_statement(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<Option<&'static str>> {
     let mut decorated = bytes.peek()? == Some(b'@');
-    take_logical_line(bytes, out)?;
+    let missing = take_logical_line(bytes, out)?;
+    if missing.is_some() {
+        return Ok(missing);
+    }
     loop {
         // Blank lines and comments belong to the block only if the block goes on behind them.
         let start = bytes.mark();
@@ -25,7 +33,7 @@ pub(crate) fn take_statement(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result
         };
         if !goes_on {
             bytes.back_to(start);
-            return Ok(());
+            return Ok(None);
         }
         out.extend(std::iter::repeat_n(b'\n', blank));
         if !matches!(next, Some(b' ' | b'\t' | b'@')) {
@@ -33,6 +41,29 @@ pub(crate) fn take_statement(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result
         }
         take_logical_line(bytes, out)?;
     }
+}
+
+/// Passes over the line that begins here and all others up to one that begins with a call of the scene interface.
+pub(crate) fn skip_to_call(bytes: &mut Bytes) -> io::Result<()> {
+    loop {
+        while let Some(c) = bytes.peek()? {
+            bytes.advance();
+            if c == b'\n' {
+                break;
+            }
+        }
+        if bytes.peek()?.is_none() || begins_with_call(bytes.ahead(64)?) {
+            return Ok(());
+        }
+    }
+}
+
+/// Whether a statement begins with the name of a call and a parenthesis.
+pub(crate) fn begins_with_call(statement: &[u8]) -> bool {
+    let statement = &statement[..statement.len().min(64)];
+    let end = statement.iter().position(|c| !c.is_ascii_alphanumeric() && *c != b'_').unwrap_or(0);
+    let next = statement[end..].iter().find(|c| !matches!(c, b' ' | b'\t'));
+    next == Some(&b'(') && std::str::from_utf8(&statement[..end]).is_ok_and(crate::names::is_call)
 }
 
 /// Takes all that is left.
@@ -80,8 +111,12 @@ fn take_blank_lines(bytes: &mut Bytes) -> io::Result<usize> {
 }
 
 /// Takes one line with all lines that brackets, long strings and backslashes join to it.
-fn take_logical_line(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<()> {
+/// Returns what is missing when it cannot be Python.
+fn take_logical_line(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<Option<&'static str>> {
     let mut depth = 0usize;
+    let mut missing = None;
+    // A line with a call inside of brackets: should anything be missing, it is the bracket before it.
+    let mut runs_over = false;
     while let Some(c) = bytes.peek()? {
         match c {
             0x80..=0x83 => {
@@ -106,7 +141,11 @@ fn take_logical_line(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<()> {
                 continue;
             }
             b'"' | b'\'' => {
-                take_string(bytes, out)?;
+                if !take_string(bytes, out)? {
+                    // A mistake whatever follows: the statement ends with this line.
+                    missing = Some(if runs_over { BRACKET } else { STRING });
+                    depth = 0;
+                }
                 continue;
             }
             b'#' => {
@@ -135,13 +174,15 @@ fn take_logical_line(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<()> {
         out.push(c);
         bytes.advance();
         if c == b'\n' && depth == 0 {
-            return Ok(());
+            return Ok(missing);
         }
+        runs_over |= c == b'\n' && begins_with_call(bytes.ahead(64)?);
     }
-    Ok(())
+    Ok(missing.or((depth > 0).then_some(BRACKET)))
 }
 
-fn take_string(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<()> {
+/// Takes a string; `false` when the line, or the file, ends before it.
+fn take_string(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<bool> {
     let quote = bytes.peek()?.unwrap_or(b'"');
     let triple = bytes.peek_at(1)? == Some(quote) && bytes.peek_at(2)? == Some(quote);
     let mut take = |bytes: &mut Bytes, n: usize| -> io::Result<()> {
@@ -157,15 +198,19 @@ fn take_string(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<()> {
     while let Some(c) = bytes.peek()? {
         match c {
             b'\\' => take(bytes, 2)?,
-            b'\n' if !triple => return Ok(()),
-            _ if c == quote && !triple => return take(bytes, 1),
+            b'\n' if !triple => return Ok(false),
+            _ if c == quote && !triple => {
+                take(bytes, 1)?;
+                return Ok(true);
+            }
             _ if c == quote && bytes.peek_at(1)? == Some(quote) && bytes.peek_at(2)? == Some(quote) => {
-                return take(bytes, 3);
+                take(bytes, 3)?;
+                return Ok(true);
             }
             _ => take(bytes, 1)?,
         }
     }
-    Ok(())
+    Ok(false)
 }
 
 /// A binary array as a list; one that is cut short is left out, which Python then complains about.

@@ -2,7 +2,7 @@
 # functions of bindings/python/gelato/_stream.py, which know the frames.
 #
 # In:  I file name | X line, source | G value (answer to A)
-# Out: C line, name, arguments | A declaration | P text | D rebound | E line, kind, text, name | Q line, code, text
+# Out: C line, name, arguments | A declaration | P text | D rebound | E, Y line, kind, text, name | Q line, code, text
 
 
 def _granita_main():
@@ -43,6 +43,9 @@ def _granita_main():
 
         def flush(self):
             sink.flush()
+
+        def close(self):
+            """What is printed later is still heard."""
 
         def isatty(self):
             return False
@@ -117,10 +120,12 @@ def _granita_main():
         line = place(error)
         what = str(error)
         if isinstance(error, SyntaxError) and error.filename == file:
-            line, what = error.lineno or 0, error.msg
+            # Where Python found it is a line of the piece, not of the file.
+            line, what = error.lineno or 0, error.msg.partition(" (detected at line")[0]
         missing = getattr(error, "name", None) if isinstance(error, NameError) else None
         payload = struct.pack("<I", line) + text(type(error).__name__) + text(what)
-        say(b"E", payload + text(missing or ""))
+        # Nothing of the piece was executed when it cannot even be read.
+        say(b"Y" if getattr(error, "unread", False) else b"E", payload + text(missing or ""))
 
     def moved(code, lines):
         """The code object as if it stood so many lines further down; walking a tree of long lists would be slow."""
@@ -130,9 +135,10 @@ def _granita_main():
     def execute(line, source):
         try:
             code = compile(source, file, "exec", dont_inherit=True)
-        except SyntaxError as error:
-            if error.lineno:
+        except (SyntaxError, ValueError) as error:
+            if getattr(error, "lineno", None):
                 error.lineno += line - 1
+            error.unread = True
             raise
         exec(moved(code, line - 1), scope)
 

@@ -246,6 +246,8 @@ fn statements_have_a_limit() {
     assert_eq!(read_with(many.as_bytes(), &options).calls.len(), 100_000);
     // Nesting has one, too.
     let deep = format!("Attribute ('x', {})", "(".repeat(100_000));
+    assert!(read_with(deep.as_bytes(), &options).told[0].contains("a bracket without its end"));
+    let deep = format!("Attribute ('x', {}{})", "(".repeat(100_000), ")".repeat(100_000));
     assert!(read_with(deep.as_bytes(), &options).error.is_some());
     let minus = format!("Attribute ('x', {}1)", "-".repeat(100_000));
     assert!(read_with(minus.as_bytes(), &options).error.is_some());
@@ -386,6 +388,53 @@ fn mistakes_of_scripts_have_their_line() {
     let Some(got) = script("for i in range (2):\n  Sphere (i)\nWorld ()") else { return };
     assert_eq!(got.told.len(), 1);
     assert_eq!(got.lines(), [(3, "World")]);
+}
+
+#[test]
+fn calls_that_cannot_be_read_are_passed_over() {
+    // Without Python: strings and brackets without their end.
+    let text = "World ()\nTranslate (0, 0,\n# so\nScale (1, 1, 1)\nShader (\"surface\", \"plastic)\nRotate (1, 0, 0, 1)\nSphere (1,";
+    let (reporter, said) = Reporter::collecting();
+    let mut recorder = Recorder::default();
+    let options = PygOptions { python: Some("/nonexistent/python3".into()), ..PygOptions::default() };
+    let source = PygSource::Bytes { name: "t.pyg".into(), bytes: text.into() };
+    read(source, &mut recorder, &options, &reporter).unwrap();
+    let names: Vec<(u32, &str)> = recorder.calls.iter().map(|(line, c)| (*line, c.name())).collect();
+    assert_eq!(names, [(1, "World"), (4, "Scale"), (6, "Rotate")]);
+    let said: Vec<String> = said.lock().unwrap().iter().map(ToString::to_string).collect();
+    assert_eq!(
+        said,
+        [
+            "t.pyg:2: error: a bracket without its end: the call is ignored (object \"béta\")",
+            "t.pyg:5: error: a string without its end: the call is ignored (object \"béta\")",
+            "t.pyg:7: error: a bracket without its end: the call is ignored (object \"béta\")",
+        ]
+    );
+    // With it: what else is no Python, also between statements that are.
+    let text =
+        "x = 1\nSphere (x, -1 1)\ny = 2\nSphere (x, -y, y, 360)\nSphere (y 3)\nWorld ()\nz = x +\nWorld ()\n";
+    let Some(got) = script(text) else { return };
+    assert_eq!(got.lines(), [(4, "Sphere"), (6, "World")]);
+    assert_eq!(got.told.len(), 2);
+    assert!(got.told[0].starts_with("t.pyg:2: error: SyntaxError: "), "{:?}", got.told);
+    assert!(got.told[1].starts_with("t.pyg:5: error: SyntaxError: "), "{:?}", got.told);
+    assert!(got.error().starts_with("t.pyg:7: SyntaxError"), "{}", got.error());
+}
+
+#[test]
+fn scripts_that_close_their_streams_go_on() {
+    for close in [
+        "import os\nos.close (1)",
+        "import sys\nsys.stdout.close ()",
+        "import os\nos.close (0)\nos.close (2)",
+    ] {
+        let Some(got) = script(&format!("{close}\nprint ('still there')\nWorld ()\n")) else { return };
+        assert!(got.error.is_none(), "{close}: {:?}", got.error);
+        assert_eq!(got.lines().last().map(|l| l.1), Some("World"), "{close}");
+    }
+    // The pipes of the interpreter itself are another matter.
+    let Some(got) = script("import os\nos.closerange (3, 64)\nWorld ()\n") else { return };
+    assert!(got.error().starts_with("t.pyg:1: the interpreter ended early"), "{}", got.error());
 }
 
 #[test]

@@ -72,14 +72,27 @@ impl Vars {
             if repeated || SPECIAL.contains(&&*param.name) {
                 continue;
             }
-            if let Err(why) = vars.add(param, counts) {
-                report(Severity::Warning, format!("{call}: \"{}\" is ignored: {why}", param.declaration()));
+            match vars.add(param, counts, call != "Mesh") {
+                Ok(0) => {}
+                Ok(n) => {
+                    let (got, name) = (param.data.len(), param.declaration());
+                    let text =
+                        format!("{call}: \"{name}\" has {got} values, the last {n} of which nothing needs");
+                    report(Severity::Warning, text);
+                }
+                Err(why) => {
+                    report(
+                        Severity::Warning,
+                        format!("{call}: \"{}\" is ignored: {why}", param.declaration()),
+                    );
+                }
             }
         }
         vars
     }
 
-    fn add(&mut self, param: &Param, counts: Counts) -> Result<(), String> {
+    /// Adds a variable; returns how many of its values are too many.
+    fn add(&mut self, param: &Param, counts: Counts, exact: bool) -> Result<usize, String> {
         let mut ty = param.ty;
         if ty.base == BaseType::Unknown {
             ty = known_type(&param.name).unwrap_or(match &param.data {
@@ -105,6 +118,9 @@ impl Vars {
         if param.data.len() < wanted_len {
             return Err(format!("{} values instead of {wanted_len}", param.data.len()));
         }
+        // The vertices of a mesh may have values for vertices that no face uses.
+        let may_be_more = ty.interp == Interp::Vertex && !exact;
+        let excess = if may_be_more { 0 } else { param.data.len() - wanted_len };
         let name = param.name.clone();
         match (&param.data, ty.interp) {
             (ParamData::String(values), _) if ty.base != BaseType::String => {
@@ -132,7 +148,7 @@ impl Vars {
                 }
             }
         }
-        Ok(())
+        Ok(excess)
     }
 
     /// Floats per control vertex of all vertex variables.

@@ -47,7 +47,7 @@ fn expands_inputs_to_the_depth_asked() {
 
 #[test]
 fn files_appear_whole_or_not_at_all() {
-    let dir = folder(&[("good.pyg", "World ()\n"), ("bad.pyg", "World (\n")]);
+    let dir = folder(&[("good.pyg", "World ()\n"), ("bad.pyg", "x = 1\n")]);
     let out = topyg(dir.path(), &["good.pyg", "-o", "out.pyg"]);
     assert!(out.status.success() && out.stdout.is_empty());
     assert_eq!(std::fs::read_to_string(dir.path().join("out.pyg")).unwrap(), "World ()\n");

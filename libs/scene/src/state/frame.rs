@@ -191,7 +191,7 @@ impl State {
         if self.stack.len() > bottom {
             for push in self.stack.split_off(bottom) {
                 let (name, end) = push.what.names();
-                self.report(Severity::Warning, &push.at, name, format!("{name} without {end}"));
+                self.report_imbalance(Severity::Warning, &push.at, format!("{name} without {end}"));
             }
         }
         let camera = camera.filter(|c| !c.is_empty());

@@ -175,7 +175,7 @@ impl State {
         }
         for push in std::mem::replace(&mut self.stack, stack) {
             let (name, end) = push.what.names();
-            self.report(Severity::Warning, &push.at, name, format!("{name} without {end}"));
+            self.report_imbalance(Severity::Warning, &push.at, format!("{name} without {end}"));
         }
         if !Arc::ptr_eq(&self.saved, &input.saved) {
             let own = self.saved.iter().filter(|(name, _)| !input.saved.contains_key(*name));

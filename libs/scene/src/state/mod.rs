@@ -86,6 +86,8 @@ pub struct State {
     modify: Option<ModifyMode>,
     inputs: Inputs,
     rendered: bool,
+    /// Ends and beginnings of blocks that were found alone.
+    imbalances: usize,
 }
 
 impl State {
@@ -113,6 +115,7 @@ impl State {
             modify: None,
             inputs: Inputs::default(),
             rendered: false,
+            imbalances: 0,
         }
     }
 
@@ -145,7 +148,7 @@ impl State {
         let bottom = self.world.as_ref().map_or(0, |(_, depth)| *depth).min(self.stack.len());
         for push in self.stack.split_off(bottom) {
             let (name, end) = push.what.names();
-            self.report(Severity::Warning, &push.at, name, format!("{name} without {end}"));
+            self.report_imbalance(Severity::Warning, &push.at, format!("{name} without {end}"));
         }
         if !self.pending.is_empty() {
             let names: Vec<String> = self.pending.iter().map(|p| format!("\"{}\"", p.name)).collect();
@@ -166,6 +169,15 @@ impl State {
         let text = text.into();
         let text = if name.is_empty() { text } else { format!("{text} (object \"{name}\")") };
         self.report(severity, at, cause, text);
+    }
+
+    /// A block without its end, or an end without its block. Each is a mistake of its own, but a scene that is full of
+    /// them need not list them all.
+    fn report_imbalance(&mut self, severity: Severity, at: &Location, text: String) {
+        const LISTED: usize = 20;
+        self.imbalances += 1;
+        let place = if self.imbalances <= LISTED { at.to_string() } else { String::new() };
+        self.reporter.once(&format!("scene balance {text} {place}"), severity, at, text);
     }
 
     /// An error about a call that does not belong where it stands.

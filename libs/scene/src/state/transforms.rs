@@ -89,13 +89,13 @@ impl State {
         match self.stack.last().map(|p| &p.what) {
             Some(Saved1::Transform(_)) => {}
             Some(Saved1::Attributes(_)) => {
-                return self.out_of_place(
-                    at,
-                    "PopTransform",
-                    "inside a PushAttributes that came later than PushTransform",
-                );
+                let text = "PopTransform inside a PushAttributes that came later than PushTransform: the call is ignored";
+                return self.report_imbalance(Severity::Error, at, text.to_owned());
             }
-            None => return self.out_of_place(at, "PopTransform", "without PushTransform"),
+            None => {
+                let text = "PopTransform without PushTransform: the call is ignored";
+                return self.report_imbalance(Severity::Error, at, text.to_owned());
+            }
         }
         if let Some(super::Push { what: Saved1::Transform(saved), .. }) = self.stack.pop() {
             self.current.edit().to_world = saved;
@@ -105,11 +105,12 @@ impl State {
     /// `PopAttributes`.
     pub(super) fn pop_attributes(&mut self, at: &Location) {
         let Some(depth) = self.stack.iter().rposition(|p| matches!(p.what, Saved1::Attributes(_))) else {
-            return self.out_of_place(at, "PopAttributes", "without PushAttributes");
+            let text = "PopAttributes without PushAttributes: the call is ignored";
+            return self.report_imbalance(Severity::Error, at, text.to_owned());
         };
         // Transformations pushed since then end with the block.
         for push in self.stack.split_off(depth + 1) {
-            self.report(Severity::Error, &push.at, "PushTransform", "PushTransform without PopTransform");
+            self.report_imbalance(Severity::Error, &push.at, "PushTransform without PopTransform".to_owned());
         }
         self.leave_modify_above(depth);
         if let Some(super::Push { what: Saved1::Attributes(saved), .. }) = self.stack.pop() {
