@@ -13,9 +13,10 @@ use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 22] = [
+pub const TARGETS: [(&str, Target); 23] = [
     ("pyg", pyg),
     ("calls", calls),
+    ("rib", rib),
     ("gsl", gsl),
     ("gso", gso),
     ("tiff", tiff),
@@ -61,6 +62,27 @@ pub fn pyg(bytes: &[u8]) {
 /// Calls from a program that started the renderer.
 pub fn calls(mut bytes: &[u8]) {
     let _ = granita_pyg::serve(&mut bytes, &mut std::io::sink(), &mut Nowhere, &Reporter::silent());
+}
+
+/// RIB in any form, as a whole scene and as a part of one.
+pub fn rib(bytes: &[u8]) {
+    struct Part;
+    impl SceneSink for Part {
+        fn call(&mut self, _: Call, _: &Location) -> Result<(), Stop> {
+            Ok(())
+        }
+        fn in_world(&self) -> bool {
+            false
+        }
+        fn new_frame(&mut self) -> bool {
+            true
+        }
+    }
+    let registry = granita_plugin::bundled_generators();
+    let Some(generator) = registry.by_name("rib") else { return };
+    let source = granita_scene::GeneratorSource::Bytes { name: "fuzz".into(), bytes: bytes.into() };
+    let _ = generator.run(&source, &mut Part, &Reporter::silent());
+    let _ = generator.run(&source, &mut Nowhere, &Reporter::silent());
 }
 
 /// A shader; what compiles must survive being written and read.

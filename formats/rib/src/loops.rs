@@ -3,13 +3,17 @@
 /// Most cuts that are tried for one hole.
 const MOST_TRIALS: usize = 400;
 
+/// Holes times corners: more than this would take too long, and the holes are left out.
+const MOST_WORK: usize = 50_000_000;
+
 /// Corners (numbers into `p`, three floats each, by way of `verts`) of one polygon that shows what lies inside of the
 /// first loop and outside of the others. Loops are lists of corners.
 pub(crate) fn joined(loops: &[Vec<usize>], verts: &[i32], p: &[f32]) -> Vec<usize> {
     let Some((outline, holes)) = loops.split_first() else { return Vec::new() };
     let mut polygon = outline.clone();
     let holes: Vec<&Vec<usize>> = holes.iter().filter(|h| h.len() >= 3).collect();
-    if holes.is_empty() || polygon.len() < 3 {
+    let corners: usize = loops.iter().map(Vec::len).sum();
+    if holes.is_empty() || polygon.len() < 3 || holes.len().saturating_mul(corners) > MOST_WORK {
         return polygon;
     }
     let point = |corner: usize| -> [f64; 3] {
@@ -52,7 +56,12 @@ pub(crate) fn joined(loops: &[Vec<usize>], verts: &[i32], p: &[f32]) -> Vec<usiz
             (to[0] - from[0]).powi(2) + (to[1] - from[1]).powi(2)
         };
         let mut targets: Vec<usize> = (0..polygon.len()).collect();
-        targets.sort_by(|a, b| distance(polygon[*a]).total_cmp(&distance(polygon[*b])));
+        let nearer = |a: &usize, b: &usize| distance(polygon[*a]).total_cmp(&distance(polygon[*b]));
+        if targets.len() > MOST_TRIALS {
+            targets.select_nth_unstable_by(MOST_TRIALS, nearer);
+            targets.truncate(MOST_TRIALS);
+        }
+        targets.sort_by(nearer);
         let free = |target: &&usize| {
             let to = flat(polygon[**target]);
             let mut edges = std::iter::once(&polygon)
@@ -60,7 +69,7 @@ pub(crate) fn joined(loops: &[Vec<usize>], verts: &[i32], p: &[f32]) -> Vec<usiz
                 .flat_map(|ring| (0..ring.len()).map(move |i| (ring[i], ring[(i + 1) % ring.len()])));
             !edges.any(|(a, b)| cross_each_other(from, to, flat(a), flat(b)))
         };
-        let target = targets.iter().take(MOST_TRIALS).find(free).or(targets.first()).copied().unwrap_or(0);
+        let target = targets.iter().find(free).or(targets.first()).copied().unwrap_or(0);
         let around = hole[start..].iter().chain(&hole[..=start]).copied();
         let cut: Vec<usize> = around.chain([polygon[target]]).collect();
         polygon.splice(target + 1..target + 1, cut);

@@ -108,6 +108,8 @@ pub(crate) struct Reader<'a> {
     pub(crate) declarations: Declarations,
     frames: Vec<Frame>,
     blocks: Vec<Block>,
+    /// Worlds begun, and frames rendered.
+    worlds: usize,
     rendered: usize,
     motion: Option<Motion>,
     /// An object being defined.
@@ -137,6 +139,7 @@ impl<'a> Reader<'a> {
             declarations: Declarations::default(),
             frames: Vec::new(),
             blocks: Vec::new(),
+            worlds: 0,
             rendered: 0,
             motion: None,
             object: None,
@@ -212,7 +215,7 @@ impl<'a> Reader<'a> {
             let frame = if block.name == "WorldBegin" { ": the frame is not rendered" } else { "" };
             self.error(format!("{0} without {1}{frame}", block.name, block.name.replace("Begin", "End")));
         }
-        if self.mode == Mode::Before && self.rendered == 0 {
+        if self.mode == Mode::Before && self.worlds == 0 {
             // Settings for a scene, or a part of one without any geometry.
             let (calls, at) = (self.frame_calls(), self.at());
             if !self.part {
@@ -392,6 +395,7 @@ impl<'a> Reader<'a> {
             return Err(Fault::Mistake("inside of a world".to_owned()));
         }
         let block = Block { name: "WorldBegin", line: self.line, local: self.local.clone() };
+        self.worlds += 1;
         let at = self.at();
         if self.part {
             self.once(
