@@ -356,7 +356,14 @@ impl<'a> Reader<'a> {
             "FrameEnd" => self.frame_end(),
             "WorldBegin" => self.world_begin(),
             "WorldEnd" => self.world_end(),
-            "AttributeBegin" | "SolidBegin" => self.begin("AttributeBegin", Call::PushAttributes),
+            "AttributeBegin" => self.begin("AttributeBegin", Call::PushAttributes),
+            "SolidBegin" => {
+                let operation = request.args.first().and_then(|a| a.strings()?.first().cloned());
+                if operation.is_none_or(|o| &*o != "primitive") {
+                    self.once("SolidBegin: solids are not computed; all of their parts are shown".to_owned());
+                }
+                self.begin("AttributeBegin", Call::PushAttributes)
+            }
             "AttributeEnd" | "SolidEnd" => self.finish("AttributeBegin", Call::PopAttributes),
             "TransformBegin" => self.begin("TransformBegin", Call::PushTransform),
             "TransformEnd" => self.finish("TransformBegin", Call::PopTransform),
