@@ -82,9 +82,9 @@ fn newell(points: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
     let mut n = [0.0; 3];
     for (i, a) in points.iter().enumerate() {
         let b = points[(i + 1) % points.len()];
-        for c in 0..3 {
+        for (c, sum) in n.iter_mut().enumerate() {
             let (d, e) = ((c + 1) % 3, (c + 2) % 3);
-            n[c] += (a[d] - b[d]) * (a[e] + b[e]);
+            *sum += (a[d] - b[d]) * (a[e] + b[e]);
         }
     }
     n
