@@ -248,18 +248,20 @@ pub(crate) fn erf(x: f32) -> f32 {
         -0.376_126_384_680_287_1,
         1.128_379_167_061_543_4,
     ];
-    let y = f64::from(x);
+    let y = f64::from(x.abs());
     let z = y * y;
-    let near = (y * T.iter().fold(0.0, |sum, c| sum * z + c)) as f32;
-    let far = ((1.0 - erfc_positive(y.abs())) as f32).copysign(x);
-    pick(x.is_nan(), x, pick(x.abs() < 1.0, near, far))
+    let [t7, t6, t5, t4, t3, t2, t1, t0] = T;
+    let near = y * (((((((t7 * z + t6) * z + t5) * z + t4) * z + t3) * z + t2) * z + t1) * z + t0);
+    let far = 1.0 - erfc_positive(y);
+    // NaN is far.
+    ((if y < 1.0 { near } else { far }) as f32).copysign(x)
 }
 
 /// Its complement, also where it is tiny.
 #[inline(always)]
 pub(crate) fn erfc(x: f32) -> f32 {
     let tail = erfc_positive(f64::from(x.abs()));
-    pick(x.is_nan(), x, (if x < 0.0 { 2.0 - tail } else { tail }) as f32)
+    (if x < 0.0 { 2.0 - tail } else { tail }) as f32
 }
 
 /// Whether a number is positive, normal and finite, as logarithms need it.
