@@ -15,8 +15,8 @@
 //!   file, the one mesh of a PLY file, a primitive of a glTF file.
 //! - `Attribute ("int user:materials", 0)` keeps the materials of a file out of the scene, `user:lights` its lights.
 //!
-//! Deliberately absent: free-form curves and surfaces of OBJ; animation, skins and morph targets, compressed geometry and
-//! pictures inside of glTF files. Each is told of by name.
+//! Deliberately absent: free-form curves and surfaces of OBJ; animation (skins stand at rest) and morph targets,
+//! compressed geometry and pictures inside of glTF files. Each is told of by name.
 //!
 //! ```
 //! use granita_base::Reporter;

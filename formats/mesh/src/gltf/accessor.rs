@@ -72,6 +72,7 @@ fn width(kind: &str) -> Result<usize, String> {
         "VEC2" => 2,
         "VEC3" => 3,
         "VEC4" => 4,
+        "MAT4" => 16,
         _ => {
             return Err(format!(
                 "type \"{}\" where numbers or vectors belong",

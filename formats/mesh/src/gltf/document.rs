@@ -22,6 +22,7 @@ pub(super) struct Document {
     pub(super) nodes: Items<Node>,
     pub(super) samplers: Items<Sampler>,
     pub(super) scenes: Items<Scene>,
+    pub(super) skins: Items<Skin>,
     pub(super) textures: Items<Texture>,
     pub(super) scene: Option<usize>,
     pub(super) required: Vec<String>,
@@ -274,6 +275,13 @@ pub(super) struct Scene {
 }
 
 #[derive(Debug, Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Skin {
+    pub(super) inverse_bind_matrices: Option<usize>,
+    pub(super) joints: Vec<usize>,
+}
+
+#[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Texture {
     pub(super) sampler: Option<usize>,
@@ -318,6 +326,7 @@ impl Document {
             nodes: items(&mut root, "nodes", faults),
             samplers: items(&mut root, "samplers", faults),
             scenes: items(&mut root, "scenes", faults),
+            skins: items(&mut root, "skins", faults),
             textures: items(&mut root, "textures", faults),
             scene: root.get("scene").and_then(Value::as_u64).and_then(|s| usize::try_from(s).ok()),
             required,

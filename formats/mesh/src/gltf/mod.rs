@@ -9,6 +9,7 @@ mod document;
 mod material;
 mod primitive;
 mod scene;
+mod skin;
 
 use crate::emit::{Emit, color, float, object_name, string};
 use crate::faults::Faults;
@@ -207,8 +208,8 @@ struct Run<'a> {
     stem: String,
     reader: Reader<'a>,
     materials: Materials<'a>,
-    /// Shapes of meshes that more nodes will show.
-    shared: BTreeMap<usize, Rc<Vec<Built>>>,
+    /// Shapes of meshes, with their skins, that more nodes will show.
+    shared: BTreeMap<(usize, Option<usize>), Rc<Vec<Built>>>,
 }
 
 impl Run<'_> {
@@ -324,13 +325,17 @@ impl Run<'_> {
 
     fn meshes(&mut self, nodes: &[Placed<'_>]) -> Result<(), GeneratorError> {
         let wants_materials = self.emit.wants("materials");
-        let mut left: BTreeMap<usize, usize> = BTreeMap::new();
-        for mesh in nodes.iter().filter_map(|n| n.node.mesh) {
-            *left.entry(mesh).or_default() += 1;
+        let mut left: BTreeMap<(usize, Option<usize>), usize> = BTreeMap::new();
+        for (mesh, skin) in nodes.iter().filter_map(|n| Some((n.node.mesh?, n.node.skin))) {
+            *left.entry((mesh, skin)).or_default() += 1;
         }
+        let mut places = vec![None; self.document.nodes.len()];
+        nodes.iter().for_each(|placed| places[placed.index] = Some(placed.matrix));
+        let mut skins = BTreeMap::new();
         for placed in nodes {
             let Some(index) = placed.node.mesh else { continue };
-            let more = left.get_mut(&index).map_or(0, |n| {
+            let key = (index, placed.node.skin);
+            let more = left.get_mut(&key).map_or(0, |n| {
                 *n -= 1;
                 *n
             });
@@ -340,11 +345,6 @@ impl Run<'_> {
             };
             let name = [&placed.node.name, &mesh.name].into_iter().find(|n| !n.is_empty());
             let name = name.cloned().unwrap_or_else(|| format!("mesh{index}"));
-            if placed.node.skin.is_some() {
-                self.faults.warning("skin", 0, || {
-                    format!("skins are not supported: \"{name}\" stands as it was modelled")
-                });
-            }
             let weights = placed.node.weights.iter().chain(&mesh.weights);
             if mesh.primitives.iter().any(|p| !p.targets.is_empty()) && weights.into_iter().any(|w| *w != 0.0)
             {
@@ -352,18 +352,35 @@ impl Run<'_> {
                     format!("morph targets are not supported: \"{name}\" stands as it was modelled")
                 });
             }
-            let Some(matrix) = placed.rows() else {
+            let joints = match placed.node.skin {
+                Some(skin) => match &*skins
+                    .entry(skin)
+                    .or_insert_with(|| skin::joints(self.document, skin, &places, &mut self.reader))
+                {
+                    Ok(joints) => Some(&joints[..]),
+                    Err(why) => {
+                        self.faults
+                            .error("skin", 0, || format!("{why}: \"{name}\" stands as it was modelled"));
+                        None
+                    }
+                },
+                None => None,
+            };
+            // Joints say where the vertices are, and the node does not.
+            let here = Placed { index: placed.index, node: placed.node, matrix: scene::IDENTITY };
+            let place = if joints.is_some() { &here } else { placed };
+            let Some(matrix) = place.rows() else {
                 let node = placed.index;
                 self.faults
                     .error("matrix", 0, || format!("node {node} (\"{name}\") stands nowhere: left out"));
                 continue;
             };
-            let built = match self.shared.remove(&index) {
+            let built = match self.shared.remove(&key) {
                 Some(built) => built,
-                None => self.build(index, &name),
+                None => self.build(index, joints, &name),
             };
             if more > 0 {
-                self.shared.insert(index, built.clone());
+                self.shared.insert(key, built.clone());
             }
             for one in built.iter() {
                 self.emit.call(Call::PushAttributes, 0)?;
@@ -379,13 +396,13 @@ impl Run<'_> {
         Ok(())
     }
 
-    fn build(&mut self, index: usize, name: &str) -> Rc<Vec<Built>> {
+    fn build(&mut self, index: usize, joints: Option<&[scene::Matrix]>, name: &str) -> Rc<Vec<Built>> {
         let mut all = Vec::new();
         let primitives = item(&self.document.meshes, index).map_or(&[][..], |m| &m.primitives[..]);
         for (i, primitive) in primitives.iter().enumerate() {
             let what = format!("mesh {index} (\"{name}\"), primitive {i}");
             let look = self.materials.look(primitive.material);
-            let source = primitive::Source { primitive, look, what };
+            let source = primitive::Source { primitive, look, joints, what };
             match source.build(&mut self.reader, &mut self.faults) {
                 Ok(built) => all.extend(built),
                 Err(why) => {

@@ -3,6 +3,8 @@
 use super::accessor::Reader;
 use super::document::Primitive;
 use super::material::Look;
+use super::scene::Matrix;
+use super::skin;
 use crate::emit::{floats, lines, points, positions};
 use crate::faults::Faults;
 use granita_base::{BaseType, Interp, Param, Params, ShapeDesc};
@@ -19,6 +21,8 @@ pub(super) struct Built {
 pub(super) struct Source<'a> {
     pub(super) primitive: &'a Primitive,
     pub(super) look: Look,
+    /// Matrices of the joints, for a mesh with a skin.
+    pub(super) joints: Option<&'a [Matrix]>,
     pub(super) what: String,
 }
 
@@ -59,7 +63,14 @@ impl Source<'_> {
                 }
             }
         };
-        let (p, _) = reader.floats(position, &[3], range.clone())?;
+        let (mut p, _) = reader.floats(position, &[3], range.clone())?;
+        let blend = match self.joints {
+            Some(joints) => Some(skin::blend(primitive, joints, &range, reader)?),
+            None => None,
+        };
+        for (p, matrix) in p.chunks_exact_mut(3).zip(blend.iter().flatten()) {
+            matrix.iter().for_each(|m| skin::point(m, p));
+        }
         let usable = |i: u64| {
             let at = (i - range.start) as usize * 3;
             p[at..at + 3].iter().all(|x| x.is_finite())
@@ -75,7 +86,12 @@ impl Source<'_> {
             return Ok(None);
         }
         let (used, local) = renumber(&verts, &range);
-        let columns = self.columns(reader, &range, &used, faults);
+        let mut columns = self.columns(reader, &range, &used, faults);
+        if let (Some(blend), Some(("N", _, _, n))) = (&blend, columns.first_mut()) {
+            for (n, vertex) in n.chunks_exact_mut(3).zip(&used) {
+                blend[*vertex as usize].iter().for_each(|m| skin::normal(m, n));
+            }
+        }
         let p = pick(&p, 3, &used);
         let (shape, mut params) = match elements.kind {
             ElementKind::Triangles => {

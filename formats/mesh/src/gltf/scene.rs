@@ -7,7 +7,7 @@ use granita_base::{Bound, Transform, Vec3};
 /// Row vectors, as everywhere in the suite; in double precision, for hierarchies may be deep.
 pub(super) type Matrix = [[f64; 4]; 4];
 
-const IDENTITY: Matrix =
+pub(super) const IDENTITY: Matrix =
     [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
 
 /// A node, and the matrix from its space to that of the file.
@@ -113,7 +113,7 @@ fn local(node: &Node) -> Matrix {
 }
 
 /// First `a`, then `b`.
-fn times(a: &Matrix, b: &Matrix) -> Matrix {
+pub(super) fn times(a: &Matrix, b: &Matrix) -> Matrix {
     std::array::from_fn(|i| std::array::from_fn(|j| (0..4).map(|k| a[i][k] * b[k][j]).sum()))
 }
 

@@ -360,8 +360,8 @@ fn each_mistake_of_a_primitive_in_words() {
     let view = || json!({"buffer": 0, "byteLength": 36});
     assert_eq!(why(floats3(0, 3), view()), "");
     let mut a = floats3(0, 3);
-    a["type"] = json!("MAT4");
-    assert_eq!(why(a.clone(), view()), "accessor 0: type \"MAT4\" where numbers or vectors belong");
+    a["type"] = json!("MAT3");
+    assert_eq!(why(a.clone(), view()), "accessor 0: type \"MAT3\" where numbers or vectors belong");
     a["type"] = json!("VEC2");
     assert_eq!(why(a.clone(), view()), "accessor 0 is of type \"VEC2\", which does not fit its use");
     a["type"] = json!("VEC3");
@@ -399,4 +399,44 @@ fn embedded_pictures_are_told_of_once() {
     assert_eq!(trial.messages.len(), 1);
     assert!(trial.messages[0].contains("embedded"), "{:?}", trial.messages);
     assert!(trial.pyg.contains("gltfsurface") && !trial.pyg.contains("texturename"));
+}
+
+#[test]
+fn skins_at_rest() {
+    // Vertex 0 hangs on joint 0, vertex 1 on joint 1, vertex 2 on both; the node's own transformation does not count.
+    let mut bin = le(&TRIANGLE);
+    bin.extend(le(&[0., 0., 1., 0., 0., 1., 0., 0., 1.]));
+    bin.extend([0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0]);
+    bin.extend([255, 0, 0, 0, 255, 0, 0, 0, 51, 51, 0, 0]);
+    let moved = |x: f32| [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., x, 0., 0., 1.];
+    bin.extend(le(&[moved(0.0), moved(-1.0)].concat()));
+    let bytes4 = |view: usize, normalized: bool| json!({"bufferView": view, "componentType": 5121, "normalized": normalized, "count": 3, "type": "VEC4"});
+    let accessors = json!([
+        floats3(0, 3), floats3(1, 3), bytes4(2, false), bytes4(3, true),
+        {"bufferView": 4, "componentType": 5126, "count": 2, "type": "MAT4"},
+    ]);
+    let primitives = json!([{"attributes": {"POSITION": 0, "NORMAL": 1, "JOINTS_0": 2, "WEIGHTS_0": 3}}]);
+    let rest = json!({
+        "nodes": [{"mesh": 0, "name": "n", "skin": 0, "translation": [9, 9, 9]}, {"translation": [0, 0, 2], "children": [2]},
+                  {"translation": [0, 4, 0]}],
+        "skins": [{"joints": [1, 2], "inverseBindMatrices": 4}],
+    });
+    let views = [(0, 36), (36, 36), (72, 12), (84, 12), (96, 128)];
+    let got = flat(&run(&Gltf, glb(&document(&views, accessors, primitives, rest.clone()), &bin)).clean());
+    let want = format!(
+        "{HERE}Mesh (\"linear\", (3,), (0, 1, 2), \"vertex point P\", (0, 0, 2, 0, 4, 2, -0.5, 3, 2), \
+         \"vertex normal N\", (0, 0, 1, 0, 0, 1, 0, 0, 1))\n"
+    );
+    assert!(got.contains(&want), "{got}");
+    // A joint that does not exist is told of, and the mesh stands as it was modelled.
+    let mut rest = rest;
+    rest["skins"] = json!([{"joints": [1, 7]}]);
+    let accessors = json!([floats3(0, 3), floats3(1, 3), bytes4(2, false), bytes4(3, true)]);
+    let primitives = json!([{"attributes": {"POSITION": 0, "JOINTS_0": 2, "WEIGHTS_0": 3}}]);
+    let trial = run(&Gltf, glb(&document(&views, accessors, primitives, rest), &bin));
+    assert_eq!(
+        trial.messages,
+        ["t: error: skin 0: joint 7 is no node of the scene: \"n\" stands as it was modelled"]
+    );
+    assert!(flat(&trial.pyg).contains(P), "{}", trial.pyg);
 }

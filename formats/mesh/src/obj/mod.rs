@@ -226,8 +226,11 @@ impl Reader<'_> {
                 self.groups.clear();
             }
             b"g" => {
-                self.flush()?;
-                self.groups = words.rest();
+                let groups = words.rest();
+                if groups != self.groups {
+                    self.flush()?;
+                    self.groups = groups;
+                }
             }
             b"s" => {
                 // "off" and whatever is no number mean no smoothing.
@@ -236,9 +239,14 @@ impl Reader<'_> {
             }
             b"mtllib" if self.wants_materials => self.library(words, line),
             b"usemtl" if self.wants_materials => {
-                self.flush()?;
                 let name = words.rest();
-                self.material = self.materials.get(name.as_bytes()).cloned();
+                let material = self.materials.get(name.as_bytes());
+                // Some exporters name it before every face.
+                if material != self.material.as_ref() {
+                    let material = material.cloned();
+                    self.flush()?;
+                    self.material = material;
+                }
                 // Libraries that cannot be read were told of already.
                 if self.material.is_none() && !self.materials.is_empty() {
                     self.faults.warning("material", line, || {
