@@ -175,7 +175,7 @@ pub(crate) fn pass_on(
         None => {
             let hint = hint(granita_scene::suggestion(name, names::CALLS));
             let cause = format!("pyg unknown call {name}");
-            reporter.once(&cause, Severity::Error, at, format!("unknown call \"{name}\"{hint}"));
+            reporter.counted(&cause, Severity::Error, at, format!("unknown call \"{name}\"{hint}"));
         }
     }
     Ok(())

@@ -246,13 +246,23 @@ impl Reporter {
         self.pass(&message);
     }
 
-    /// As [`Reporter::say`], but only the first time for this `cause`, however the words differ.
+    /// As [`Reporter::say`], but only the first time for this `cause`, however the words differ. How often it comes again
+    /// does not count: for what is noticed wherever it happens to be noticed.
     pub fn once(&self, cause: &str, severity: Severity, at: &Location, text: impl Into<String>) {
+        self.first(cause, severity, at, text, 0);
+    }
+
+    /// As [`Reporter::once`], but the summary tells how often it came again: for mistakes of a scene.
+    pub fn counted(&self, cause: &str, severity: Severity, at: &Location, text: impl Into<String>) {
+        self.first(cause, severity, at, text, 1);
+    }
+
+    fn first(&self, cause: &str, severity: Severity, at: &Location, text: impl Into<String>, counts: usize) {
         let message = Message { severity, at: at.clone(), text: text.into() };
         {
             let mut said = lock(&self.0.said);
             if let Some(&entry) = said.index.get(cause) {
-                said.again[entry].times += 1;
+                said.again[entry].times += counts;
                 return;
             }
             let entry = said.new_entry(&message);
@@ -349,7 +359,8 @@ mod tests {
         let (r, kept) = Reporter::collecting();
         let at = Location::line(&"a.pyg".into(), 3);
         for _ in 0..3 {
-            r.once("missing foo", Severity::Warning, &at, "cannot find \"foo\"");
+            r.counted("missing foo", Severity::Warning, &at, "cannot find \"foo\"");
+            r.once("hidden", Severity::Info, &at, "hidden");
         }
         r.info("hidden");
         r.set_verbosity(0);

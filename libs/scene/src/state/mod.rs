@@ -160,7 +160,7 @@ impl State {
     /// Tells the user, once per cause and text.
     fn report(&self, severity: Severity, at: &Location, cause: &str, text: impl Into<String>) {
         let text = text.into();
-        self.reporter.once(&format!("scene {cause} {text}"), severity, at, text);
+        self.reporter.counted(&format!("scene {cause} {text}"), severity, at, text);
     }
 
     /// As [`State::report`], with the object's name when it has one.
@@ -177,12 +177,12 @@ impl State {
         const LISTED: usize = 20;
         self.imbalances += 1;
         let place = if self.imbalances <= LISTED { at.to_string() } else { String::new() };
-        self.reporter.once(&format!("scene balance {text} {place}"), severity, at, text);
+        self.reporter.counted(&format!("scene balance {text} {place}"), severity, at, text);
     }
 
     /// An error about a call that does not belong where it stands.
     fn out_of_place(&self, at: &Location, call: &str, why: &str) {
-        self.reporter.once(
+        self.reporter.counted(
             &format!("scene place {call} {why}"),
             Severity::Error,
             at,
