@@ -14,7 +14,8 @@ pub(crate) use composite::{CompositeSettings, Wanted, WantedVariable};
 pub(crate) use samples::{SampleGrid, SamplePattern};
 pub(crate) use visible::{Holdout, NOWHERE, Projector, ShadedGrid, ViewedGrid, pixels_of};
 
-use raster::Raster;
+use granita_base::Vec2;
+use raster::{Hit, Raster};
 
 /// One surface seen through a sample.
 #[derive(Clone, Copy, Debug)]
@@ -34,7 +35,20 @@ struct Fragment {
     rim: bool,
 }
 
+/// A grid right beside a sample.
+#[derive(Clone, Copy, Debug)]
+struct Beside {
+    fragment: Fragment,
+    /// Where it is from there, of any length.
+    toward: Vec2,
+    /// Another grid is there on the other side: what lies between is a crack, and has been closed.
+    closed: bool,
+}
+
 const NONE: u32 = u32::MAX;
+
+/// Grids on both sides of a crack are no farther apart in depth than this part of it.
+const CRACK_DEPTH: f32 = 1e-2;
 
 impl Fragment {
     const NOTHING: Self =
@@ -51,6 +65,9 @@ pub(crate) struct Surfaces<'a> {
     /// Per sample: first of its transparent fragments.
     first: Vec<u32>,
     fragments: Vec<Fragment>,
+    /// Per sample: first of the grids right beside it. Their fragments are chained.
+    first_beside: Vec<u32>,
+    beside: Vec<Beside>,
     /// Per sample: depths of the nearest and second surface above "shadow:opacitythreshold"; empty unless asked for.
     depths: Vec<[f32; 2]>,
     /// Per pixel: the farthest of the nearest depths; NaN when it must be computed anew.
@@ -68,6 +85,8 @@ impl<'a> Surfaces<'a> {
             nearest: vec![Fragment::NOTHING; n],
             first: vec![NONE; n],
             fragments: Vec::new(),
+            first_beside: vec![NONE; n],
+            beside: Vec::new(),
             depths: if settings.depths { vec![[f32::INFINITY; 2]; n] } else { Vec::new() },
             horizon: vec![f32::INFINITY; samples.pixels()],
         }
@@ -101,9 +120,44 @@ impl<'a> Surfaces<'a> {
         let Ok(index) = u32::try_from(self.grids.len()) else { return };
         self.grids.push(grid.clone());
         let samples = self.samples;
-        Raster { samples, grid }.each_hit(&mut |sample, z, at, u, v, rim| {
-            self.hit(grid, sample, Fragment { z, grid: index, at, u, v, next: NONE, rim });
+        Raster { samples, grid }.each_hit(&mut |hit| {
+            let Hit { sample, z, at, u, v, rim, beside } = hit;
+            let fragment = Fragment { z, grid: index, at, u, v, next: NONE, rim };
+            match beside {
+                Some(toward) => self.hit_beside(sample, fragment, toward),
+                None => self.hit(grid, sample, fragment),
+            }
         });
+    }
+
+    /// A grid passes right beside a sample, `toward` which it is. Where grids meet that are diced at different rates, a chord of one cuts
+    /// a hair off the curve of the other: a sample with one grid right on this side and another right on that side lies
+    /// in such a crack and sees the farther of the two (so that what is hidden stays hidden). A grid beside
+    /// which there is no other ends there.
+    fn hit_beside(&mut self, sample: usize, fragment: Fragment, toward: Vec2) {
+        if fragment.z >= self.nearest[sample].z && self.depths.is_empty() {
+            return;
+        }
+        let mut k = self.first_beside[sample];
+        while let Some(other) = self.beside.get_mut(k as usize) {
+            k = other.fragment.next;
+            let near = (other.fragment.z - fragment.z).abs() <= CRACK_DEPTH * fragment.z.abs();
+            if !near || other.fragment.grid == fragment.grid || other.toward.dot(toward) >= 0.0 {
+                continue;
+            }
+            if !std::mem::replace(&mut other.closed, true) {
+                let first = other.fragment;
+                let farther = if first.z > fragment.z { first } else { fragment };
+                let grid = self.grids[farther.grid as usize].clone();
+                self.hit(&grid, sample, Fragment { next: NONE, ..farther });
+            }
+            return;
+        }
+        if let Ok(new) = u32::try_from(self.beside.len()) {
+            let fragment = Fragment { next: self.first_beside[sample], ..fragment };
+            self.beside.push(Beside { fragment, toward, closed: false });
+            self.first_beside[sample] = new;
+        }
     }
 
     fn hit(&mut self, grid: &ShadedGrid, sample: usize, fragment: Fragment) {

@@ -11,8 +11,26 @@ pub(super) struct Raster<'a> {
     pub(super) grid: &'a ShadedGrid,
 }
 
-/// Called with sample, depth, lower left point of the micropolygon, place in it, and whether that is on the rim.
-type Hit<'h> = dyn FnMut(usize, f32, u32, f32, f32, bool) + 'h;
+/// A micropolygon at a sample.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hit {
+    pub(super) sample: usize,
+    /// Camera space depth.
+    pub(super) z: f32,
+    /// Lower left point of the micropolygon.
+    pub(super) at: u32,
+    /// Place in the micropolygon.
+    pub(super) u: f32,
+    pub(super) v: f32,
+    /// The micropolygon is on the rim of its grid.
+    pub(super) rim: bool,
+    /// The sample lies beside the grid, no farther from its rim than [`ShadedGrid::rim_px`]: where the grid is from
+    /// there, of any length.
+    pub(super) beside: Option<Vec2>,
+}
+
+/// Takes hits.
+type Hits<'h> = dyn FnMut(Hit) + 'h;
 
 /// One edge of a raster triangle: `(x - ox) * a + (y - oy) * b`, positive inside.
 #[derive(Clone, Copy)]
@@ -21,8 +39,10 @@ struct Edge {
     b: f32,
     ox: f32,
     oy: f32,
-    /// A sample is inside above this.
+    /// A sample is inside above this,
     least: f32,
+    /// and on the widened rim above this.
+    least_rim: f32,
 }
 
 impl Edge {
@@ -33,12 +53,9 @@ impl Edge {
         let (p, q, sign) = if swapped { (q, p, -sign) } else { (p, q, sign) };
         let d = q - p;
         // A sample on the edge belongs to the triangle for which the edge runs forward.
-        let least = match widen > 0.0 {
-            true => -widen * d.length(),
-            false if sign > 0.0 => -f32::MIN_POSITIVE,
-            false => 0.0,
-        };
-        Self { a: -d.y * sign, b: d.x * sign, ox: p.x, oy: p.y, least }
+        let least = if sign > 0.0 { -f32::MIN_POSITIVE } else { 0.0 };
+        let least_rim = if widen > 0.0 { -widen * d.length() } else { least };
+        Self { a: -d.y * sign, b: d.x * sign, ox: p.x, oy: p.y, least, least_rim }
     }
 
     fn at(&self, x: f32, y: f32) -> f32 {
@@ -48,7 +65,7 @@ impl Edge {
 
 impl Raster<'_> {
     /// Finds all hits; order of micropolygons, then of samples.
-    pub(super) fn each_hit(&self, hit: &mut Hit<'_>) {
+    pub(super) fn each_hit(&self, hit: &mut Hits<'_>) {
         let grid = self.grid;
         let (mu, mv) = (grid.nu.saturating_sub(1), grid.nv.saturating_sub(1));
         for j in 0..mv {
@@ -77,7 +94,7 @@ impl Raster<'_> {
     }
 
     /// A micropolygon that does not move, without a lens, all before the camera.
-    fn still(&self, at: usize, rim: [bool; 4], hit: &mut Hit<'_>) {
+    fn still(&self, at: usize, rim: [bool; 4], hit: &mut Hits<'_>) {
         let (grid, samples) = (self.grid, self.samples);
         let nu = grid.nu;
         let near = grid.view.near.max(grid.z_min);
@@ -109,9 +126,11 @@ impl Raster<'_> {
                     for s in first..first + samples.per_pixel {
                         let (sx, sy) = (samples.x[s], samples.y[s]);
                         let e = [edges[0].at(sx, sy), edges[1].at(sx, sy), edges[2].at(sx, sy)];
-                        if !(e[0] > edges[0].least && e[1] > edges[1].least && e[2] > edges[2].least) {
+                        if !(0..3).all(|k| e[k] > edges[k].least_rim) {
                             continue;
                         }
+                        let crossed = (0..3).find(|k| e[*k] <= edges[*k].least);
+                        let beside = crossed.map(|k| Vec2::new(edges[k].a, edges[k].b));
                         // Edge k lies opposite to corner k + 2.
                         let w = [e[1] * inverse, e[2] * inverse, e[0] * inverse].map(|w| w.clamp(0.0, 1.0));
                         let sum = w[0] + w[1] + w[2];
@@ -120,7 +139,7 @@ impl Raster<'_> {
                             continue;
                         }
                         let (u, v) = place(second == 1, w);
-                        hit(s, z, at as u32, u, v, any_rim);
+                        hit(Hit { sample: s, z, at: at as u32, u, v, rim: any_rim, beside });
                     }
                 }
             }
@@ -142,7 +161,7 @@ impl Raster<'_> {
     ///
     /// The edge functions are those of homogeneous rasterization (Olano and Greer, Triangle Scan Conversion using
     /// 2D Homogeneous Coordinates, 1997), so that corners behind the camera need no clipping.
-    fn moving(&self, at: usize, rim: [bool; 4], hit: &mut Hit<'_>) {
+    fn moving(&self, at: usize, rim: [bool; 4], hit: &mut Hits<'_>) {
         let (grid, samples) = (self.grid, self.samples);
         let (nu, view) = (grid.nu, &grid.view);
         let near = view.near.max(grid.z_min);
@@ -191,11 +210,11 @@ impl Raster<'_> {
                             None => (0, 0, 0.0),
                         };
                         let p = corners.map(|i| view.between(key, next, alpha, i) - origin);
-                        if let Some((z, u, v)) = self.ray(p, direction, pixel, rim)
+                        if let Some((z, u, v, beside)) = self.ray(p, direction, pixel, rim)
                             && z >= near
                             && z <= view.far
                         {
-                            hit(s, z, at as u32, u, v, any_rim);
+                            hit(Hit { sample: s, z, at: at as u32, u, v, rim: any_rim, beside });
                         }
                     }
                 }
@@ -259,34 +278,42 @@ impl Raster<'_> {
         Some(outline)
     }
 
-    /// A ray from the origin through the two triangles of a micropolygon; depth along z and place.
-    fn ray(&self, p: [Vec3; 4], direction: Vec3, pixel: Vec2, rim: [bool; 4]) -> Option<(f32, f32, f32)> {
+    /// A ray from the origin through the two triangles of a micropolygon; depth along z, place, and where they are when
+    /// it passes beside them, on the widened rim ([`Hit::beside`]).
+    fn ray(
+        &self,
+        p: [Vec3; 4],
+        direction: Vec3,
+        pixel: Vec2,
+        rim: [bool; 4],
+    ) -> Option<(f32, f32, f32, Option<Vec2>)> {
         // Normals of the planes through the origin and an edge; exactly opposite for opposite directions.
         let plane = |i: usize, j: usize| p[i].cross(p[j]);
         let diagonal = plane(0, 2);
         let sides = [plane(0, 1), plane(1, 2), plane(2, 3), plane(3, 0)];
-        let pad: [f32; 4] = std::array::from_fn(|k| {
-            if rim[k] && self.grid.rim_px > 0.0 {
-                // How much the edge function changes over one pixel.
-                let slope = if self.grid.view.perspective {
-                    sides[k].truncate()
-                } else {
-                    (p[(k + 1) % 4] - p[k]).truncate().perp()
-                };
-                self.grid.rim_px * (slope * pixel).length()
+        // How the edge functions change over one pixel, where that matters.
+        let slope: [Vec2; 4] = std::array::from_fn(|k| {
+            if !rim[k] || self.grid.rim_px <= 0.0 {
+                Vec2::ZERO
+            } else if self.grid.view.perspective {
+                sides[k].truncate() * pixel
             } else {
-                0.0
+                // Both ends are as deep as they are.
+                (p[(k + 1) % 4] - p[k]).truncate().perp() * pixel
             }
         });
+        let pad = slope.map(|slope| self.grid.rim_px * slope.length());
         let e = sides.map(|n| n.dot(direction));
         let d = diagonal.dot(direction);
         let triangles = [
-            ([p[0], p[1], p[2]], [e[0], e[1], -d], [pad[0], pad[1], 0.0]),
-            ([p[0], p[2], p[3]], [d, e[2], e[3]], [0.0, pad[2], pad[3]]),
+            ([p[0], p[1], p[2]], [e[0], e[1], -d], [Some(0), Some(1), None]),
+            ([p[0], p[2], p[3]], [d, e[2], e[3]], [None, Some(2), Some(3)]),
         ];
-        for (second, (corner, e, pad)) in triangles.into_iter().enumerate() {
+        let mut on_rim = None;
+        for (second, (corner, e, side)) in triangles.into_iter().enumerate() {
             let sum = e[0] + e[1] + e[2];
             let sign = if sum < 0.0 { -1.0 } else { 1.0 };
+            let pad = side.map(|side| side.map_or(0.0, |k| pad[k]));
             if sum == 0.0 || !sum.is_finite() || (0..3).any(|k| e[k] * sign < -pad[k]) {
                 continue;
             }
@@ -295,9 +322,15 @@ impl Raster<'_> {
             let w = w.map(|w| w / total);
             let z = w[0] * corner[0].z + w[1] * corner[1].z + w[2] * corner[2].z;
             let (u, v) = place(second == 1, w);
-            return Some((z, u, v));
+            match (0..3).find(|k| e[*k] * sign < 0.0) {
+                None => return Some((z, u, v, None)),
+                Some(k) => {
+                    let toward = side[k].map_or(Vec2::ZERO, |side| slope[side] * sign);
+                    on_rim.get_or_insert((z, u, v, Some(toward)));
+                }
+            }
         }
-        None
+        on_rim
     }
 }
 
