@@ -58,6 +58,10 @@ pub(crate) fn check(
             Err(_) => Ok(()),
         },
         ["close", a, b, tolerance] => within(&read(a)?, &read(b)?, number(tolerance)?),
+        ["close", a, b, tolerance, "but", count] => {
+            let most = count.parse().map_err(|_| format!("{count} is no count"))?;
+            read(a)?.close_but(&read(b)?, number(tolerance)?, most)
+        }
         ["varied", file] => match read(file)?.is_varied() {
             true => Ok(()),
             false => Err("all pixels are equal".to_owned()),

@@ -19,6 +19,7 @@
 //! | `differ A B` | they have not |
 //! | `assembled WHOLE PART ...` | crops put together are the whole picture, to the bit |
 //! | `close A B TOLERANCE` | no channel of any pixel differs by more |
+//! | `close A B TOLERANCE but N` | at most N pixels do, where a sample may fall on the other side of an edge |
 //! | `pixel FILE X Y = V ... TOLERANCE` | the first channels of a pixel |
 //! | `mean FILE X0 Y0 X1 Y1 = V ... TOLERANCE` | means over a box (right and lower side excluded) |
 //! | `varied FILE` | not all pixels are equal |

@@ -100,6 +100,24 @@ impl Picture {
         Ok(worst)
     }
 
+    /// Whether no more than `most` pixels differ by more than `tolerance` in some channel.
+    ///
+    /// # Errors
+    /// How many do and where the worst is; or that the shapes differ.
+    pub fn close_but(&self, other: &Self, tolerance: f32, most: usize) -> Result<(), String> {
+        let (worst, [x, y, c]) = self.difference(other)?;
+        let differs = |(a, b): (&[f32], &[f32])| {
+            a.iter().zip(b).any(|(a, b)| a.to_bits() != b.to_bits() && !((a - b).abs() <= tolerance))
+        };
+        let pixels = self.values.chunks(self.channels).zip(other.values.chunks(self.channels));
+        match pixels.filter(|(a, b)| differs((a, b))).count() {
+            count if count <= most => Ok(()),
+            count => Err(format!(
+                "{count} pixels differ, the worst by {worst} at {x} {y} in channel {c}; {most} may"
+            )),
+        }
+    }
+
     /// The same to the bit.
     pub fn identical(&self, other: &Self) -> Result<(), String> {
         self.difference(other)?;
