@@ -423,7 +423,52 @@ fn a_moving_square_leaves_a_ramp() {
         let middle = x as f32 + 0.5;
         let exact = (1.0 - (middle - 32.0).abs() / 16.0).max(0.0);
         let mean = (20..28).map(|y| pixel(&image, 4, x, y)[3]).sum::<f32>() / 8.0;
-        assert!((mean - exact).abs() < 0.03, "{mean} instead of {exact} at {x}");
+        assert!((mean - exact).abs() < 1.0 / 64.0, "{mean} instead of {exact} at {x}");
+    }
+}
+
+/// Mean square distance (pixels) from the middle of an image's alpha, along x and along y.
+fn spread(image: &[f32], width: usize) -> [f64; 2] {
+    let (mut mass, mut first, mut second) = (0.0, [0.0; 2], [0.0; 2]);
+    for (k, pixel) in image.chunks(4).enumerate() {
+        let alpha = f64::from(pixel[3]);
+        mass += alpha;
+        for (axis, place) in [(k % width) as f64, (k / width) as f64].into_iter().enumerate() {
+            first[axis] += alpha * place;
+            second[axis] += alpha * place * place;
+        }
+    }
+    [0, 1].map(|axis| second[axis] / mass - (first[axis] / mass).powi(2))
+}
+
+#[test]
+fn circles_of_confusion_have_their_radius() {
+    const WIDTH: usize = 64;
+    // Pixels a unit at z = 1.
+    let scale = 80.0_f32;
+    let (radius, focus) = (0.5, 4.0);
+    for z in [2.0_f32, 3.0, 8.0, 40.0] {
+        let mut build = Build {
+            camera: vec![
+                ("int[2] resolution", vec![WIDTH as f32, WIDTH as f32]),
+                ("float fov", vec![2.0 * (32.0 / scale).atan().to_degrees()]),
+                ("float fstop", vec![1.0]),
+                ("float focallength", vec![2.0 * radius]),
+                ("float focaldistance", vec![focus]),
+                ("int dofquality", vec![1024.0]),
+            ],
+            ..Build::default()
+        };
+        // A square of four pixels, a little beside the middle.
+        build.square(2.0 * z / scale, &[], at(0.1 / scale, 0.06 / scale, z));
+        let image = image(&build, "rgba", &box_filter());
+        // A disk of radius R spreads by R^2 / 4 along each axis, the square by 16 / 12, a pixel by 1 / 12.
+        let own = (16.0 + 1.0) / 12.0;
+        let exact = f64::from(scale * radius * (1.0 / focus - 1.0 / z).abs());
+        let [x, y] = spread(&image, WIDTH);
+        let found = 2.0 * ((x + y) / 2.0 - own).max(0.0).sqrt();
+        assert!((found / exact - 1.0).abs() < 0.01, "{found} instead of {exact} at depth {z}");
+        assert!((x / y - 1.0).abs() < 0.02, "{x} along x and {y} along y at depth {z}");
     }
 }
 
