@@ -107,7 +107,11 @@ impl Picture {
     pub fn close_but(&self, other: &Self, tolerance: f32, most: usize) -> Result<(), String> {
         let (worst, [x, y, c]) = self.difference(other)?;
         let differs = |(a, b): (&[f32], &[f32])| {
-            a.iter().zip(b).any(|(a, b)| a.to_bits() != b.to_bits() && !((a - b).abs() <= tolerance))
+            a.iter().zip(b).any(|(a, b)| {
+                // NaN differs from numbers.
+                let near = (a - b).abs() <= tolerance;
+                a.to_bits() != b.to_bits() && !near
+            })
         };
         let pixels = self.values.chunks(self.channels).zip(other.values.chunks(self.channels));
         match pixels.filter(|(a, b)| differs((a, b))).count() {

@@ -90,6 +90,7 @@ pub use grid::{Grid, Lanes3, Message, Primvar, PrimvarData, RayKind, Topology};
 pub use link::{ConnectionSource, Group, LayerSource, LinkOptions};
 pub use run::executor::Executor;
 pub use services::{
-    Batch, EnvironmentQuery, IlluminateQuery, Lane, Lane3, LightInfo, LightResult, LightSample,
-    LookupOptions, LookupResult, Services, ShadowQuery, TextureQuery, TraceQuery, TraceResult,
+    Batch, DatabaseKey, DatabaseQuery, DatabaseSave, EnvironmentQuery, IlluminateQuery, Lane, Lane3,
+    LightInfo, LightResult, LightSample, LookupOptions, LookupResult, Services, ShadowQuery, SubsurfaceQuery,
+    TextureQuery, TraceQuery, TraceResult,
 };

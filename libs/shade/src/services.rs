@@ -6,6 +6,7 @@
 
 use crate::{Lanes3, Primvar};
 use granita_base::{Color, Param, Severity, Transform, Vec3};
+use granita_gsl::ir::ValueType;
 use std::sync::Arc;
 
 /// A float per lane, or one for all.
@@ -235,6 +236,76 @@ pub struct TraceResult {
     pub p: Lanes3,
 }
 
+/// Where a record of a spatial database lies.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs, reason = "fields carry the argument names of the reference")]
+pub enum DatabaseKey<'a> {
+    /// A place on a surface.
+    Surface { s: Lane<'a>, t: Lane<'a> },
+    /// A point, in "common" space.
+    Point { p: Lane3<'a> },
+    /// A point and a direction, in "common" space.
+    Oriented { p: Lane3<'a>, n: Lane3<'a> },
+}
+
+/// `spatialdbsave ()`.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs, reason = "fields carry the argument names of the reference")]
+pub struct DatabaseSave<'a> {
+    /// Points; for "interpolate" facets, whose records are the means of their corners.
+    pub batch: Batch<'a>,
+    pub name: &'a str,
+    pub key: DatabaseKey<'a>,
+    /// One or three components.
+    pub data: &'a [Lane<'a>],
+    /// Type of the data.
+    pub value_type: ValueType,
+    /// "w", "rw", "wo"; empty for what the attributes say.
+    pub filemode: &'a str,
+    /// Of the image that a database over surfaces may become.
+    pub resolution: Option<[f32; 2]>,
+    /// "8", "16", "half", "float" or empty.
+    pub filedataformat: &'a str,
+    /// In pixels of that image.
+    pub writefilterwidth: f32,
+}
+
+/// `spatialdbquery ()`.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs, reason = "fields carry the argument names of the reference")]
+pub struct DatabaseQuery<'a> {
+    pub batch: Batch<'a>,
+    pub name: &'a str,
+    pub key: DatabaseKey<'a>,
+    /// Type of the data that is wanted.
+    pub value_type: ValueType,
+    pub maxerror: Lane<'a>,
+    pub maxdist: Lane<'a>,
+    pub minsamples: Lane<'a>,
+    /// "value" or "areadensity".
+    pub filter: &'a str,
+    /// "r", "rw", "ro"; empty for what the attributes say.
+    pub filemode: &'a str,
+}
+
+/// `subsurface ()`.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs, reason = "fields carry the argument names of the reference")]
+pub struct SubsurfaceQuery<'a> {
+    pub batch: Batch<'a>,
+    /// The database with the baked light.
+    pub name: &'a str,
+    pub p: Lane3<'a>,
+    pub n: Lane3<'a>,
+    /// Reduced scattering coefficient, 1/mm.
+    pub scattering: Lane3<'a>,
+    /// Absorption coefficient, 1/mm.
+    pub absorption: Lane3<'a>,
+    /// Index of refraction.
+    pub eta: Lane<'a>,
+    pub maxsolidangle: Lane<'a>,
+}
+
 /// Everything a running shader may ask of the renderer.
 pub trait Services {
     /// The matrix from a named space to "common"; "shader" is the space of `layer`. `None` when unknown.
@@ -292,6 +363,25 @@ pub trait Services {
         for &i in query.batch.active {
             out.set(i as usize, Color::ZERO);
         }
+    }
+
+    /// Adds records to a spatial database; by default not supported.
+    fn spatialdb_save(&mut self, query: &DatabaseSave<'_>) {
+        let _ = query;
+        self.unsupported("spatialdbsave");
+    }
+
+    /// Looks records up: one list of values per component, and the lanes in which enough was found (none before the
+    /// call). By default not supported.
+    fn spatialdb_query(&mut self, query: &DatabaseQuery<'_>, values: &mut [Vec<f32>], found: &mut [bool]) {
+        let _ = (query, values, found);
+        self.unsupported("spatialdbquery");
+    }
+
+    /// Light that was scattered inside of a material; black before the call. By default not supported.
+    fn subsurface(&mut self, query: &SubsurfaceQuery<'_>, out: &mut Lanes3) {
+        let _ = (query, out);
+        self.unsupported("subsurface");
     }
 
     /// A renderer attribute, `user:` ones included.

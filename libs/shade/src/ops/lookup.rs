@@ -28,13 +28,23 @@ impl<'v> Parts<'v> {
     }
 
     /// The values of a symbol.
-    fn view(&self, sym: SymbolId) -> View<'v> {
+    pub(super) fn view(&self, sym: SymbolId) -> View<'v> {
         view(self.layer, self.group, &self.state.slots, self.n, sym)
     }
 
+    /// The first active lane.
+    pub(super) fn first(&self) -> usize {
+        self.mask.active.first().map_or(0, |&i| i as usize)
+    }
+
+    /// Whether a symbol is a string.
+    pub(super) fn is_text(&self, sym: SymbolId) -> bool {
+        self.layer.places[sym.0 as usize].value == ValueType::String
+    }
+
     /// The string of a symbol in the first active lane.
-    fn text(&self, sym: SymbolId) -> &'v str {
-        let i = self.mask.active.first().map_or(0, |&i| i as usize);
+    pub(super) fn text(&self, sym: SymbolId) -> &'v str {
+        let i = self.first();
         self.state.strings.text(&self.group.strings, self.view(sym).get(i))
     }
 }
@@ -97,14 +107,22 @@ pub(crate) fn options<'v>(parts: &Parts<'v>, pairs: &[(SymbolId, SymbolId)]) -> 
 }
 
 /// Splits operands into those before the first option and the pairs from it on.
-fn split(m: &Machine<'_>, args: &[SymbolId], from: usize) -> (Vec<SymbolId>, Vec<(SymbolId, SymbolId)>) {
+pub(super) fn split(
+    m: &Machine<'_>,
+    args: &[SymbolId],
+    from: usize,
+) -> (Vec<SymbolId>, Vec<(SymbolId, SymbolId)>) {
     let options = (from..args.len()).find(|&k| m.type_of(args[k]) == ValueType::String).unwrap_or(args.len());
     let pairs = args[options..].chunks_exact(2).map(|p| (p[0], p[1])).collect();
     (args[..options].to_vec(), pairs)
 }
 
 /// Calls `f` for each name among the active lanes, with the mask narrowed to its lanes.
-fn for_each_name(m: &mut Machine<'_>, name: SymbolId, mut f: impl FnMut(&mut Machine<'_>, &Arc<str>)) {
+pub(super) fn for_each_name(
+    m: &mut Machine<'_>,
+    name: SymbolId,
+    mut f: impl FnMut(&mut Machine<'_>, &Arc<str>),
+) {
     if !m.view(name).varying {
         let text = m.string(name);
         return f(m, &text);

@@ -7,6 +7,7 @@
 
 mod arith;
 mod color;
+mod database;
 mod derive;
 mod displace;
 mod format;
@@ -74,10 +75,7 @@ fn call(m: &mut Machine<'_>, func: Func, op: &Op) {
         F::Ambient | F::Diffuse | F::Specular | F::SpecularBrdf => shading::run(m, func, op),
         F::Displace | F::Bump => displace::run(m, func, op),
         F::SetMessage | F::GetMessage | F::GetAttribute | F::GetTextureInfo => message::run(m, func, op),
-        F::Subsurface | F::SpatialDbSave | F::SpatialDbQuery => {
-            m.missing(func.word());
-            zero(m, op);
-        }
+        F::Subsurface | F::SpatialDbSave | F::SpatialDbQuery => database::run(m, func, op),
         _ => math::run(m, func, op),
     }
 }

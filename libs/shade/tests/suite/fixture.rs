@@ -17,6 +17,19 @@ pub(crate) struct Double {
     pub(crate) grid: Option<Grid>,
     pub(crate) shadow_queries: Vec<(Vec3, bool, Option<f32>)>,
     pub(crate) asked: usize,
+    /// Records of spatial databases: name, key, data.
+    pub(crate) records: Vec<(String, Vec<f32>, Vec<f32>)>,
+    /// Options of the last database call, as text.
+    pub(crate) options: String,
+}
+
+/// All numbers of a key.
+fn numbers(key: DatabaseKey<'_>, i: usize) -> Vec<f32> {
+    match key {
+        DatabaseKey::Surface { s, t } => vec![s.get(i), t.get(i)],
+        DatabaseKey::Point { p } => p.get(i).to_array().to_vec(),
+        DatabaseKey::Oriented { p, n } => [p.get(i).to_array(), n.get(i).to_array()].concat(),
+    }
 }
 
 impl Double {
@@ -136,6 +149,47 @@ impl Services for Double {
         out.cl = Lanes3::splat(Vec3::new(1.0, 0.5, 0.25), n);
         out.ol = Lanes3::splat(Vec3::ONE, n);
         out.p = Lanes3::splat(Vec3::Y, n);
+    }
+
+    fn spatialdb_save(&mut self, q: &DatabaseSave<'_>) {
+        if q.name == "missing" {
+            return self.unsupported("spatialdbsave");
+        }
+        self.options =
+            format!("{} {:?} {} {}", q.filemode, q.resolution, q.filedataformat, q.writefilterwidth);
+        for i in q.batch.active.iter().map(|&i| i as usize) {
+            let data = q.data.iter().map(|lane| lane.get(i)).collect();
+            self.records.push((q.name.to_owned(), numbers(q.key, i), data));
+        }
+    }
+
+    fn spatialdb_query(&mut self, q: &DatabaseQuery<'_>, values: &mut [Vec<f32>], found: &mut [bool]) {
+        if q.name == "missing" {
+            return self.unsupported("spatialdbquery");
+        }
+        let first = q.batch.active[0] as usize;
+        let tolerances = [q.maxerror, q.maxdist, q.minsamples].map(|lane| lane.get(first));
+        self.options = format!("{} {} {tolerances:?}", q.filter, q.filemode);
+        for i in q.batch.active.iter().map(|&i| i as usize) {
+            let key = numbers(q.key, i);
+            let here = |(name, k, data): &&(String, Vec<f32>, Vec<f32>)| {
+                name == q.name && *k == key && data.len() == values.len()
+            };
+            if let Some((.., data)) = self.records.iter().find(here) {
+                found[i] = true;
+                values.iter_mut().zip(data).for_each(|(values, x)| values[i] = *x);
+            }
+        }
+    }
+
+    fn subsurface(&mut self, q: &SubsurfaceQuery<'_>, out: &mut Lanes3) {
+        if q.name == "missing" {
+            return self.unsupported("subsurface");
+        }
+        for i in q.batch.active.iter().map(|&i| i as usize) {
+            let (s, a) = (q.scattering.get(i), q.absorption.get(i));
+            out.set(i, Vec3::new(s.x, a.y, q.eta.get(i) + q.maxsolidangle.get(i)) + q.p.get(i) - q.n.get(i));
+        }
     }
 
     fn attribute(&mut self, name: &str) -> Option<Param> {

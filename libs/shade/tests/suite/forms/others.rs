@@ -4,7 +4,6 @@ use super::*;
 use granita_base::Vec3;
 
 const DERIVATIVES: &str = include_str!("../derivatives.rs");
-const FUNCTIONS: &str = include_str!("../functions.rs");
 const LIGHTS: &str = include_str!("../lights.rs");
 const LOOKUPS: &str = include_str!("../lookups.rs");
 const MESSAGES: &str = include_str!("../messages.rs");
@@ -247,21 +246,73 @@ fn lobes() {
     }
 }
 
-/// Forms that wait for spatial databases: they say so, and this test ends when they stop doing so.
+/// Spatial databases, as the double keeps them: what is saved under a key is found under it, in active lanes.
 fn databases() {
-    for call in [
-        "spatialdbsave (\"a\", u, v, C);",
-        "spatialdbsave (\"a\", P, u);",
-        "spatialdbsave (\"a\", P, N, P);",
-        "r = spatialdbquery (\"a\", u, v, x);",
-        "r = spatialdbquery (\"a\", P, x);",
-        "r = spatialdbquery (\"a\", P, N, x);",
-        "color c = subsurface (\"a\", P, N, \"eta\", 1.3); r = c[0];",
-    ] {
+    let run = |body: &str| {
         let mut services = Double::default();
-        floats_with(&format!("float x = 0; {call}"), &mut services);
-        assert!(services.errors()[0].ends_with("is not supported yet"), "{call}: {:?}", services.errors());
+        let values = floats_with(body, &mut services);
+        assert!(services.errors().is_empty(), "{body}: {:?}", services.errors());
+        (values, services)
+    };
+    // Keys of every kind, data of every type; the variable is what was saved.
+    for key in ["u, v", "P", "P, N"] {
+        for ty in ["float", "color", "point", "vector", "normal"] {
+            let body = format!(
+                "{ty} x = {ty} (u * 2 + 1), y = {ty} (7); spatialdbsave (\"a\", {key}, x); \
+                 float found = spatialdbquery (\"a\", {key}, y); r = found == 1 && x == y;"
+            );
+            assert!(run(&body).0.iter().all(|r| *r == 1.0), "{body}");
+        }
     }
+    // Only where lanes are active; elsewhere, and where nothing is found, the variable stays.
+    let body = "float x = 5; if (u > 0.5) spatialdbsave (\"a\", u, v, u); \
+                r = spatialdbquery (\"a\", u, v, x); r = r * 100 + x + 1000 * spatialdbquery (\"b\", u, v, x);";
+    let (values, services) = run(body);
+    let us = run("r = u;").0;
+    assert_eq!(services.records.len(), us.iter().filter(|u| **u > 0.5).count());
+    for (r, u) in values.iter().zip(&us) {
+        assert_eq!(*r, if *u > 0.5 { 100.0 + u } else { 5.0 });
+    }
+    // The middle of each facet.
+    let (_, services) = run("spatialdbsave (\"a\", u, v, color (u, v, 1), \"interpolate\", 1);");
+    let (nu, nv) = (distinct(&us), distinct(&run("r = v;").0));
+    assert_eq!(services.records.len(), (nu - 1) * (nv - 1));
+    for (_, key, data) in &services.records {
+        assert_eq!(data[..], [key[0], key[1], 1.0]);
+        assert!(us.iter().all(|u| (u - key[0]).abs() > 1e-3), "{key:?} is in the middle");
+    }
+    // Options.
+    let options = |call: &str| run(&format!("float size[2] = {{64, 32}}; float x = 0; {call}")).1.options;
+    assert_eq!(options("spatialdbsave (\"a\", P, x);"), " None  2");
+    let all =
+        "\"filemode\", \"wo\", \"resolution\", size, \"filedataformat\", \"half\", \"writefilterwidth\", 6";
+    assert_eq!(options(&format!("spatialdbsave (\"a\", u, v, x, {all});")), "wo Some([64.0, 32.0]) half 6");
+    assert_eq!(options("x = spatialdbquery (\"a\", P, x);"), "value  [0.25, 1.0, 3.0]");
+    let all = "\"maxerror\", 2, \"maxdist\", 3, \"minsamples\", 4, \"filter\", \"areadensity\", \"filemode\", \"ro\"";
+    assert_eq!(
+        options(&format!("x = spatialdbquery (\"a\", P, x, {all});")),
+        "areadensity ro [2.0, 3.0, 4.0]"
+    );
+    // Marble by default.
+    for (options, wanted) in [
+        ("", [2.19, 0.0041, 2.5]),
+        (", \"scattering\", color (1, 2, 3), \"absorption\", color (4, 5, 6), \"eta\", 1.3", [1.0, 5.0, 2.3]),
+        (", \"maxsolidangle\", 0.5", [2.19, 0.0041, 2.0]),
+    ] {
+        for (c, wanted) in wanted.into_iter().enumerate() {
+            let call = format!("subsurface (\"a\", point (1, 2, 3), normal (1, 2, 3){options})");
+            let r = run(&format!("color c = {call}; r = c[{c}];")).0[0];
+            assert!((r - wanted).abs() < 1e-6, "{call} {c}: {r}");
+        }
+    }
+}
+
+/// How many different values there are.
+fn distinct(values: &[f32]) -> usize {
+    let mut bits: Vec<u32> = values.iter().map(|v| v.to_bits()).collect();
+    bits.sort_unstable();
+    bits.dedup();
+    bits.len()
 }
 
 pub(super) fn rows() -> Vec<Row> {
@@ -346,29 +397,17 @@ pub(super) fn rows() -> Vec<Row> {
         ("bump (float)", Elsewhere(DERIVATIVES, "\"bump (u);\"")),
         ("bump (string, float)", Elsewhere(DERIVATIVES, "bump (\\\"double\\\", ")),
         ("bump (vector)", Elsewhere(DERIVATIVES, "bump (vector (")),
-        (
-            "spatialdbsave (string, float, float, float|color|point|vector|normal, ...)",
-            Elsewhere(include_str!("others.rs"), "spatialdbsave (\\\"a\\\", u, v, C)"),
-        ),
-        (
-            "spatialdbsave (string, point, float|color|point|vector|normal, ...)",
-            Elsewhere(include_str!("others.rs"), "spatialdbsave (\\\"a\\\", P, u)"),
-        ),
-        (
-            "spatialdbsave (string, point, normal, float|color|point|vector|normal, ...)",
-            Elsewhere(include_str!("others.rs"), "spatialdbsave (\\\"a\\\", P, N, P)"),
-        ),
+        ("spatialdbsave (string, float, float, float|color|point|vector|normal, ...)", Test(databases)),
+        ("spatialdbsave (string, point, float|color|point|vector|normal, ...)", Test(databases)),
+        ("spatialdbsave (string, point, normal, float|color|point|vector|normal, ...)", Test(databases)),
         (
             "spatialdbquery (string, float, float, output float|color|point|vector|normal, ...)",
-            Elsewhere(include_str!("others.rs"), "spatialdbquery (\\\"a\\\", u, v, x)"),
+            Test(databases),
         ),
-        (
-            "spatialdbquery (string, point, output float|color|point|vector|normal, ...)",
-            Elsewhere(FUNCTIONS, "spatialdbquery (\\\"a\\\", P, x)"),
-        ),
+        ("spatialdbquery (string, point, output float|color|point|vector|normal, ...)", Test(databases)),
         (
             "spatialdbquery (string, point, normal, output float|color|point|vector|normal, ...)",
-            Elsewhere(include_str!("others.rs"), "spatialdbquery (\\\"a\\\", P, N, x)"),
+            Test(databases),
         ),
         ("getattribute (string, output any)", Elsewhere(MESSAGES, "getattribute (\\\"limits:eye\\\", x)")),
         ("setmessage (string, any)", Elsewhere(MESSAGES, "setmessage (\\\"m\\\", u)")),
