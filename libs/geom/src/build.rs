@@ -1,9 +1,10 @@
 //! From descriptions to pieces.
 
 use crate::spline::Spline;
+use crate::trim::Trimming;
 use crate::vars::vertex_count;
 use crate::{GeomError, Piece, curves, mesh, patch, points, sphere, subdiv};
-use granita_base::{Params, Severity, ShapeDesc, TrimDesc};
+use granita_base::{Params, Severity, ShapeDesc};
 
 /// The parameters of a primitive at one motion key.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +26,7 @@ pub struct ShapeKey<'a> {
 pub fn build(
     shape: &ShapeDesc,
     keys: &[ShapeKey<'_>],
-    trim: Option<&TrimDesc>,
+    trim: Option<Trimming<'_>>,
     report: &mut dyn FnMut(Severity, String),
 ) -> Result<Vec<Piece>, GeomError> {
     let call = shape.call_name();

@@ -21,6 +21,9 @@ const CALL: &str = "Curves";
 /// More segments than this are not diced together.
 const MOST_SEGMENTS: u32 = 8;
 
+/// Segments that meet at more than this angle (radians) make a crease.
+const CREASE: f32 = 0.01;
+
 struct Curves {
     times: Vec<f32>,
     spline: Spline,
@@ -382,5 +385,25 @@ impl Surface for CurvePiece {
 
     fn is_facing(&self) -> bool {
         !self.all.vars.has_normals()
+    }
+
+    fn is_curve(&self) -> bool {
+        true
+    }
+
+    fn has_crease(&self) -> bool {
+        let mut net = Vec::new();
+        let mut tangents = |place| self.all.raw(self.curve(), place, &mut net).1;
+        let mut segments = self.range[1].segments();
+        let Some(mut segment) = segments.next() else { return false };
+        for next in segments {
+            let before = tangents(Place { segment, a: 0.0, b: 1.0 });
+            let after = tangents(Place { segment: next, a: 1.0, b: 0.0 });
+            if before.iter().zip(&after).any(|(a, b)| a.angle_between(*b) > CREASE) {
+                return true;
+            }
+            segment = next;
+        }
+        false
     }
 }

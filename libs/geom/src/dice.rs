@@ -1,5 +1,6 @@
 //! What dicing gives.
 
+use crate::trim::TrimMask;
 use granita_base::{ParamType, Vec3};
 use std::sync::Arc;
 
@@ -29,9 +30,8 @@ pub struct Dice {
     pub primvars: Vec<DicePrimvar>,
     /// Which face of the mesh, curve or particle; 0 for others.
     pub face: u32,
-    /// With trim curves: for each of the `(nu - 1) x (nv - 1)` micropolygons (u fastest) whether its middle is
-    /// outside of the trimmed region. True is kept under "trimcurve:sense" `"inside"`, discarded under `"outside"`.
-    pub mask: Option<Vec<bool>>,
+    /// With trim curves: what of the micropolygons is outside of them.
+    pub mask: Option<TrimMask>,
     /// For points and curves without "N": how the lattice turns towards the viewer. Until [`Dice::turn`] is called
     /// `p`, `dpdu` and `dpdv` face along object space z.
     pub facing: Option<Facing>,

@@ -60,3 +60,4 @@ pub use build::{ShapeKey, build};
 pub use dice::{Dice, DiceData, DicePrimvar, Facing, View};
 pub use error::GeomError;
 pub use surface::{Piece, SplitDirection, Surface};
+pub use trim::{TrimMask, Trimming};

@@ -515,11 +515,7 @@ impl Surface for NetPiece {
             };
             net.vars().emit_linear(&corners, &fractions(0, &us), &fractions(1, &vs), &mut primvars);
         }
-        let mask = net.trim().map(|trim| {
-            let middle = |x: &[f64], i: usize| 0.5 * (x[i] + x[i + 1]);
-            let cells = (0..nv - 1).flat_map(|j| (0..nu - 1).map(move |i| (i, j)));
-            cells.map(|(i, j)| !trim.contains(middle(&us, i), middle(&vs, j))).collect()
-        });
+        let mask = net.trim().map(|trim| trim.mask(&us, &vs));
         let normals = take_normals(n, &mut primvars);
         Dice { nu, nv, p, n: normals, dpdu, dpdv, u, v, primvars, face: net.face(part), mask, facing: None }
     }

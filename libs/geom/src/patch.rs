@@ -6,9 +6,9 @@ use crate::net::{Net, pieces};
 use crate::range::Place;
 use crate::spline::Spline;
 use crate::surface::Piece;
-use crate::trim::Trim;
+use crate::trim::{Trim, Trimming};
 use crate::vars::{Control, Counts, Report, Vars, control};
-use granita_base::{Bound, Severity, TrimDesc};
+use granita_base::{Bound, Severity};
 use std::sync::Arc;
 
 /// All of a patch.
@@ -27,7 +27,7 @@ pub(crate) fn build(
     keys: &[ShapeKey<'_>],
     splines: [Spline; 2],
     counts: [usize; 2],
-    trim: Option<&TrimDesc>,
+    trim: Option<Trimming<'_>>,
     report: Report<'_>,
 ) -> Result<Vec<Piece>, GeomError> {
     const CALL: &str = "Patch";

@@ -71,6 +71,18 @@ pub trait Surface: Send + Sync {
         false
     }
 
+    /// Whether the piece is of a curve: u runs across it, v along.
+    fn is_curve(&self) -> bool {
+        false
+    }
+
+    /// Whether the piece may be diced over a crease: a place inside of it where its spline bends at an angle.
+    /// Splitting it along V until none is left puts every crease on an edge. Only curves are diced over creases;
+    /// pieces of other primitives always end there.
+    fn has_crease(&self) -> bool {
+        false
+    }
+
     /// Largest width in pixels among widths given in pixels ("rasterwidth" of points); 0 without. The bound of the
     /// piece on the screen grows by half of it.
     fn raster_width(&self) -> f32 {

@@ -5,21 +5,89 @@ use crate::spline::Spline;
 use granita_base::TrimDesc;
 use granita_base::shape::KnotSpan;
 
-/// Points per polynomial segment of a trim curve of degree above one.
-const STEPS: usize = 24;
+/// Trim curves of a patch, and how closely they are followed.
+#[derive(Clone, Copy, Debug)]
+pub struct Trimming<'a> {
+    /// The loops.
+    pub desc: &'a TrimDesc,
+    /// "trimcurve:curvature": the angle in degrees by which a curve may turn before it gets another segment.
+    pub curvature_deg: f32,
+    /// "trimcurve:quality": divides the angle, and multiplies the cells that a micropolygon is cut into.
+    pub quality: f32,
+}
+
+impl<'a> Trimming<'a> {
+    /// With the default angle and quality.
+    pub fn new(desc: &'a TrimDesc) -> Self {
+        Self { desc, curvature_deg: 10.0, quality: 1.0 }
+    }
+}
+
+/// Which cells of a trimmed lattice are outside of the loops.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct TrimMask {
+    /// Cells along each side of a micropolygon, at least 1.
+    pub per_side: usize,
+    /// For each cell (`per_side * (nu - 1)` along u, u fastest) whether its middle is outside of the trimmed region.
+    /// True is kept under "trimcurve:sense" `"inside"`, discarded under `"outside"`.
+    pub outside: Vec<bool>,
+}
+
+impl TrimMask {
+    /// For each micropolygon of a lattice of `nu` points along u whether most of its cells are outside.
+    pub fn micropolygons(&self, nu: usize) -> Vec<bool> {
+        let (k, mu) = (self.per_side, nu - 1);
+        let mv = self.outside.len() / (mu * k * k);
+        let cells = |at: usize| {
+            let (i, j) = (at % mu, at / mu);
+            let rows = (0..k).map(move |row| ((j * k + row) * mu + i) * k);
+            rows.flat_map(|from| self.outside[from..from + k].iter()).filter(|outside| **outside).count()
+        };
+        (0..mu * mv).map(|at| cells(at) * 2 > k * k).collect()
+    }
+}
+
+/// Cells along each side of a micropolygon at quality 1, and at most.
+const CELLS: f32 = 4.0;
+const MOST_CELLS: f32 = 16.0;
+
+/// Halvings of a segment of degree above one, at least and at most.
+const LEAST_DEPTH: u32 = 2;
+const MOST_DEPTH: u32 = 12;
+
+/// A polygon may miss its curve by this part of the curve's extent, at quality 1.
+const SAG: f64 = 5e-5;
+
+/// Beyond this many edges curves are halved no more than they must be.
+const MANY_EDGES: usize = 1 << 20;
+
+/// Bands of v in which edges are looked up.
+const BANDS: usize = 64;
 
 /// The trimmed region as polygons; a point is inside when a line from it crosses them an odd number of times.
 #[derive(Clone, Debug)]
 pub(crate) struct Trim {
     /// Edges `(u0, v0, u1, v1)` with `v0 != v1`.
     edges: Vec<[f64; 4]>,
+    /// Edges that touch each of [`BANDS`] equal bands between the smallest and largest v.
+    bands: Vec<Vec<u32>>,
     /// Smallest and largest v of all edges.
     range_v: (f64, f64),
+    /// Cells along each side of a micropolygon.
+    per_side: usize,
 }
 
 impl Trim {
     /// Flattens the curves. Errors say what is wrong with them.
-    pub(crate) fn new(desc: &TrimDesc) -> Result<Self, String> {
+    pub(crate) fn new(trimming: Trimming<'_>) -> Result<Self, String> {
+        let desc = trimming.desc;
+        let positive = |x: f32, default: f32| if x.is_finite() && x > 0.0 { x } else { default };
+        let quality = positive(trimming.quality, 1.0).clamp(0.01, 100.0);
+        let angle_deg = positive(trimming.curvature_deg, 10.0) / quality;
+        let tolerance = Tolerance {
+            angle: f64::from(angle_deg.clamp(0.01, 180.0).to_radians()),
+            sag: SAG / f64::from(quality),
+        };
         let mut edges = Vec::new();
         let (mut curve, mut knot, mut point) = (0_usize, 0_usize, 0_usize);
         for (index, &ncurves) in desc.ncurves.iter().enumerate() {
@@ -36,7 +104,7 @@ impl Trim {
                     return Err(format!("a point of curve {curve} is not finite"));
                 }
                 let span = KnotSpan { n, order, knots: knots.into(), min: *limits.0, max: *limits.1 };
-                flatten(&span, uvw, curve, &mut outline)?;
+                flatten(&span, uvw, curve, &tolerance, &mut outline)?;
                 knot += knots.len();
                 point += uvw.len();
                 curve += 1;
@@ -53,27 +121,75 @@ impl Trim {
         }
         let all_v = edges.iter().flat_map(|e| [e[1], e[3]]);
         let range_v = all_v.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
-        Ok(Self { edges, range_v })
+        let per_side = (CELLS * quality).round().clamp(1.0, MOST_CELLS) as usize;
+        let mut trim = Self { edges, bands: vec![Vec::new(); BANDS], range_v, per_side };
+        for (index, e) in trim.edges.iter().enumerate() {
+            let (lo, hi) = (trim.band(e[1].min(e[3])), trim.band(e[1].max(e[3])));
+            trim.bands[lo..=hi].iter_mut().for_each(|band| band.push(index as u32));
+        }
+        Ok(trim)
     }
 
-    /// Whether `(u, v)` is inside of the loops.
-    pub(crate) fn contains(&self, u: f64, v: f64) -> bool {
-        if v < self.range_v.0 || v > self.range_v.1 {
-            return false;
+    /// The band of a v.
+    fn band(&self, v: f64) -> usize {
+        let (lo, hi) = self.range_v;
+        (((v - lo) / (hi - lo) * BANDS as f64) as usize).min(BANDS - 1)
+    }
+
+    /// Where a line of constant v crosses the loops, in order.
+    fn crossings(&self, v: f64, out: &mut Vec<f64>) {
+        out.clear();
+        if !(v >= self.range_v.0 && v <= self.range_v.1) {
+            return;
         }
-        let crosses = |e: &&[f64; 4]| {
-            let [u0, v0, u1, v1] = **e;
-            (v0 <= v) != (v1 <= v) && u < u0 + (v - v0) / (v1 - v0) * (u1 - u0)
+        for &index in &self.bands[self.band(v)] {
+            let [u0, v0, u1, v1] = self.edges[index as usize];
+            if (v0 <= v) != (v1 <= v) {
+                out.push(u0 + (v - v0) / (v1 - v0) * (u1 - u0));
+            }
+        }
+        out.sort_by(f64::total_cmp);
+    }
+
+    /// The mask of a lattice with points at these parameters.
+    pub(crate) fn mask(&self, us: &[f64], vs: &[f64]) -> TrimMask {
+        let k = self.per_side;
+        let middles = |list: &[f64]| -> Vec<f64> {
+            let cell = |w: &[f64], c: usize| w[0] + (w[1] - w[0]) * ((c as f64 + 0.5) / k as f64);
+            list.windows(2).flat_map(|w| (0..k).map(move |c| cell(w, c))).collect()
         };
-        self.edges.iter().filter(crosses).count() % 2 == 1
+        let (us, vs) = (middles(us), middles(vs));
+        let mut outside = Vec::with_capacity(us.len() * vs.len());
+        let mut crossings = Vec::new();
+        for v in vs {
+            self.crossings(v, &mut crossings);
+            outside.extend(us.iter().map(|u| {
+                let beyond = crossings.len() - crossings.partition_point(|x| x <= u);
+                beyond % 2 == 0
+            }));
+        }
+        TrimMask { per_side: k, outside }
     }
 }
 
+/// How closely polygons follow curves.
+struct Tolerance {
+    /// Most that an edge turns from the one before, in radians.
+    angle: f64,
+    /// Most that an edge misses, as a part of the curve's extent.
+    sag: f64,
+}
+
 /// Appends the points of a curve.
-fn flatten(span: &KnotSpan, uvw: &[f32], curve: usize, out: &mut Vec<[f64; 2]>) -> Result<(), String> {
+fn flatten(
+    span: &KnotSpan,
+    uvw: &[f32],
+    curve: usize,
+    tolerance: &Tolerance,
+    out: &mut Vec<[f64; 2]>,
+) -> Result<(), String> {
     let spline = Spline::nurbs("TrimCurve", &format!("in curve {curve}"), span).map_err(|e| e.to_string())?;
     let m = spline.degree + 1;
-    let steps = if spline.degree == 1 { 1 } else { STEPS };
     let mut net = vec![[0.0; 3]; m];
     for segment in &spline.segments {
         for (j, vertex) in net.iter_mut().enumerate() {
@@ -87,26 +203,105 @@ fn flatten(span: &KnotSpan, uvw: &[f32], curve: usize, out: &mut Vec<[f64; 2]>) 
                     .sum()
             });
         }
-        let mut w = vec![0.0; m];
-        for step in 0..=steps {
-            let b = step as f64 / steps as f64;
-            bernstein(spline.degree, 1.0 - b, b, &mut w);
-            let p: [f64; 3] = std::array::from_fn(|c| symmetric_sum(&w, |k| net[k][c]));
-            let place = [p[0] / p[2], p[1] / p[2]];
-            if !(place[0].is_finite() && place[1].is_finite()) {
-                return Err(format!("curve {curve} has a weight of zero"));
-            }
-            if out.last() != Some(&place) {
-                out.push(place);
-            }
+        let arc = Arc { net: &net, degree: spline.degree };
+        let ends = [0.0, 1.0].map(|b| arc.at(b));
+        let [Some(first), Some(last)] = ends else {
+            return Err(format!("curve {curve} has a weight of zero"));
+        };
+        let sag = tolerance.sag * arc.extent();
+        if out.last() != Some(&first) {
+            out.push(first);
         }
+        arc.halve([0.0, 1.0], [first, last], 0, &Tolerance { sag, ..*tolerance }, out)
+            .ok_or_else(|| format!("curve {curve} has a weight of zero"))?;
     }
     Ok(())
+}
+
+/// One polynomial segment.
+struct Arc<'a> {
+    net: &'a [[f64; 3]],
+    degree: usize,
+}
+
+impl Arc<'_> {
+    /// The point at `b`; `None` where the weight vanishes.
+    fn at(&self, b: f64) -> Option<[f64; 2]> {
+        let mut w = [0.0; crate::bezier::MAX_DEGREE + 1];
+        bernstein(self.degree, 1.0 - b, b, &mut w);
+        let p: [f64; 3] = std::array::from_fn(|c| symmetric_sum(&w[..=self.degree], |k| self.net[k][c]));
+        let place = [p[0] / p[2], p[1] / p[2]];
+        (place[0].is_finite() && place[1].is_finite()).then_some(place)
+    }
+
+    /// Size of the box around the control points.
+    fn extent(&self) -> f64 {
+        let size = |c: usize| {
+            let x = self.net.iter().map(|p| p[c] / p[2]).filter(|x| x.is_finite());
+            let (lo, hi) = x.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(x), hi.max(x)));
+            (hi - lo).max(0.0)
+        };
+        size(0).max(size(1))
+    }
+
+    /// Appends the points of a part behind its first; `tolerance.sag` is a length here. `None` where a weight
+    /// vanishes.
+    fn halve(
+        &self,
+        [b0, b1]: [f64; 2],
+        [p0, p1]: [[f64; 2]; 2],
+        depth: u32,
+        tolerance: &Tolerance,
+        out: &mut Vec<[f64; 2]>,
+    ) -> Option<()> {
+        if self.degree > 1 && depth < MOST_DEPTH {
+            let b = 0.5 * (b0 + b1);
+            let p = self.at(b)?;
+            let sub = |x: [f64; 2], y: [f64; 2]| [x[0] - y[0], x[1] - y[1]];
+            let cross = |x: [f64; 2], y: [f64; 2]| x[0] * y[1] - x[1] * y[0];
+            let (before, after, chord) = (sub(p, p0), sub(p1, p), sub(p1, p0));
+            // The halves differ in direction by half of what the whole part turns.
+            let turn = 2.0 * cross(before, after).abs().atan2(before[0] * after[0] + before[1] * after[1]);
+            let length = chord[0].hypot(chord[1]);
+            let off =
+                if length > 0.0 { cross(before, chord).abs() / length } else { before[0].hypot(before[1]) };
+            let curved = (turn > tolerance.angle || off > tolerance.sag) && out.len() < MANY_EDGES;
+            if depth < LEAST_DEPTH || curved {
+                self.halve([b0, b], [p0, p], depth + 1, tolerance, out)?;
+                return self.halve([b, b1], [p, p1], depth + 1, tolerance, out);
+            }
+        }
+        if out.last() != Some(&p1) {
+            out.push(p1);
+        }
+        Some(())
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    impl Trim {
+        fn contains(&self, u: f64, v: f64) -> bool {
+            let mut crossings = Vec::new();
+            self.crossings(v, &mut crossings);
+            crossings.iter().filter(|x| **x > u).count() % 2 == 1
+        }
+
+        /// The area of the region.
+        fn area(&self) -> f64 {
+            self.edges.iter().map(|[u0, v0, u1, v1]| 0.5 * (u0 + u1) * (v1 - v0)).sum::<f64>().abs()
+        }
+    }
+
+    fn trim(desc: &TrimDesc) -> Trim {
+        Trim::new(Trimming::new(desc)).unwrap()
+    }
+
+    fn edges(desc: &TrimDesc, curvature_deg: f32, quality: f32) -> usize {
+        Trim::new(Trimming { desc, curvature_deg, quality }).unwrap().edges.len()
+    }
 
     fn circle() -> TrimDesc {
         TrimDesc {
@@ -126,10 +321,64 @@ mod tests {
 
     #[test]
     fn the_references_example_is_a_round_region() {
-        let trim = Trim::new(&circle()).unwrap();
+        let trim = trim(&circle());
         assert!(trim.contains(0.5, 0.5));
         assert!(!trim.contains(0.01, 0.01) && !trim.contains(0.99, 0.99));
         assert!(!trim.contains(0.5, 1.5) && !trim.contains(-0.5, 0.5) && !trim.contains(1.5, 0.5));
+    }
+
+    #[test]
+    fn regions_have_the_area_of_their_curves() {
+        let exact = std::f64::consts::PI / 4.0;
+        let area = |curvature_deg, quality| {
+            Trim::new(Trimming { desc: &circle(), curvature_deg, quality }).unwrap().area()
+        };
+        // A polygon of n corners lacks (2 pi / n)^2 / 6 of its circle.
+        assert!((area(10.0, 1.0) / exact - 1.0).abs() < 2e-4, "{}", area(10.0, 1.0));
+        assert!((area(1.0, 1.0) / exact - 1.0).abs() < 6e-5, "{}", area(1.0, 1.0));
+        assert!((area(0.1, 1.0) / exact - 1.0).abs() < 6e-7, "{}", area(0.1, 1.0));
+        assert!((area(10.0, 100.0) / exact - 1.0).abs() < 2e-6, "{}", area(10.0, 100.0));
+        // Under a cubic: B(t) of heights 0, 1, 1, 0 over [0, 1] has mean 1/2.
+        let cubic = TrimDesc {
+            ncurves: [1].into(),
+            n: [4].into(),
+            order: [4].into(),
+            knots: [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0].into(),
+            min: [0.0].into(),
+            max: [1.0].into(),
+            uvw: [0.0, 0.0, 1.0, 1.0 / 3.0, 1.0, 1.0, 2.0 / 3.0, 1.0, 1.0, 1.0, 0.0, 1.0].into(),
+        };
+        assert!((trim(&cubic).area() - 0.5).abs() < 2e-4, "{}", trim(&cubic).area());
+    }
+
+    #[test]
+    fn smaller_angles_and_higher_quality_give_more_segments() {
+        let circle = circle();
+        // Every edge turns by at most the angle.
+        for (curvature_deg, quality) in [(10.0, 1.0), (1.0, 1.0), (10.0, 10.0), (0.1, 1.0), (1.0, 4.0)] {
+            let n = edges(&circle, curvature_deg, quality) as f32;
+            assert!(n >= 360.0 * quality / curvature_deg, "{n} edges at {curvature_deg} and {quality}");
+        }
+        assert!(edges(&circle, 0.1, 1.0) > edges(&circle, 1.0, 1.0));
+        assert!(edges(&circle, 10.0, 10.0) > edges(&circle, 10.0, 1.0));
+        // What is no number counts as the default.
+        assert_eq!(edges(&circle, f32::NAN, 0.0), edges(&circle, 10.0, 1.0));
+    }
+
+    #[test]
+    fn masks_are_finer_than_micropolygons() {
+        let axis: Vec<f64> = (0..=8).map(|i| f64::from(i) / 8.0).collect();
+        for (quality, per_side) in [(1.0, 4_usize), (2.0, 8), (0.1, 1), (50.0, 16)] {
+            let trim = Trim::new(Trimming { desc: &circle(), curvature_deg: 1.0, quality }).unwrap();
+            let mask = trim.mask(&axis, &axis);
+            assert_eq!((mask.per_side, mask.outside.len()), (per_side, (8 * per_side).pow(2)));
+            let inside = mask.outside.iter().filter(|o| !**o).count() as f64 / mask.outside.len() as f64;
+            let error = (inside - std::f64::consts::PI / 4.0).abs();
+            assert!(error < 0.1 / per_side as f64, "{error} at {per_side}");
+            let coarse = mask.micropolygons(9);
+            assert_eq!(coarse.len(), 64);
+            assert!(coarse[0] && !coarse[27] && coarse[63]);
+        }
     }
 
     #[test]
@@ -145,7 +394,7 @@ mod tests {
             max: [3.0, 3.0].into(),
             uvw: [square(0.1, 0.9), square(0.4, 0.6)].concat().into(),
         };
-        let trim = Trim::new(&desc).unwrap();
+        let trim = trim(&desc);
         assert!(trim.contains(0.2, 0.5) && !trim.contains(0.5, 0.5) && !trim.contains(0.05, 0.5));
     }
 
@@ -162,7 +411,7 @@ mod tests {
             TrimDesc { uvw: [f32::NAN; 27].into(), ..good.clone() },
             TrimDesc { min: [].into(), ..good.clone() },
         ] {
-            assert!(Trim::new(&bad).is_err(), "{bad:?}");
+            assert!(Trim::new(Trimming::new(&bad)).is_err(), "{bad:?}");
         }
     }
 }

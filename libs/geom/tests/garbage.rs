@@ -133,7 +133,10 @@ fn exercise(piece: &Piece, depth: u32) {
     assert!(dice.p.iter().all(|p| p.len() == n));
     assert_eq!([dice.dpdu.len(), dice.dpdv.len(), dice.u.len(), dice.v.len()], [n; 4]);
     assert!(dice.n.is_none_or(|normals| normals.len() == n));
-    assert!(dice.mask.is_none_or(|mask| mask.len() == (nu - 1) * (nv - 1)));
+    assert!(
+        dice.mask
+            .is_none_or(|mask| mask.outside.len() == (nu - 1) * (nv - 1) * mask.per_side * mask.per_side)
+    );
     for var in &dice.primvars {
         match &var.data {
             DiceData::Floats { values, varying } => {

@@ -294,7 +294,7 @@ fn trimmed_patch_masks_micropolygons() {
         Some(&trim),
     );
     assert!(said.is_empty());
-    let mask = pieces.unwrap()[0].dice(9, 9).mask.unwrap();
+    let mask = pieces.unwrap()[0].dice(9, 9).mask.unwrap().micropolygons(9);
     assert_eq!(mask.len(), 64);
     assert_eq!(mask.iter().filter(|kept| !**kept).count(), 16);
 }

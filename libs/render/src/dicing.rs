@@ -6,12 +6,15 @@
 mod grid;
 mod motion;
 mod rate;
+#[cfg(test)]
+mod tests;
 
 pub(crate) use grid::{GridView, Viewpoint, make_grid};
 pub(crate) use motion::{Placement, Viewer, key_at, points_at};
-pub(crate) use rate::{DiceSettings, Measure, Plan};
+pub(crate) use rate::{DiceSettings, Measure, Plan, SceneDicing};
 
-use granita_geom::{Dice, Piece};
+use granita_geom::{Dice, Piece, Trimming};
+use granita_scene::AttributeSet;
 
 /// A piece that is small enough, and the grid it is to be diced into.
 pub(crate) struct Leaf {
@@ -54,4 +57,10 @@ pub(crate) fn tessellate(
         }
     }
     leaves
+}
+
+/// The trim curves of an object with its and the scene's attributes (reference 4.3.4, 4.4.8).
+pub(crate) fn trimming<'a>(attributes: &'a AttributeSet, quality: f32) -> Option<Trimming<'a>> {
+    let curvature_deg = attributes.float("trimcurve:curvature");
+    attributes.trim.as_deref().map(|desc| Trimming { desc, curvature_deg, quality })
 }

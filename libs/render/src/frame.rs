@@ -1,10 +1,11 @@
 //! One camera's images, from primitives to filtered pixels.
 
 mod bucket;
+mod cells;
 mod job;
 
 use crate::bucket::Buckets;
-use crate::dicing::Measure;
+use crate::dicing::{Measure, SceneDicing};
 use crate::environment::Progress;
 use crate::hider::{CompositeSettings, Projector, SamplePattern};
 use crate::output::OutputSet;
@@ -91,7 +92,7 @@ struct Frame<'a, S: FrameShader> {
     /// Pixels whose samples count: the crop window and the margins of the filters.
     region: PixelRect,
     margin: i32,
-    gridsize: i32,
+    dicing: SceneDicing,
     counters: Counters,
 }
 
@@ -141,7 +142,7 @@ pub(crate) fn render<S: FrameShader>(
         buckets: Buckets::new(&camera.crop, camera.bucketsize, &camera.bucketorder, pattern.per_pixel()),
         region: camera.crop.grown(margin),
         margin,
-        gridsize: scene.int("limits:gridsize"),
+        dicing: SceneDicing::new(scene),
         counters: Counters::default(),
         options,
     };

@@ -321,8 +321,7 @@ pub const TABLE: &[AttributeRow] = &[
     row(Global, "4.3.4", (INT, "limits:gridsize"), Ints(&[256]), "most points shaded at once"),
     row(Global, "4.3.4", (INT, "limits:texturememory"), Ints(&[20480]), "size of the texture cache in KB"),
     row(Global, "4.3.4", (INT, "limits:texturefiles"), Ints(&[1000]), "texture files open at once"),
-    row(Global, "4.3.4", (FLOAT, "trimcurve:quality"), Floats(&[1.0]), "scale on the quality of trim curves")
-        .not_yet(),
+    row(Global, "4.3.4", (FLOAT, "trimcurve:quality"), Floats(&[1.0]), "scale on the quality of trim curves"),
     row(
         Global,
         "4.3.4",
@@ -366,16 +365,14 @@ pub const TABLE: &[AttributeRow] = &[
         (STRING, "dice:fixeduname"),
         Text("u"),
         "variable that fixed dicing along u is measured by",
-    )
-    .not_yet(),
+    ),
     row(
         Global,
         "4.3.4",
         (STRING, "dice:fixedvname"),
         Text("v"),
         "variable that fixed dicing along v is measured by",
-    )
-    .not_yet(),
+    ),
     row(Global, "4.3.5", (INT, "ray:maxdepth"), Ints(&[2]), "most bounces of a reflected ray"),
     row(
         Global,
@@ -526,9 +523,8 @@ pub const TABLE: &[AttributeRow] = &[
         (FLOAT, "dice:motionfactor"),
         Floats(&[1.0]),
         "how much coarser moving objects are diced",
-    )
-    .not_yet(),
-    row(Object, "4.4.5", (INT, "dice:keepcreases"), Ints(&[0]), "split at every crease").not_yet(),
+    ),
+    row(Object, "4.4.5", (INT, "dice:keepcreases"), Ints(&[0]), "split at every crease"),
     row(
         Object,
         "4.4.5",
@@ -549,8 +545,7 @@ pub const TABLE: &[AttributeRow] = &[
         (FLOAT, "dice:thincurve"),
         Floats(&[1.0]),
         "curves thinner than this in pixels are simplified",
-    )
-    .hint(),
+    ),
     row(Object, "4.4.5", (INT, "cull:occlusion"), Ints(&[1]), "do not shade what is hidden"),
     row(Object, "4.4.6", (FLOAT, "displace:maxradius"), Floats(&[0.0]), "largest displacement"),
     row(
@@ -574,8 +569,7 @@ pub const TABLE: &[AttributeRow] = &[
         (FLOAT, "trimcurve:curvature"),
         Floats(&[10.0]),
         "angle in degrees that forces more segments of trim curves",
-    )
-    .not_yet(),
+    ),
     row(Object, "2.4", (INT, "light:nsamples"), Ints(&[1]), "samples of an area light"),
     row(
         Object,

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test binary takes what it needs")]
 
 use granita_base::{Param, Params, ShapeDesc, TrimDesc, Vec3};
-use granita_geom::{Dice, GeomError, Piece, ShapeKey, SplitDirection};
+use granita_geom::{Dice, GeomError, Piece, ShapeKey, SplitDirection, Trimming};
 
 /// Parameters from declarations and floats.
 pub(crate) fn params(list: &[(&str, &[f32])]) -> Params {
@@ -18,7 +18,7 @@ pub(crate) fn try_build(
     let mut said = Vec::new();
     let keys: Vec<ShapeKey<'_>> =
         keys.iter().enumerate().map(|(i, p)| ShapeKey { time: i as f32, params: p }).collect();
-    let pieces = granita_geom::build(shape, &keys, trim, &mut |_, text| said.push(text));
+    let pieces = granita_geom::build(shape, &keys, trim.map(Trimming::new), &mut |_, text| said.push(text));
     (pieces, said)
 }
 

@@ -2,9 +2,10 @@
 
 use super::Placement;
 use crate::{CameraView, Projection};
-use granita_base::{Transform, Vec3};
-use granita_geom::{SplitDirection, Surface};
-use granita_scene::AttributeSet;
+use granita_base::Vec3;
+use granita_geom::{Dice, DiceData, SplitDirection, Surface};
+use granita_scene::{AttributeSet, Scene};
+use std::sync::Arc;
 
 /// Points of the lattice that a piece is measured on, along each parameter.
 const LATTICE: usize = 5;
@@ -15,8 +16,47 @@ const MAX_DEPTH: u32 = 40;
 /// Most points along one direction of a grid, whatever the grid size.
 const MAX_POINTS: usize = 1 << 12;
 
+/// How much coarser than this (pixels of motion along a line) detail may be before it is missed in the blur.
+const DETAIL_PER_MOTION: f32 = 0.25;
+
+/// What may be missing between a curved edge and its segments, in pixels at shading quality 1: what the rims of
+/// grids close.
+const SAG_PX: f32 = 0.02;
+
+/// Dicing attributes of the whole scene (reference 4.3.4).
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct SceneDicing {
+    /// "limits:gridsize".
+    gridsize: i32,
+    /// "trimcurve:quality".
+    pub(crate) trim_quality: f32,
+    /// "dice:fixeduname" and "dice:fixedvname".
+    fixed_names: [Arc<str>; 2],
+}
+
+impl SceneDicing {
+    /// From the attributes of a scene.
+    pub(crate) fn new(scene: &Scene) -> Self {
+        Self {
+            gridsize: scene.int("limits:gridsize"),
+            trim_quality: scene.float("trimcurve:quality"),
+            fixed_names: ["dice:fixeduname", "dice:fixedvname"].map(|name| scene.string(name)),
+        }
+    }
+}
+
+/// "dice:fixed": segments per unit of two parameters of the surface.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct FixedDicing {
+    /// Segments per unit.
+    rate: [f32; 2],
+    /// Primitive variables that stand for u and v; those named "u" and "v", and those that a primitive lacks, are
+    /// the surface parameters.
+    names: [Arc<str>; 2],
+}
+
 /// Dicing attributes of one object (reference 4.4.4, 4.4.5).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct DiceSettings {
     /// Shading samples per raster unit, above 0.
     pub(crate) quality: f32,
@@ -30,19 +70,27 @@ pub(crate) struct DiceSettings {
     pub(crate) binary: bool,
     /// Measure as seen from the camera; otherwise as if turned towards it.
     pub(crate) rasterorient: bool,
-    /// Segments per unit of u and v; `None` when adaptive.
-    pub(crate) fixed: Option<[f32; 2]>,
+    /// How much coarser along their motion moving objects are diced; 0 for not at all.
+    pub(crate) motionfactor: f32,
+    /// Split wherever a spline bends at an angle.
+    pub(crate) keepcreases: bool,
+    /// Curves thinner than this (pixels) have one segment across.
+    pub(crate) thincurve_px: f32,
+    /// `None` when adaptive.
+    pub(crate) fixed: Option<FixedDicing>,
 }
 
 impl DiceSettings {
     /// From the attributes of an object; `camera` for its preview mode.
-    pub(crate) fn new(attributes: &AttributeSet, gridsize: i32, camera: &CameraView) -> Self {
+    pub(crate) fn new(attributes: &AttributeSet, scene: &SceneDicing, camera: &CameraView) -> Self {
         let preview = camera.preview > 0.0;
         let positive = |v: f32, default: f32| if v.is_finite() && v > 0.0 { v } else { default };
         let quality = if preview { camera.preview } else { attributes.float("shadingquality") };
         let curvature_deg =
             if preview { camera.preview_dicecurvature_deg } else { attributes.float("dice:curvature") };
         let fixed = attributes.floats("dice:fixed");
+        let gridsize = scene.gridsize;
+        let not_negative = |v: f32| if v.is_finite() { v.max(0.0) } else { 0.0 };
         Self {
             quality: positive(quality, 1.0).clamp(1e-4, 1e3),
             gridsize: if gridsize > 0 { (gridsize as usize).clamp(4, 1 << 16) } else { 256 },
@@ -50,8 +98,13 @@ impl DiceSettings {
             highcurvature: positive(attributes.float("dice:highcurvature"), 120.0).to_radians(),
             binary: attributes.int("dice:binary") != 0,
             rasterorient: attributes.int("dice:rasterorient") != 0,
+            motionfactor: not_negative(attributes.float("dice:motionfactor")),
+            keepcreases: attributes.int("dice:keepcreases") != 0,
+            thincurve_px: not_negative(attributes.float("dice:thincurve")),
             fixed: match fixed[..] {
-                [u, v] if u > 0.0 && v > 0.0 => Some([u, v]),
+                [u, v] if u > 0.0 && v > 0.0 && u.is_finite() && v.is_finite() => {
+                    Some(FixedDicing { rate: [u, v], names: scene.fixed_names.clone() })
+                }
                 _ => None,
             },
         }
@@ -76,7 +129,6 @@ pub(crate) enum Plan {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Measure<'a> {
     camera: &'a CameraView,
-    to_camera: Transform,
     /// Pixels per camera space unit at distance 1.
     pixels: f32,
     /// Measure by distance from the camera only: for what rays see.
@@ -87,12 +139,7 @@ impl<'a> Measure<'a> {
     /// As seen on the raster of `camera`.
     pub(crate) fn on_raster(camera: &'a CameraView) -> Self {
         let s = camera.raster_scale(1.0);
-        Self {
-            camera,
-            to_camera: camera.world_to_camera.at(camera.shading_time()),
-            pixels: s.x.abs().max(s.y.abs()),
-            by_distance: false,
-        }
+        Self { camera, pixels: s.x.abs().max(s.y.abs()), by_distance: false }
     }
 
     /// As if every piece were turned towards `camera`, also behind and beside it.
@@ -111,8 +158,11 @@ impl<'a> Measure<'a> {
         let may_split = piece.is_splittable() && depth < MAX_DEPTH;
         let [mu, mv] = self.segments(piece, placement, settings);
         let longer = if mu >= mv { SplitDirection::U } else { SplitDirection::V };
-        if piece.must_split() && may_split {
+        if may_split && piece.must_split() {
             return Plan::Split(longer);
+        }
+        if may_split && settings.keepcreases && piece.has_crease() {
+            return Plan::Split(SplitDirection::V);
         }
         let round = |m: f32| {
             let n = (m.min(MAX_POINTS as f32).ceil() as usize).max(1);
@@ -134,43 +184,83 @@ impl<'a> Measure<'a> {
 
     /// Segments along u and v that the settings ask for, as real numbers.
     fn segments(&self, piece: &dyn Surface, placement: &Placement, settings: &DiceSettings) -> [f32; 2] {
-        if let Some([fu, fv]) = settings.fixed {
-            let [u0, u1, v0, v1] = piece.domain();
-            return [(fu * (u1 - u0)).abs().max(1.0), (fv * (v1 - v0)).abs().max(1.0)];
+        if let Some(fixed) = &settings.fixed {
+            return fixed.segments(piece);
         }
-        let time = placement.times()[0];
-        let (key, _, _) = super::motion::key_at(piece.key_times(), time);
-        let mut lattice = Vec::with_capacity(LATTICE * LATTICE);
-        if piece.is_facing() {
-            let viewer = super::Viewer::new(self.camera, placement, piece.key_times());
-            piece.positions_towards(key, LATTICE, LATTICE, &|k, p| viewer.view(k, p), &mut lattice);
-        } else {
-            piece.positions(key, LATTICE, LATTICE, &mut lattice);
-        }
-        if lattice.len() < LATTICE * LATTICE {
-            return [1.0, 1.0];
-        }
-        let to_camera = placement.to_world.at(time).then(&self.to_camera);
-        let p_cam: Vec<Vec3> = lattice.iter().map(|p| to_camera.point(*p)).collect();
+        let times = placement.times();
+        let Some(lattice) = self.lattice(piece, placement, times[0]) else { return [1.0, 1.0] };
+        // Where the lattice is when the shutter closes; nothing for what does not move, seen from the camera.
+        let moves = settings.motionfactor > 0.0 && times.len() > 1;
+        let moved = moves.then(|| self.lattice(piece, placement, times[times.len() - 1])).flatten();
         let line = |start: usize, step: usize| {
-            let points: [Vec3; LATTICE] = std::array::from_fn(|k| p_cam[start + k * step]);
-            self.line(&points, settings)
+            let along =
+                |points: &[Vec3]| -> [Vec3; LATTICE] { std::array::from_fn(|k| points[start + k * step]) };
+            self.line(&along(&lattice), moved.as_deref().map(along).as_ref(), settings)
         };
         let largest = |lines: &mut dyn Iterator<Item = f32>| lines.fold(1.0_f32, f32::max);
-        [
-            largest(&mut (0..LATTICE).map(|j| line(j * LATTICE, 1))),
-            largest(&mut (0..LATTICE).map(|i| line(i, LATTICE))),
-        ]
+        let rows = |j: usize| j * LATTICE;
+        let mut u = largest(&mut (0..LATTICE).map(|j| line(rows(j), 1)));
+        let v = largest(&mut (0..LATTICE).map(|i| line(i, LATTICE)));
+        if settings.thincurve_px > 0.0 && piece.is_curve() {
+            // As wide as it is, not as it lies: a ribbon seen from its edge is not thin.
+            let width = |j: usize| {
+                lattice[rows(j)..rows(j + 1)].windows(2).map(|w| self.length(w[0], w[1], false)).sum::<f32>()
+            };
+            // Pieces of a curve that was split across have a part of its width.
+            let [u0, u1, ..] = piece.domain();
+            let widest = largest_of((0..LATTICE).map(width)) / (u1 - u0).abs().max(1e-6);
+            if widest < settings.thincurve_px {
+                u = 1.0;
+            }
+        }
+        [u, v]
     }
 
-    /// Segments that one line of the lattice asks for.
-    fn line(&self, p: &[Vec3; LATTICE], settings: &DiceSettings) -> f32 {
-        let mut length_px = 0.0;
+    /// Camera space positions of the measuring lattice at a time; `None` when the piece has none.
+    fn lattice(&self, piece: &dyn Surface, placement: &Placement, time: f32) -> Option<Vec<Vec3>> {
+        let viewer = piece.is_facing().then(|| super::Viewer::new(self.camera, placement, piece.key_times()));
+        let at_key = |key: usize| {
+            let mut lattice = Vec::with_capacity(LATTICE * LATTICE);
+            match &viewer {
+                Some(viewer) => {
+                    let view = |k: usize, p: Vec3| viewer.view(k, p);
+                    piece.positions_towards(key, LATTICE, LATTICE, &view, &mut lattice);
+                }
+                None => piece.positions(key, LATTICE, LATTICE, &mut lattice),
+            }
+            lattice
+        };
+        let (key, next, alpha) = super::motion::key_at(piece.key_times(), time);
+        let mut lattice = at_key(key);
+        if alpha != 0.0 {
+            for (p, q) in lattice.iter_mut().zip(at_key(next)) {
+                *p = p.lerp(q, alpha);
+            }
+        }
+        if lattice.len() < LATTICE * LATTICE {
+            return None;
+        }
+        let to_camera = placement.to_world.at(time).then(&self.camera.world_to_camera.at(time));
+        lattice.iter_mut().for_each(|p| *p = to_camera.point(*p));
+        Some(lattice)
+    }
+
+    /// Segments that one line of the lattice asks for; `moved` is the line when the shutter closes.
+    fn line(&self, p: &[Vec3; LATTICE], moved: Option<&[Vec3; LATTICE]>, settings: &DiceSettings) -> f32 {
+        let (mut length_px, mut seen_px) = (0.0, 0.0);
         let mut turn = 0.0;
         let mut before: Option<Vec3> = None;
-        for pair in p.windows(2) {
+        for (k, pair) in p.windows(2).enumerate() {
             let step = pair[1] - pair[0];
-            length_px += self.length(pair[0], pair[1], settings.rasterorient);
+            let step_px = self.length(pair[0], pair[1], settings.rasterorient);
+            length_px += step_px;
+            seen_px += match moved {
+                Some(moved) => {
+                    let along = self.motion_along([pair[0], pair[1]], [moved[k], moved[k + 1]]);
+                    step_px / (1.0 + DETAIL_PER_MOTION * settings.motionfactor * along)
+                }
+                None => step_px,
+            };
             if let Some(direction) = step.try_normalize() {
                 if let Some(last) = before {
                     turn += last.dot(direction).clamp(-1.0, 1.0).acos();
@@ -178,15 +268,39 @@ impl<'a> Measure<'a> {
                 before = Some(direction);
             }
         }
-        if !length_px.is_finite() || !turn.is_finite() {
+        if !length_px.is_finite() || !seen_px.is_finite() || !turn.is_finite() {
             return 1.0;
         }
         // The lattice sees the turning at its inner points only: a circle's arc turns a little more.
         turn *= LATTICE as f32 / (LATTICE - 1) as f32;
-        let by_length = length_px * settings.quality;
+        let by_length = seen_px * settings.quality;
         // Micropolygons under a third of a pixel show no curvature.
         let by_curvature = (turn / settings.curvature).min(length_px * 3.0);
-        by_length.max(by_curvature).max(turn / settings.highcurvature)
+        // What is coarse because it moves keeps its outline: an arc of length l that turns by t deviates by
+        // l t / (8 n^2) from n equal chords.
+        let by_sag = if seen_px < length_px {
+            (length_px * turn * settings.quality / (8.0 * SAG_PX)).sqrt().min(length_px * settings.quality)
+        } else {
+            0.0
+        };
+        by_length.max(by_curvature).max(by_sag).max(turn / settings.highcurvature)
+    }
+
+    /// How far (pixels) a step moves along itself while the shutter is open. Motion across it hides no detail of it.
+    fn motion_along(&self, step: [Vec3; 2], moved: [Vec3; 2]) -> f32 {
+        let perspective = matches!(self.camera.projection, Projection::Perspective { .. });
+        let near = self.camera.near;
+        let project = |p: Vec3| {
+            let z = if perspective { p.z.max(near) } else { p.z };
+            self.camera.project(Vec3::new(p.x, p.y, z)).truncate()
+        };
+        let [a, b] = step.map(project);
+        let [c, d] = moved.map(project);
+        let along = (b - a).try_normalize().map_or(0.0, |direction| {
+            let travel = ((c + d) - (a + b)) * 0.5;
+            travel.dot(direction).abs()
+        });
+        if along.is_finite() { along } else { 0.0 }
     }
 
     /// How much coarser what lies at depth `z` may be diced because it is out of focus: detail below a quarter of the
@@ -214,5 +328,50 @@ impl<'a> Measure<'a> {
         }
         let distance = if perspective { ((a + b) * 0.5).length().max(near) } else { 1.0 };
         (b - a).length() * self.pixels / distance
+    }
+}
+
+/// The largest of some numbers, at least 0.
+fn largest_of(numbers: impl Iterator<Item = f32>) -> f32 {
+    numbers.fold(0.0, f32::max)
+}
+
+impl FixedDicing {
+    /// Segments along u and v of a piece, as real numbers.
+    ///
+    /// Each direction gets what the parameters that change along it ask for: where they run as u and v do, that is
+    /// the one rate for u and the other for v; where they are turned, both hold.
+    fn segments(&self, piece: &dyn Surface) -> [f32; 2] {
+        if self.names.iter().zip(["u", "v"]).all(|(name, own)| **name == *own) {
+            let [u0, u1, v0, v1] = piece.domain();
+            return [(self.rate[0] * (u1 - u0)).abs().max(1.0), (self.rate[1] * (v1 - v0)).abs().max(1.0)];
+        }
+        let dice = piece.dice(LATTICE, LATTICE);
+        let values = [self.values(&dice, 0), self.values(&dice, 1)];
+        let line = |start: usize, step: usize| -> f32 {
+            let steps = (1..LATTICE).map(|k| {
+                let (a, b) = (start + (k - 1) * step, start + k * step);
+                let along = |x: usize| self.rate[x] * (values[x][b] - values[x][a]);
+                along(0).hypot(along(1))
+            });
+            let sum: f32 = steps.sum();
+            // Whole numbers stay whole, whatever the rounding of the sum.
+            if (sum - sum.round()).abs() < 1e-3 { sum.round() } else { sum }
+        };
+        let segments = [
+            largest_of((0..LATTICE).map(|j| line(j * LATTICE, 1))),
+            largest_of((0..LATTICE).map(|i| line(i, LATTICE))),
+        ];
+        segments.map(|n| if n.is_finite() { n.max(1.0) } else { 1.0 })
+    }
+
+    /// The parameter that stands for u (axis 0) or v (axis 1) at the points of a lattice.
+    fn values(&self, dice: &Dice, axis: usize) -> Vec<f32> {
+        let n = LATTICE * LATTICE;
+        let variable = dice.primvars.iter().find(|v| *v.name == *self.names[axis] && v.ty.width() == 1);
+        match variable.map(|v| &v.data) {
+            Some(DiceData::Floats { values, varying: true }) if values.len() == n => values.clone(),
+            _ => [&dice.u, &dice.v][axis].clone(),
+        }
     }
 }

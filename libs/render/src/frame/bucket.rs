@@ -1,5 +1,6 @@
 //! One bucket: collect, hide, filter; and the making of its grids.
 
+use super::cells::{finer, kept};
 use super::job::{Job, LeafSlot};
 use super::{Frame, FrameShader, Holdout, Jobs};
 use crate::Projection;
@@ -92,7 +93,7 @@ impl<S: FrameShader> Frame<'_, S> {
             self.shader.displace(thread, &job.object, &mut grid);
         }
         let kept = kept(&dice, job, &grid);
-        if kept.as_ref().is_some_and(|kept| !kept.contains(&true)) {
+        if kept.as_ref().is_some_and(|cells| !cells.kept.contains(&true)) {
             return None;
         }
         let matte = job.traits.holdout == Holdout::Matte;
@@ -125,10 +126,20 @@ impl<S: FrameShader> Frame<'_, S> {
         if opaque {
             opacity = Vec::new();
         }
-        let p_cam = self.positions(&dice, key_times, job, &grid, before.as_ref());
+        let mut p_cam = self.positions(&dice, key_times, job, &grid, before.as_ref());
+        let (mut nu, mut nv) = (dice.nu, dice.nv);
+        let per_side = kept.as_ref().map_or(1, |cells| cells.per_side);
+        if per_side > 1 {
+            p_cam.iter_mut().for_each(|p| *p = finer(p, nu, per_side));
+            for colors in [&mut color, &mut opacity].into_iter().filter(|c| !c.is_empty()) {
+                *colors = finer(colors, nu, per_side);
+            }
+            variables = variables.chunks_exact(n).flat_map(|values| finer(values, nu, per_side)).collect();
+            (nu, nv) = ((nu - 1) * per_side + 1, (nv - 1) * per_side + 1);
+        }
         let shaded = ShadedGrid {
-            nu: dice.nu,
-            nv: dice.nv,
+            nu,
+            nv,
             primitive: primitive.id,
             view: ViewedGrid::new(
                 self.options.camera,
@@ -141,7 +152,7 @@ impl<S: FrameShader> Frame<'_, S> {
             opaque,
             holdout: job.traits.holdout,
             variables,
-            kept: kept.unwrap_or_default(),
+            kept: kept.map_or_else(Vec::new, |cells| cells.kept),
             rect: slot.rect,
             z_min: slot.z_min,
             rim_px: (0.02 / job.settings.quality).clamp(0.02, 0.25),
@@ -234,24 +245,4 @@ impl<S: FrameShader> Frame<'_, S> {
             );
         }
     }
-}
-
-/// Which micropolygons are there: not trimmed away, and not facing away where "twosided" is 0; `None` for all.
-fn kept<O>(dice: &Dice, job: &Job<O>, grid: &Grid) -> Option<Vec<bool>> {
-    let attributes = &job.primitive.attributes;
-    let (mu, mv) = (dice.nu - 1, dice.nv - 1);
-    let mut kept = dice.mask.as_ref().map(|mask| {
-        let inside = &*attributes.string("trimcurve:sense") != "outside";
-        mask.iter().map(|m| *m == inside).collect::<Vec<bool>>()
-    });
-    if attributes.int("twosided") == 0 {
-        let kept = kept.get_or_insert_with(|| vec![true; mu * mv]);
-        let away = |i: usize| grid.ng.get(i).dot(grid.i.get(i)) > 0.0;
-        for (at, kept) in kept.iter_mut().enumerate() {
-            let corner = at / mu * dice.nu + at % mu;
-            let corners = [corner, corner + 1, corner + dice.nu, corner + dice.nu + 1];
-            *kept &= !corners.into_iter().all(away);
-        }
-    }
-    kept
 }

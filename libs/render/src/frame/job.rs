@@ -2,6 +2,7 @@
 
 use super::{Frame, FrameShader, ObjectTraits};
 use crate::PixelRect;
+use crate::dicing::trimming;
 use crate::dicing::{DiceSettings, Leaf, Placement, Plan};
 use crate::hider::{NOWHERE, ShadedGrid, pixels_of};
 use crate::statistics::add;
@@ -101,14 +102,18 @@ impl<S: FrameShader> Frame<'_, S> {
             let text = if name.is_empty() { text } else { format!("object \"{name}\": {text}") };
             reporter.once(&text.clone(), severity, &primitive.at, text);
         };
-        let pieces =
-            match granita_geom::build(&primitive.shape, &keys, attributes.trim.as_deref(), &mut report) {
-                Ok(pieces) => pieces,
-                Err(error) => {
-                    report(Severity::Error, format!("{} is left out: {error}", primitive.shape.call_name()));
-                    return None;
-                }
-            };
+        let pieces = match granita_geom::build(
+            &primitive.shape,
+            &keys,
+            trimming(attributes, self.dicing.trim_quality),
+            &mut report,
+        ) {
+            Ok(pieces) => pieces,
+            Err(error) => {
+                report(Severity::Error, format!("{} is left out: {error}", primitive.shape.call_name()));
+                return None;
+            }
+        };
         add(&self.counters.primitives_built, 1);
         let object = self.shader.object(primitive);
         let traits = self.shader.traits(&object);
@@ -128,7 +133,7 @@ impl<S: FrameShader> Frame<'_, S> {
             return None;
         }
         Some(Job {
-            settings: DiceSettings::new(attributes, self.gridsize, self.options.dicing_camera),
+            settings: DiceSettings::new(attributes, &self.dicing, self.options.dicing_camera),
             culls_hidden: attributes.int("cull:occlusion") != 0,
             primitive: primitive.clone(),
             object,

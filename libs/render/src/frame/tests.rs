@@ -1,5 +1,7 @@
 //! Whole frames with shaders that are Rust functions: geometry, sampling, filtering, determinism.
 
+mod cracks;
+
 use super::*;
 use crate::environment::Silent;
 use granita_base::{MotionTransform, Param, Params, ShapeDesc, Transform, Vec3};
@@ -168,12 +170,12 @@ impl Build {
 }
 
 /// Renders `data` of a scene; the pixels of its crop window.
-fn render_with(
+fn render_with<S: FrameShader>(
     build: &Build,
     view: &CameraView,
     threads: usize,
     output: (&str, &[Param]),
-    shader: &Painted<impl Fn(&mut Grid) + Sync>,
+    shader: &S,
 ) -> Vec<f32> {
     let mut registry = FormatRegistry::new(Limits::default());
     registry.register(Arc::new(Nowhere));

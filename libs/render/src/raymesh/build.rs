@@ -2,7 +2,7 @@
 
 use super::{Quad, RayData, RayMesh, RayPrimvar};
 use crate::CameraView;
-use crate::dicing::{self, DiceSettings, GridView, Leaf, Measure, Placement, Viewer, Viewpoint};
+use crate::dicing::{self, DiceSettings, GridView, Leaf, Measure, Placement, SceneDicing, Viewer, Viewpoint};
 use crate::object::ObjectState;
 use crate::shading::ShaderThread;
 use granita_base::{MotionTransform, Severity, Vec3};
@@ -38,7 +38,9 @@ pub(crate) fn tessellate(
         let text = if object.name.is_empty() { text } else { format!("object \"{}\": {text}", object.name) };
         reporter.once(&format!("primitive {} {text}", primitive.id), severity, &primitive.at, text);
     };
-    let pieces = match granita_geom::build(&primitive.shape, &keys, attributes.trim.as_deref(), &mut report) {
+    let dicing = SceneDicing::new(&frame.scene);
+    let trim = dicing::trimming(attributes, dicing.trim_quality);
+    let pieces = match granita_geom::build(&primitive.shape, &keys, trim, &mut report) {
         Ok(pieces) => pieces,
         Err(error) => {
             report(Severity::Error, error.to_string());
@@ -73,7 +75,7 @@ pub(crate) fn tessellate(
     };
     let leaves = if displaced {
         // What moves must be sampled as finely as for the camera.
-        let settings = DiceSettings::new(attributes, frame.scene.int("limits:gridsize"), camera);
+        let settings = DiceSettings::new(attributes, &dicing, camera);
         dicing::tessellate(pieces, &placement, &Measure::by_distance(camera), &settings)
     } else {
         let flat = matches!(primitive.shape, granita_base::ShapeDesc::Mesh { subdivide: false, .. });
@@ -195,9 +197,10 @@ impl Builder<'_> {
         let strings = add_primvars(mesh, &grid, self.pieces);
         mesh.string_set.push(strings);
         let kept_value = &*self.object.attributes.string("trimcurve:sense") != "outside";
+        let mask = dice.mask.as_ref().map(|mask| mask.micropolygons(nu));
         for j in 0..nv - 1 {
             for i in 0..nu - 1 {
-                if dice.mask.as_ref().is_some_and(|m| m[j * (nu - 1) + i] != kept_value) {
+                if mask.as_ref().is_some_and(|m| m[j * (nu - 1) + i] != kept_value) {
                     continue;
                 }
                 let (corner, stride) = ((first + j * nu + i) as u32, nu as u32);

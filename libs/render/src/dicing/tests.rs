@@ -1,0 +1,337 @@
+//! Dicing rates against what the attributes of reference 4.4.5 promise.
+
+use super::*;
+use crate::CameraView;
+use granita_base::{
+    CurveBasis, MotionTransform, Param, ParamData, Params, Reporter, ShapeDesc, Transform, Vec3,
+    shape::KnotSpan,
+};
+use granita_geom::ShapeKey;
+use granita_scene::{Camera, Scene};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+fn param(declaration: &str, data: impl Into<ParamData>) -> Param {
+    Param::declared(declaration, data).unwrap()
+}
+
+/// 8 pixels a unit, orthographic, the shutter open from 0 to 1.
+fn camera() -> CameraView {
+    let mut params = Params::new();
+    params.set(param("string projection", "orthographic"));
+    params.set(param("int[2] resolution", &[640.0_f32, 480.0][..]));
+    params.set(param("float[4] screen", &[-40.0_f32, 40.0, -30.0, 30.0][..]));
+    params.set(param("float[2] shutter", &[0.0_f32, 1.0][..]));
+    let camera = Camera { name: "main".into(), world_to_camera: MotionTransform::default(), params };
+    CameraView::new(&camera, &Reporter::silent())
+}
+
+struct Rig {
+    camera: CameraView,
+    scene: Scene,
+    attributes: AttributeSet,
+}
+
+impl Rig {
+    /// With attributes of the object; those of the scene are told apart by their names.
+    fn new(list: &[(&str, ParamData)]) -> Self {
+        let mut values = BTreeMap::new();
+        let mut scene = Scene::default();
+        for (declaration, data) in list {
+            let p = param(declaration, data.clone());
+            if p.name.starts_with("limits:") || p.name.ends_with("name") {
+                scene.globals.insert(p.name.clone(), p);
+            } else {
+                values.insert(p.name.clone(), p);
+            }
+        }
+        let attributes = AttributeSet { values: Arc::new(values), ..AttributeSet::default() };
+        Self { camera: camera(), scene, attributes }
+    }
+
+    fn leaves(&self, pieces: Vec<Piece>, to_world: &MotionTransform) -> Vec<Leaf> {
+        let settings = DiceSettings::new(&self.attributes, &SceneDicing::new(&self.scene), &self.camera);
+        let times = pieces[0].key_times().to_vec();
+        let placement = Placement::new(to_world, &times, &[], self.camera.shutter);
+        tessellate(pieces, &placement, &Measure::on_raster(&self.camera), &settings)
+    }
+
+    /// Points along u and v of each grid of something that stands still.
+    fn rates(&self, pieces: Vec<Piece>) -> Vec<[usize; 2]> {
+        self.rates_moving(pieces, &Transform::translate(Vec3::Z * 10.0).into())
+    }
+
+    fn rates_moving(&self, pieces: Vec<Piece>, to_world: &MotionTransform) -> Vec<[usize; 2]> {
+        self.leaves(pieces, to_world).iter().map(|leaf| [leaf.nu, leaf.nv]).collect()
+    }
+}
+
+fn build(shape: &ShapeDesc, params: &[Param]) -> Vec<Piece> {
+    let params = Params(params.to_vec());
+    let keys = [ShapeKey { time: 0.0, params: &params }];
+    granita_geom::build(shape, &keys, None, &mut |_, text| panic!("{text}")).unwrap()
+}
+
+/// A rectangle in the xy plane, `[width, height]` about the origin, with more variables.
+fn rectangle([w, h]: [f32; 2], more: &[Param]) -> Vec<Piece> {
+    use CurveBasis::Linear;
+    let (x, y) = (w * 0.5, h * 0.5);
+    let p = [-x, -y, 0.0, x, -y, 0.0, -x, y, 0.0, x, y, 0.0];
+    let mut params = vec![param("vertex point P", &p[..])];
+    params.extend_from_slice(more);
+    build(&ShapeDesc::Patch { u: Linear, v: Linear, nu: 2, nv: 2 }, &params)
+}
+
+/// A straight curve along y.
+fn straight(length: f32, width: f32) -> Vec<Piece> {
+    let p = [0.0, 0.0, 0.0, 0.0, length, 0.0];
+    let params = [param("vertex point P", &p[..]), param("constant float width", width)];
+    build(&ShapeDesc::Curves { basis: CurveBasis::Linear, ncurves: 1, nverts: 2 }, &params)
+}
+
+/// Half of a cylinder about y, of radius `r` and height `r`.
+fn half_pipe(r: f32) -> Vec<Piece> {
+    let k = KnotSpan {
+        n: 5,
+        order: 3,
+        knots: [0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 2.0].into(),
+        min: 0.0,
+        max: 2.0,
+    };
+    let line = KnotSpan { n: 2, order: 2, knots: [0.0, 0.0, 1.0, 1.0].into(), min: 0.0, max: 1.0 };
+    let w = std::f32::consts::FRAC_1_SQRT_2;
+    let mut pw = Vec::new();
+    for y in [0.0, r] {
+        let arc = [[-r, 0.0, 1.0], [-r, -r, w], [0.0, -r, 1.0], [r, -r, w], [r, 0.0, 1.0]];
+        for [x, z, w] in arc {
+            pw.extend([x * w, y * w, z * w, w]);
+        }
+    }
+    build(&ShapeDesc::Nurbs { u: k, v: line }, &[param("vertex hpoint Pw", &pw[..])])
+}
+
+fn f(x: f32) -> ParamData {
+    x.into()
+}
+
+#[test]
+fn micropolygons_are_a_pixel_apart_at_quality_one() {
+    // 16 by 8 pixels.
+    assert_eq!(Rig::new(&[]).rates(rectangle([2.0, 1.0], &[])), [[17, 9]]);
+    let finer = Rig::new(&[("float shadingquality", f(1.5))]);
+    assert_eq!(finer.rates(rectangle([1.0, 0.5], &[])), [[13, 7]]);
+    let coarser = Rig::new(&[("float shadingquality", f(0.25))]);
+    assert_eq!(coarser.rates(rectangle([2.0, 1.0], &[])), [[5, 3]]);
+}
+
+#[test]
+fn grids_stay_within_the_grid_size() {
+    for size in [16, 100, 256, 1000] {
+        let rig = Rig::new(&[("int limits:gridsize", f(size as f32))]);
+        let rates = rig.rates(rectangle([20.0, 10.0], &[]));
+        assert!(rates.iter().all(|[u, v]| u * v <= size), "{rates:?}");
+        let facets: usize = rates.iter().map(|[u, v]| (u - 1) * (v - 1)).sum();
+        assert!((160 * 80..160 * 80 * 3 / 2).contains(&facets), "{facets}");
+    }
+}
+
+#[test]
+fn binary_rates_are_powers_of_two() {
+    let rig = Rig::new(&[("int dice:binary", f(1.0))]);
+    // 12 by 5 pixels.
+    assert_eq!(rig.rates(rectangle([1.5, 0.625], &[])), [[17, 9]]);
+    for rates in rig.rates(rectangle([11.3, 7.7], &[])) {
+        assert!(rates.iter().all(|n| (n - 1).is_power_of_two()), "{rates:?}");
+    }
+}
+
+#[test]
+fn fixed_rates_hold_at_any_size() {
+    let rig = Rig::new(&[("float[2] dice:fixed", (&[12.0_f32, 5.0][..]).into())]);
+    for size in [0.001, 1.0, 10.0] {
+        assert_eq!(rig.rates(rectangle([size, size], &[])), [[13, 6]]);
+    }
+    // 256 facets a unit, in grids of at most 256 points.
+    let rig = Rig::new(&[("float[2] dice:fixed", (&[256.0_f32, 64.0][..]).into())]);
+    let leaves = rig.rates(rectangle([1.0, 1.0], &[]));
+    assert_eq!(leaves.iter().map(|[u, v]| (u - 1) * (v - 1)).sum::<usize>(), 256 * 64);
+    // (0, 0) is off.
+    let off = Rig::new(&[("float[2] dice:fixed", (&[0.0_f32, 0.0][..]).into())]);
+    assert_eq!(off.rates(rectangle([2.0, 1.0], &[])), [[17, 9]]);
+}
+
+#[test]
+fn fixed_rates_follow_named_variables() {
+    let fixed = ("float[2] dice:fixed", ParamData::from(&[10.0_f32, 4.0][..]));
+    let named = |u: &str, v: &str| {
+        Rig::new(&[fixed.clone(), ("string dice:fixeduname", u.into()), ("string dice:fixedvname", v.into())])
+    };
+    // s runs from 0 to 0.5 along u, t from 0 to 2 along v.
+    let s = param("linear float s", &[0.0_f32, 0.5, 0.0, 0.5][..]);
+    let t = param("vertex float t", &[0.0_f32, 0.0, 2.0, 2.0][..]);
+    let along = || rectangle([1.0, 1.0], &[s.clone(), t.clone()]);
+    assert_eq!(named("u", "v").rates(along()), [[11, 5]]);
+    assert_eq!(named("s", "t").rates(along()), [[6, 9]]);
+    assert_eq!(named("s", "v").rates(along()), [[6, 5]]);
+    // A primitive without the variables is measured by u and v.
+    assert_eq!(named("s", "t").rates(rectangle([1.0, 1.0], &[])), [[11, 5]]);
+    assert_eq!(named("q", "t").rates(along()), [[11, 9]]);
+    // Turned by a right angle, s runs along v: its rate goes with it.
+    let s = param("linear float s", &[0.0_f32, 0.0, 1.0, 1.0][..]);
+    let t = param("linear float t", &[0.0_f32, 1.0, 0.0, 1.0][..]);
+    assert_eq!(named("s", "t").rates(rectangle([1.0, 1.0], &[s, t])), [[5, 11]]);
+}
+
+#[test]
+fn curvature_adds_segments_where_length_asks_for_few() {
+    // A half circle 8 pixels across: 12.6 pixels of arc, some of it seen at a slant.
+    let along_u = |list: &[(&str, ParamData)]| {
+        Rig::new(list).rates(half_pipe(0.5)).iter().map(|r| r[0] - 1).sum::<usize>()
+    };
+    let plain = along_u(&[("float dice:curvature", f(180.0))]);
+    assert!((8..=16).contains(&plain), "{plain}");
+    // 180 degrees by steps of 10, and by steps of 5.
+    let ten = along_u(&[]);
+    assert!((18..=22).contains(&ten), "{ten}");
+    // Steps of 5 would be under a third of a pixel, of which there are 24.
+    let five = along_u(&[("float dice:curvature", f(5.0))]);
+    assert_eq!(five, 24);
+}
+
+#[test]
+fn high_curvature_counts_at_any_size() {
+    // A thousandth of a pixel across.
+    let along_u = |list: &[(&str, ParamData)]| {
+        Rig::new(list).rates(half_pipe(1e-4)).iter().map(|r| r[0] - 1).sum::<usize>()
+    };
+    // Two quarter circles, each one segment.
+    assert_eq!(along_u(&[]), 2);
+    let fine = along_u(&[("float dice:highcurvature", f(15.0))]);
+    assert!((12..=14).contains(&fine), "{fine}");
+}
+
+#[test]
+fn orientation_counts_unless_told_otherwise() {
+    // Seen from its edge: 16 pixels wide, 8 pixels deep.
+    let turned =
+        Transform::rotate(std::f32::consts::FRAC_PI_2, Vec3::X).then(&Transform::translate(Vec3::Z * 10.0));
+    let rates = |rig: Rig| rig.rates_moving(rectangle([2.0, 1.0], &[]), &turned.into());
+    assert_eq!(rates(Rig::new(&[])), [[17, 2]]);
+    assert_eq!(rates(Rig::new(&[("int dice:rasterorient", f(0.0))])), [[17, 9]]);
+}
+
+#[test]
+fn moving_objects_are_coarser_along_their_motion() {
+    let moving = |by: Vec3| {
+        let keys = vec![
+            (0.0, Transform::translate(Vec3::Z * 10.0)),
+            (1.0, Transform::translate(Vec3::Z * 10.0 + by)),
+        ];
+        MotionTransform::from_keys(keys).unwrap()
+    };
+    let facets = |list: &[(&str, ParamData)], by: Vec3| {
+        Rig::new(list).rates_moving(rectangle([1.5, 1.5], &[]), &moving(by))
+    };
+    // 12 pixels each way; 24 pixels of motion make steps of 1 + 24 / 4 pixels along it.
+    assert_eq!(facets(&[], Vec3::ZERO), [[13, 13]]);
+    assert_eq!(facets(&[], Vec3::X * 3.0), [[3, 13]]);
+    assert_eq!(facets(&[], Vec3::Y * 3.0), [[13, 3]]);
+    // Larger factors coarsen more, smaller ones less, 0 not at all.
+    assert_eq!(facets(&[("float dice:motionfactor", f(4.0))], Vec3::X * 3.0), [[2, 13]]);
+    assert_eq!(facets(&[("float dice:motionfactor", f(0.25))], Vec3::X * 3.0), [[6, 13]]);
+    assert_eq!(facets(&[("float dice:motionfactor", f(0.0))], Vec3::X * 3.0), [[13, 13]]);
+    // Towards the camera nothing moves on the raster.
+    assert_eq!(facets(&[], Vec3::Z * 3.0), [[13, 13]]);
+}
+
+#[test]
+fn moving_outlines_stay_round() {
+    let keys = vec![
+        (0.0, Transform::translate(Vec3::Z * 20.0)),
+        (1.0, Transform::translate(Vec3::new(8.0, 0.0, 20.0))),
+    ];
+    let moving = MotionTransform::from_keys(keys).unwrap();
+    let along_u = |to_world: &MotionTransform| {
+        let leaves = Rig::new(&[]).rates_moving(half_pipe(4.0), to_world);
+        leaves.iter().map(|r| (r[0] - 1) * (r[1] - 1)).sum::<usize>()
+    };
+    let (still, fast) = (along_u(&Transform::translate(Vec3::Z * 20.0).into()), along_u(&moving));
+    assert!(fast * 5 < still * 3 && fast * 12 > still, "{fast} instead of {still}");
+}
+
+#[test]
+fn curves_are_split_at_creases_on_demand() {
+    // Two Bezier segments at a right angle, then one straight on.
+    let p = [
+        0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.0, 0.3, 0.0, 0.0, 0.3, 0.1, 0.0, 0.3, 0.2, 0.0, 0.3, 0.3,
+        0.0, 0.3, 0.4, 0.0, 0.3, 0.5, 0.0, 0.3, 0.6, 0.0,
+    ];
+    let curve = |p: &[f32], nverts: usize| {
+        let params = [param("vertex point P", p), param("constant float width", 0.01)];
+        build(&ShapeDesc::Curves { basis: CurveBasis::Bezier, ncurves: 1, nverts }, &params)
+    };
+    assert_eq!(Rig::new(&[]).rates(curve(&p, 10)).len(), 1, "diced over");
+    let to_world = Transform::translate(Vec3::Z * 10.0).into();
+    let leaves = Rig::new(&[("int dice:keepcreases", f(1.0))]).leaves(curve(&p, 10), &to_world);
+    assert_eq!(leaves.len(), 2);
+    let ends: Vec<[f32; 2]> = leaves.iter().map(|l| [l.piece.domain()[2], l.piece.domain()[3]]).collect();
+    assert_eq!(ends, [[0.0, 1.0 / 3.0], [1.0 / 3.0, 1.0]]);
+    // Without creases there is nothing to split.
+    let smooth: Vec<f32> = (0..10).flat_map(|i| [0.0, 0.1 * i as f32, 0.0]).collect();
+    assert_eq!(Rig::new(&[("int dice:keepcreases", f(1.0))]).rates(curve(&smooth, 10)).len(), 1);
+}
+
+#[test]
+fn patches_always_end_at_creases() {
+    // A roof: a double knot at 1 of a quadratic.
+    let u = KnotSpan {
+        n: 5,
+        order: 3,
+        knots: [0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 2.0].into(),
+        min: 0.0,
+        max: 2.0,
+    };
+    let v = KnotSpan { n: 2, order: 2, knots: [0.0, 0.0, 1.0, 1.0].into(), min: 0.0, max: 1.0 };
+    let row =
+        |y: f32| [[0.0, y, 0.0], [0.21, y, 0.2], [0.33, y, 0.37], [0.5, y, 0.2], [0.7, y, 0.0]].concat();
+    let p = [row(0.0), row(0.4)].concat();
+    for keep in [0.0, 1.0] {
+        let rig = Rig::new(&[("int dice:keepcreases", f(keep))]);
+        let pieces =
+            build(&ShapeDesc::Nurbs { u: u.clone(), v: v.clone() }, &[param("vertex point P", &p[..])]);
+        let leaves = rig.leaves(pieces, &Transform::translate(Vec3::Z * 10.0).into());
+        let viewer = Viewer::new(
+            &rig.camera,
+            &Placement::new(&MotionTransform::default(), &[0.0], &[], [0.0; 2]),
+            &[0.0],
+        );
+        let ridge = leaves.iter().any(|leaf| leaf.dice(&viewer).p[0].contains(&Vec3::new(0.33, 0.0, 0.37)));
+        assert!(ridge && leaves.len() == 2, "{} leaves", leaves.len());
+    }
+}
+
+#[test]
+fn thin_curves_have_one_segment_across() {
+    let finest = |rates: Vec<[usize; 2]>| rates.into_iter().map(|r| r[0] - 1).max().unwrap();
+    let fine = |thin: f32, width: f32| {
+        let list = [("float shadingquality", f(4.0)), ("float dice:thincurve", f(thin))];
+        finest(Rig::new(&list).rates(straight(0.5, width)))
+    };
+    // 0.8 pixels at 4 points a pixel: thinner than one pixel, so nobody sees across it.
+    assert_eq!(fine(1.0, 0.1), 1);
+    assert_eq!(fine(0.5, 0.1), 4);
+    assert_eq!(fine(0.0, 0.1), 4);
+    // 2 pixels.
+    assert_eq!(fine(1.0, 0.25), 8);
+    assert_eq!(fine(3.0, 0.25), 1);
+    // Other primitives never count as thin.
+    let list = [("float shadingquality", f(4.0))];
+    assert_eq!(finest(Rig::new(&list).rates(rectangle([0.1, 0.5], &[]))), 4);
+}
+
+#[test]
+fn settings_that_are_no_numbers_are_the_defaults() {
+    let rig =
+        Rig::new(&[("float dice:curvature", f(f32::NAN)), ("float dice:motionfactor", f(f32::INFINITY))]);
+    assert_eq!(rig.rates(rectangle([2.0, 1.0], &[])), [[17, 9]]);
+}
