@@ -8,10 +8,13 @@ use crate::dicing::{GridView, Leaf, Viewer, Viewpoint, key_at, make_grid};
 use crate::film;
 use crate::hider::{SampleGrid, ShadedGrid, Surfaces, ViewedGrid};
 use crate::statistics::{add, add_time};
-use granita_base::{Color, Severity, Vec3};
+use granita_base::{Color, Severity, Vec2, Vec3};
 use granita_geom::Dice;
 use granita_shade::{Grid, Lanes3, RayKind};
 use std::time::Instant;
+
+/// No rim is wider than this, in pixels.
+const MOST_RIM_PX: f32 = 3.0;
 
 impl<S: FrameShader> Frame<'_, S> {
     /// Renders a bucket; returns the pixels of every image.
@@ -127,6 +130,10 @@ impl<S: FrameShader> Frame<'_, S> {
             opacity = Vec::new();
         }
         let mut p_cam = self.positions(&dice, key_times, job, &grid, before.as_ref());
+        let mut rim_px = (0.02 / job.settings.quality).clamp(0.02, 0.25);
+        if before.is_some() {
+            rim_px = self.roughness_px(&p_cam, dice.nu, dice.nv).clamp(rim_px, MOST_RIM_PX);
+        }
         let (mut nu, mut nv) = (dice.nu, dice.nv);
         let per_side = kept.as_ref().map_or(1, |cells| cells.per_side);
         if per_side > 1 {
@@ -155,7 +162,7 @@ impl<S: FrameShader> Frame<'_, S> {
             kept: kept.map_or_else(Vec::new, |cells| cells.kept),
             rect: slot.rect,
             z_min: slot.z_min,
-            rim_px: (0.02 / job.settings.quality).clamp(0.02, 0.25),
+            rim_px,
         };
         if before.is_some() {
             self.check_displacement(&shaded, job);
@@ -221,6 +228,35 @@ impl<S: FrameShader> Frame<'_, S> {
             );
         }
         colors
+    }
+
+    /// How far (pixels) a neighbour that is diced differently may be off the borders of a displaced grid.
+    ///
+    /// Undisplaced surfaces are diced so finely that their edges stay together; what a displacement does between two
+    /// points nobody knows, but between three it shows in how far the middle one is off the other two.
+    fn roughness_px(&self, p_cam: &[Vec<Vec3>], nu: usize, nv: usize) -> f32 {
+        let mut worst = 0.0_f32;
+        let perspective = matches!(self.options.camera.projection, Projection::Perspective { .. });
+        let (down, across) = ((nv - 1) * nu, nu - 1);
+        for p in p_cam {
+            let mut off = |at: usize, step: usize| {
+                let [a, b, c] = [at - step, at, at + step].map(|i| p[i]);
+                let depth = b.z.max(self.options.camera.near);
+                let scale = self.options.camera.raster_scale(depth).abs();
+                let second = (a + c) * 0.5 - b;
+                // Seen along the view nothing opens.
+                let along = if perspective { b.truncate() * (second.z / depth) } else { Vec2::ZERO };
+                let aside = second.truncate() - along;
+                worst = worst.max((aside * scale).length());
+            };
+            for i in 1..nu.saturating_sub(1) {
+                [i, down + i].into_iter().for_each(|at| off(at, 1));
+            }
+            for j in 1..nv.saturating_sub(1) {
+                [j * nu, j * nu + across].into_iter().for_each(|at| off(at, nu));
+            }
+        }
+        if worst.is_finite() { worst } else { 0.0 }
     }
 
     /// Warns about points that a displacement moved out of the bound it declared.

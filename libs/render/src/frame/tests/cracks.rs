@@ -106,7 +106,10 @@ fn surface(random: &mut Random) -> (&'static str, Vec<(ShapeDesc, Vec<f32>)>) {
             let mut points = heights(random, nu, nv, rough);
             // B-splines do not reach their outer points.
             points.iter_mut().for_each(|p| *p = Vec3::new(p.x * 2.2, p.y * 2.2, p.z));
-            ("patch", vec![(ShapeDesc::Patch { u: basis, v: basis, nu, nv }, floats(points))])
+            (
+                if basis == Bezier { "patch" } else { "smooth patch" },
+                vec![(ShapeDesc::Patch { u: basis, v: basis, nu, nv }, floats(points))],
+            )
         }
         1 => {
             // Bezier patches side by side that share the vertices of their edges, every other one turned around.
@@ -176,8 +179,10 @@ fn holes(seed: u32) -> (usize, String) {
     };
     let displaced = random.pick(3) > 0;
     let moves = random.pick(3) == 0;
+    // Along the normal only where there is one at every edge.
+    let smooth = what == "smooth patch" || what == "subdivided mesh";
     let direction = match random.pick(3) {
-        0 => None,
+        0 if smooth => None,
         _ => Some(Vec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), random.between(-1.0, 1.0))),
     };
     // Waves of 4 pixels and more, up to 3 pixels high.
