@@ -186,11 +186,35 @@ impl Cage {
         }
     }
 
-    /// Whether one bicubic patch is exactly the surface at each of these faces.
-    pub(crate) fn is_regular(&self, mut drawn: impl Iterator<Item = usize>) -> bool {
+    /// Replaces `out` by the quadrilaterals around a vertex in winding order: the edge to the vertex that follows it in
+    /// each, that vertex, and the opposite one. False when they do not close into one fan.
+    pub(crate) fn fan(&self, vertex: u32, out: &mut Vec<[u32; 3]>) -> bool {
+        out.clear();
+        let around = |k: u32, by: u32| self.corners[(k / 4 * 4 + (k + by) % 4) as usize];
+        let corners = self.corners_at(vertex);
+        let mut by_next: Vec<(u32, u32)> = corners.iter().map(|&k| (around(k, 1), k)).collect();
+        by_next.sort_unstable();
+        let mut k = corners[0];
+        for _ in corners {
+            out.push([self.corner_edges[k as usize], around(k, 1), around(k, 2)]);
+            match by_next.binary_search_by_key(&around(k, 3), |x| x.0) {
+                Ok(found) => k = by_next[found].1,
+                Err(_) => return false,
+            }
+        }
+        k == corners[0] && by_next.windows(2).all(|w| w[0].0 != w[1].0)
+    }
+
+    /// What the surface does at each vertex.
+    pub(crate) fn kinds(&self) -> Vec<Corner> {
+        (0..self.vertices() as u32).map(|v| self.corner(v)).collect()
+    }
+
+    /// Whether one bicubic patch is exactly the surface at each of these faces; `kinds` as [`Cage::kinds`] gives them.
+    pub(crate) fn is_regular(&self, kinds: &[Corner], mut drawn: impl Iterator<Item = usize>) -> bool {
         let regular = |&v: &u32| {
             let faces = self.corners_at(v).len();
-            match self.corner(v) {
+            match kinds[v as usize] {
                 Corner::Smooth => faces == 4,
                 Corner::Crease(_) => faces == 2,
                 Corner::Sharp => faces == 1,

@@ -1,5 +1,8 @@
 //! Cutting polygons into triangles.
 
+/// Most tests of corners against triangles; a polygon that asks for more is cut without regard to its shape.
+const MOST_TESTS: usize = 400_000_000;
+
 /// Corners of the triangles of a polygon, in its winding.
 ///
 /// Convex polygons are cut into a fan of ears; concave ones by ear clipping in the plane of the Newell normal. What
@@ -10,39 +13,142 @@ pub(crate) fn triangulate(points: &[[f64; 3]]) -> Vec<[usize; 3]> {
         return Vec::new();
     }
     let flat = project(points);
-    let mut ring: Vec<usize> = (0..n).collect();
+    let mut ring = Ring::new(n);
+    let bends_in = |ring: &Ring, i: usize| {
+        let [a, b, c] = ring.corners(i);
+        turn(flat[a], flat[b], flat[c]) <= 0.0
+    };
+    let mut reflex: Vec<usize> = (0..n).filter(|&i| bends_in(&ring, i)).collect();
+    let mut near = Nearby::new(&flat, &reflex);
+    let (mut tests, mut looked_up_at) = (0_usize, n);
     let mut triangles = Vec::with_capacity(n - 2);
-    // Where to look for the next ear; going round avoids slivers around one corner.
+    // Where to look for the next ear; going on behind the last one avoids slivers around one corner.
     let mut at = 0;
-    let mut convex = false;
-    while ring.len() > 3 {
-        let m = ring.len();
-        let reflex: Vec<usize> = (0..if convex { 0 } else { m })
-            .filter(|&i| turn(flat[ring[(i + m - 1) % m]], flat[ring[i]], flat[ring[(i + 1) % m]]) <= 0.0)
-            .map(|i| ring[i])
-            .collect();
-        let corners = |i: usize| [ring[(i + m - 1) % m], ring[i], ring[(i + 1) % m]];
-        let is_ear = |i: usize| {
-            let [a, b, c] = corners(i);
-            turn(flat[a], flat[b], flat[c]) > 0.0
-                && reflex
-                    .iter()
-                    .all(|&r| r == a || r == b || r == c || !inside(flat[r], [flat[a], flat[b], flat[c]]))
-        };
-        let ear = (0..m).map(|k| (at + k) % m).find(|&i| is_ear(i));
-        // Without an ear the polygon crosses itself or has no area.
-        let i = ear.unwrap_or(at % m);
-        triangles.push(corners(i));
-        ring.remove(i);
-        at = i % ring.len();
-        if reflex.is_empty() {
-            // Convex polygons stay convex: every other corner is cut off, without searching.
-            convex = true;
-            at = (i + 1) % ring.len();
+    let mut since_ear = 0;
+    while ring.left > 3 {
+        if !reflex.is_empty() && ring.left < looked_up_at / 4 * 3 {
+            looked_up_at = ring.left;
+            reflex.retain(|&i| ring.is_in(i) && bends_in(&ring, i));
+            near = Nearby::new(&flat, &reflex);
         }
+        let [a, b, c] = ring.corners(at);
+        let triangle = [flat[a], flat[b], flat[c]];
+        // Corners that no longer bend in cannot lie in an ear.
+        let blocks = |r: usize| {
+            ring.is_in(r) && r != a && r != b && r != c && inside(flat[r], triangle) && bends_in(&ring, r)
+        };
+        let is_ear = reflex.is_empty()
+            || (turn(triangle[0], triangle[1], triangle[2]) > 0.0 && !near.any(triangle, &mut tests, blocks));
+        // Without an ear all around the polygon crosses itself or has no area.
+        if is_ear || since_ear >= ring.left || tests > MOST_TESTS {
+            triangles.push([a, b, c]);
+            ring.remove(at);
+            since_ear = 0;
+        } else {
+            since_ear += 1;
+        }
+        at = c;
     }
-    triangles.push([ring[0], ring[1], ring[2]]);
+    triangles.push(ring.corners(at));
     triangles
+}
+
+/// Corners that are not cut off yet, in order.
+struct Ring {
+    before: Vec<u32>,
+    after: Vec<u32>,
+    left: usize,
+}
+
+const OUT: u32 = u32::MAX;
+
+impl Ring {
+    fn new(n: usize) -> Self {
+        let step = |by: usize| (0..n).map(|i| ((i + by) % n) as u32).collect();
+        Self { before: step(n - 1), after: step(1), left: n }
+    }
+
+    /// A corner between its neighbours.
+    fn corners(&self, i: usize) -> [usize; 3] {
+        [self.before[i] as usize, i, self.after[i] as usize]
+    }
+
+    fn is_in(&self, i: usize) -> bool {
+        self.before[i] != OUT
+    }
+
+    fn remove(&mut self, i: usize) {
+        let [a, _, c] = self.corners(i);
+        (self.after[a], self.before[c]) = (c as u32, a as u32);
+        self.before[i] = OUT;
+        self.left -= 1;
+    }
+}
+
+/// Corners by place, in the cells of a square lattice.
+struct Nearby {
+    lo: [f64; 2],
+    /// Cells per unit, and along each side.
+    scale: [f64; 2],
+    cells: usize,
+    starts: Vec<u32>,
+    list: Vec<u32>,
+}
+
+impl Nearby {
+    fn new(flat: &[[f64; 2]], corners: &[usize]) -> Self {
+        let cells = ((corners.len() as f64).sqrt() as usize).clamp(1, 1024);
+        let mut lo = [f64::INFINITY; 2];
+        let mut hi = [f64::NEG_INFINITY; 2];
+        for &i in corners {
+            for x in 0..2 {
+                lo[x] = lo[x].min(flat[i][x]);
+                hi[x] = hi[x].max(flat[i][x]);
+            }
+        }
+        let scale = [0, 1].map(|x| if hi[x] > lo[x] { cells as f64 / (hi[x] - lo[x]) } else { 0.0 });
+        let mut near = Self { lo, scale, cells, starts: vec![0; cells * cells + 1], list: Vec::new() };
+        let cell_of: Vec<u32> = corners
+            .iter()
+            .map(|&i| (near.cell(flat[i][1], 1) * cells + near.cell(flat[i][0], 0)) as u32)
+            .collect();
+        for &cell in &cell_of {
+            near.starts[cell as usize + 1] += 1;
+        }
+        for k in 0..cells * cells {
+            near.starts[k + 1] += near.starts[k];
+        }
+        let mut next = near.starts.clone();
+        near.list = vec![0; corners.len()];
+        for (&i, &cell) in corners.iter().zip(&cell_of) {
+            near.list[next[cell as usize] as usize] = i as u32;
+            next[cell as usize] += 1;
+        }
+        near
+    }
+
+    /// The row or column of a place; those outside count to the outermost.
+    fn cell(&self, x: f64, axis: usize) -> usize {
+        (((x - self.lo[axis]) * self.scale[axis]).max(0.0) as usize).min(self.cells - 1)
+    }
+
+    /// Whether any corner in the cells that a triangle touches does; `tests` counts them.
+    fn any(&self, triangle: [[f64; 2]; 3], tests: &mut usize, does: impl Fn(usize) -> bool) -> bool {
+        let span = |axis: usize| {
+            let [a, b, c] = triangle.map(|p| p[axis]);
+            self.cell(a.min(b).min(c), axis)..self.cell(a.max(b).max(c), axis) + 1
+        };
+        let columns = span(0);
+        for row in span(1) {
+            let (first, last) = (row * self.cells + columns.start, row * self.cells + columns.end);
+            let list = &self.list[self.starts[first] as usize..self.starts[last] as usize];
+            *tests += list.len() + 1;
+            if list.iter().any(|&i| does(i as usize)) {
+                return true;
+            }
+        }
+        false
+    }
 }
 
 /// Whether a quadrilateral bends inward at a corner, seen along its Newell normal.
@@ -126,6 +232,25 @@ mod tests {
         let line: Vec<[f64; 3]> = (0..6).map(|i| [i as f64, 0.0, 0.0]).collect();
         assert_eq!(triangulate(&line).len(), 4);
         assert!(triangulate(&[[0.0; 3]; 2]).is_empty());
+    }
+
+    #[test]
+    fn a_million_corners_take_no_time() {
+        let n = 1_000_000;
+        let round = |i: usize, r: f64| {
+            let t = i as f64 / n as f64 * std::f64::consts::TAU;
+            [r * t.cos(), r * t.sin(), 0.0]
+        };
+        // Convex, and a cog wheel.
+        let convex: Vec<[f64; 3]> = (0..n).map(|i| round(i, 1.0)).collect();
+        let cog: Vec<[f64; 3]> = (0..n).map(|i| round(i, if i / 3 % 2 == 0 { 1.0 } else { 0.99 })).collect();
+        for polygon in [convex, cog] {
+            let triangles = triangulate(&polygon);
+            assert_eq!(triangles.len(), n - 2);
+            let parts: f64 = triangles.iter().map(|t| newell(&t.map(|i| polygon[i]))[2]).sum();
+            let whole = newell(&polygon)[2];
+            assert!((parts / whole - 1.0).abs() < 1e-9, "{parts} {whole}");
+        }
     }
 
     #[test]

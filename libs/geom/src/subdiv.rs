@@ -10,7 +10,7 @@ use crate::GeomError;
 use crate::build::ShapeKey;
 use crate::cage::{Cage, Corner};
 use crate::mesh::{CALL, Faces, LATTICE, check};
-use crate::net::{Net, net_bound, pieces};
+use crate::net::{Net, cross, net_bound, pieces};
 use crate::order::spatial_order;
 use crate::range::{Place, Range};
 use crate::surface::Piece;
@@ -79,15 +79,17 @@ pub(crate) fn build(
         return Ok(Vec::new());
     }
     let mut cage = Cage::new(control.channels, control.values, starts, corners, border == 1);
+    tell_of_folds(&cage, report);
+    let kinds = cage.kinds();
     // The usual rules do not define faces at a border.
     let all_borders = border == 1 || border == 2;
     let is_drawn = |index: &usize| {
-        let inside = || cage.corners[cage.face(*index)].iter().all(|&v| cage.corner(v) == Corner::Smooth);
+        let inside = || cage.corners[cage.face(*index)].iter().all(|&v| kinds[v as usize] == Corner::Smooth);
         holes.binary_search(&faces[*index].index).is_err() && (all_borders || inside())
     };
     let drawn: Vec<usize> = (0..faces.len()).filter(is_drawn).collect();
     let levels = match cage.corners.len() {
-        _ if cage.is_regular(drawn.iter().copied()) => 0,
+        _ if cage.is_regular(&kinds, drawn.iter().copied()) => 0,
         0..=16_000 => 3,
         16_001..=200_000 => 2,
         _ => 1,
@@ -131,11 +133,24 @@ pub(crate) fn build(
     Ok(pieces(Arc::new(surface), n))
 }
 
+/// Says where a cage is no surface: more than two faces at an edge. The surface is creased there.
+fn tell_of_folds(cage: &Cage, report: Report<'_>) {
+    let mut folds = cage.edges.iter().filter(|edge| edge.count > 2);
+    if let Some(first) = folds.next() {
+        let (count, [a, b]) = (folds.count() + 1, first.ends);
+        let text = format!(
+            "{CALL}: {count} edges with more than two faces are sharp, the first is between vertices {a} and {b} with {}",
+            first.count
+        );
+        report(Severity::Warning, text);
+    }
+}
+
 impl Subdivision {
     /// The Bezier vertices of all patches.
     fn find_bezier_vertices(&mut self) {
         let (cage, c) = (&self.cage, self.channels);
-        let kinds: Vec<Corner> = (0..cage.vertices() as u32).map(|v| cage.corner(v)).collect();
+        let kinds = cage.kinds();
         let mut at_corners = vec![0.0_f32; cage.corners.len() * c];
         for (k, out) in at_corners.chunks_exact_mut(c).enumerate() {
             let (first, i) = (k / 4 * 4, k % 4);
@@ -169,6 +184,8 @@ impl Subdivision {
                 (0..c).for_each(|x| out[x] = 0.5 * (a[x] + b[x]));
             }
         }
+        self.flatten_edges(&kinds, &mut at_edges);
+        let (cage, c) = (&self.cage, self.channels);
         let mut at_vertices = vec![0.0_f32; cage.vertices() * c];
         for (v, out) in at_vertices.chunks_exact_mut(c).enumerate() {
             let (p, corners) = (cage.point(v as u32), cage.corners_at(v as u32));
@@ -190,6 +207,52 @@ impl Subdivision {
         (self.at_corners, self.at_edges, self.at_vertices) = (at_corners, at_edges, at_vertices);
         // The refined positions are in the Bezier vertices now.
         self.cage.points = Vec::new();
+    }
+
+    /// Moves the Bezier vertices along the edges of each smooth vertex that has not four of them into the tangent plane
+    /// of the limit there, so that all patches around it have one normal. Only positions move.
+    fn flatten_edges(&self, kinds: &[Corner], at_edges: &mut [f32]) {
+        let (cage, c) = (&self.cage, self.channels);
+        let mut fan = Vec::new();
+        for v in 0..cage.vertices() as u32 {
+            let n = cage.corners_at(v).len();
+            if n == 4 || n < 3 || kinds[v as usize] != Corner::Smooth || !cage.fan(v, &mut fan) {
+                continue;
+            }
+            // Limit tangents, as of Halstead, Kass and DeRose, "Efficient, Fair Interpolation using Catmull-Clark
+            // Surfaces", 1993.
+            let step = std::f64::consts::TAU / n as f64;
+            let a = 1.0 + step.cos() + (step * 0.5).cos() * (2.0 * (9.0 + step.cos())).sqrt();
+            for key in 0..self.times.len() {
+                let at = |vertex: u32, x: usize| cage.point(vertex)[key * 3 + x];
+                let (mut tangents, mut limit) = ([[0.0; 3]; 2], [0.0; 3]);
+                for x in 0..3 {
+                    limit[x] = at(v, x) * (n * n) as f64;
+                    for (k, &[_, next, opposite]) in fan.iter().enumerate() {
+                        let (e, f) = (at(next, x), at(opposite, x));
+                        let (here, there) = (k as f64 * step, (k + 1) as f64 * step);
+                        tangents[0][x] += e * (a * here.cos()) + f * (here.cos() + there.cos());
+                        tangents[1][x] += e * (a * here.sin()) + f * (here.sin() + there.sin());
+                        limit[x] += e * 4.0 + f;
+                    }
+                    limit[x] /= (n * (n + 5)) as f64;
+                }
+                let normal = cross(tangents[0], tangents[1]);
+                let square: f64 = normal.iter().map(|x| x * x).sum();
+                if !(square > 0.0 && square.is_finite()) {
+                    continue;
+                }
+                for &[edge, ..] in &fan {
+                    let end = edge as usize * 2 + cage.edges[edge as usize].end(v);
+                    let place = &mut at_edges[end * c + key * 3..][..3];
+                    let above: f64 =
+                        (0..3).map(|x| (f64::from(place[x]) - limit[x]) * normal[x]).sum::<f64>() / square;
+                    for x in 0..3 {
+                        place[x] = (f64::from(place[x]) - above * normal[x]) as f32;
+                    }
+                }
+            }
+        }
     }
 
     /// Puts the roots in order and bounds them.

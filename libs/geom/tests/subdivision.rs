@@ -245,3 +245,96 @@ fn deformation_and_holes() {
         }
     }
 }
+
+/// A disk of `n` quadrilaterals around vertex 0, whose neighbours are the odd ones: 2n + 1 vertices.
+fn disk(n: usize) -> (ShapeDesc, Vec<f32>) {
+    let mut p = vec![0.1, -0.2, 0.7];
+    for i in 0..2 * n {
+        let t = i as f32 * std::f32::consts::PI / n as f32;
+        let r = if i % 2 == 0 { 1.0 } else { 1.4 };
+        p.extend([r * t.cos(), r * t.sin(), (i as f32 * 0.9).sin() * 0.3]);
+    }
+    let mut verts = Vec::new();
+    for i in 0..n {
+        let at = |k: usize| (1 + (2 * i + k) % (2 * n)) as i32;
+        verts.extend([0, at(0), at(1), at(2)]);
+    }
+    (mesh(&vec![4; n], &verts), p)
+}
+
+#[test]
+fn limit_positions_at_any_valence() {
+    for n in (3..=12).chain([17, 25, 50]) {
+        let (shape, p) = disk(n);
+        let at = |i: usize| Vec3::new(p[i * 3], p[i * 3 + 1], p[i * 3 + 2]).as_dvec3();
+        // (n^2 v + 4 sum of neighbours + sum of opposites) / (n (n + 5)).
+        let ring = (1..n).fold(at(1) * 4.0 + at(2), |sum, i| sum + at(1 + 2 * i) * 4.0 + at(2 + 2 * i));
+        let limit = (at(0) * (n * n) as f64 + ring) / (n * (n + 5)) as f64;
+        let pieces = diceable(build(&shape, &with_border(&p, 1)));
+        assert_eq!(pieces.len(), n);
+        for piece in &pieces {
+            let dice = piece.dice(17, 17);
+            check_bounds(piece, &dice);
+            let corner = dice.p[0][0].as_dvec3();
+            assert!((corner - limit).length() < 2e-6, "valence {n}: {corner} is not {limit}");
+            assert!(dice.dpdu.iter().zip(&dice.dpdv).all(|(u, v)| u.cross(*v).is_finite()));
+            // The tangent plane is one for all faces around.
+            let normal = dice.dpdu[0].cross(dice.dpdv[0]).normalize();
+            let first = pieces[0].dice(17, 17);
+            let reference = first.dpdu[0].cross(first.dpdv[0]).normalize();
+            assert!(normal.dot(reference) > 0.99, "valence {n}: {normal} and {reference}");
+        }
+        let (pairs, agree) = shared_borders(&pieces, 9);
+        assert_eq!((pairs, agree), (n, n), "valence {n}");
+    }
+}
+
+#[test]
+fn borders_follow_the_splines_of_their_vertices() {
+    // A border curve at its vertices: (a + 4 v + b) / 6, whatever is inside.
+    for n in [3, 5, 8, 50] {
+        let (shape, p) = disk(n);
+        let at = |i: usize| Vec3::new(p[i * 3], p[i * 3 + 1], p[i * 3 + 2]);
+        let ring = |i: usize| at(1 + i % (2 * n));
+        for border in [1, 2] {
+            let pieces = diceable(build(&shape, &with_border(&p, border)));
+            for piece in &pieces {
+                let dice = piece.dice(3, 3);
+                let i = 2 * dice.face as usize;
+                let on_spline = |k: usize| (ring(k + 2 * n - 1) + ring(k) * 4.0 + ring(k + 1)) / 6.0;
+                // Corners of the lattice: the middle, then around it.
+                assert!((dice.p[0][2] - on_spline(i)).length() < 1e-5, "{n} {border}");
+                assert!((dice.p[0][6] - on_spline(i + 2)).length() < 1e-5, "{n} {border}");
+                // A vertex of one face: sharp under 1, round under 2.
+                let corner = if border == 1 { ring(i + 1) } else { on_spline(i + 1) };
+                assert!((dice.p[0][8] - corner).length() < 1e-5, "{n} {border}");
+            }
+        }
+        assert!(diceable(build(&shape, &with_border(&p, 0))).is_empty(), "all faces are at the border");
+    }
+}
+
+#[test]
+fn edges_of_three_faces_are_told_and_sharp() {
+    let p = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.5, 0.5, 1.0, 0.5, 0.5, -1.0];
+    let shape = mesh(&[3, 3, 3], &[0, 1, 2, 1, 0, 3, 0, 1, 4]);
+    let (pieces, said) = try_build(&shape, &[&with_border(&p, 1)], None);
+    assert_eq!(diceable(pieces.unwrap()).len(), 9);
+    assert_eq!(said.len(), 1, "{said:?}");
+    assert!(said[0].contains("between vertices 0 and 1 with 3"), "{said:?}");
+}
+
+#[test]
+fn a_vertex_of_a_hundred_thousand_faces() {
+    let n = 100_000;
+    let mut p = vec![0.0, 0.0, 1.0];
+    for i in 0..n {
+        let t = i as f32 / n as f32 * std::f32::consts::TAU;
+        p.extend([t.cos(), t.sin(), 0.0]);
+    }
+    let verts: Vec<i32> = (0..n as i32).flat_map(|i| [0, 1 + i, 1 + (i + 1) % n as i32]).collect();
+    let shape = mesh(&vec![3; n], &verts);
+    let pieces = build(&shape, &with_border(&p, 1));
+    let bound = pieces[0].bound(0);
+    assert!(bound.max.z < 1.01 && bound.min.z > -0.01, "{bound:?}");
+}

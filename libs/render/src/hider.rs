@@ -124,8 +124,8 @@ impl<'a> Surfaces<'a> {
             let Hit { sample, z, at, u, v, rim, beside } = hit;
             let fragment = Fragment { z, grid: index, at, u, v, next: NONE, rim };
             match beside {
-                Some(toward) => self.hit_beside(sample, fragment, toward),
-                None => self.hit(grid, sample, fragment),
+                Some(toward) if !grid.ragged => self.hit_beside(sample, fragment, toward),
+                _ => self.hit(grid, sample, fragment),
             }
         });
     }

@@ -163,6 +163,7 @@ impl<S: FrameShader> Frame<'_, S> {
             rect: slot.rect,
             z_min: slot.z_min,
             rim_px,
+            ragged: before.is_some(),
         };
         if before.is_some() {
             self.check_displacement(&shaded, job);

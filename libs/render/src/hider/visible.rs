@@ -217,6 +217,9 @@ pub(crate) struct ShadedGrid {
     pub(crate) z_min: f32,
     /// How far (pixels) the rim is widened, to close the hairline between grids diced at different rates.
     pub(crate) rim_px: f32,
+    /// Displaced: its borders may be off those of its neighbours in any direction, so that what is beside them counts as
+    /// covered whatever is on the other side.
+    pub(crate) ragged: bool,
 }
 
 impl ShadedGrid {
