@@ -14,7 +14,7 @@ use granita_shade::{Grid, Lanes3, RayKind};
 use std::time::Instant;
 
 /// No rim is wider than this, in pixels.
-const MOST_RIM_PX: f32 = 3.0;
+const MOST_RIM_PX: f32 = 4.0;
 
 impl<S: FrameShader> Frame<'_, S> {
     /// Renders a bucket; returns the pixels of every image.
@@ -248,7 +248,7 @@ impl<S: FrameShader> Frame<'_, S> {
                 // Seen along the view nothing opens.
                 let along = if perspective { b.truncate() * (second.z / depth) } else { Vec2::ZERO };
                 let aside = second.truncate() - along;
-                worst = worst.max((aside * scale).length());
+                worst = worst.max((aside * scale).length() * 1.5);
             };
             for i in 1..nu.saturating_sub(1) {
                 [i, down + i].into_iter().for_each(|at| off(at, 1));
