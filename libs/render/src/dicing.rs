@@ -6,8 +6,6 @@
 mod grid;
 mod motion;
 mod rate;
-#[cfg(test)]
-mod tests;
 
 pub(crate) use grid::{GridView, Viewpoint, make_grid};
 pub(crate) use motion::{Placement, Viewer, key_at, points_at};
@@ -64,3 +62,6 @@ pub(crate) fn trimming<'a>(attributes: &'a AttributeSet, quality: f32) -> Option
     let curvature_deg = attributes.float("trimcurve:curvature");
     attributes.trim.as_deref().map(|desc| Trimming { desc, curvature_deg, quality })
 }
+
+#[cfg(test)]
+mod tests;
