@@ -1,0 +1,213 @@
+//! Saving, restoring and modifying.
+
+use crate::fixture::*;
+use granita_base::{TrimDesc, Vec3};
+use granita_scene::{Call, TransformTarget};
+use std::sync::Arc;
+
+#[test]
+fn saving_and_restoring() {
+    let save = |name: &str, items: Option<&str>| Call::SaveAttributes {
+        name: name.into(),
+        attributes: items.map(Into::into),
+    };
+    let restore = |name: &str, items: Option<&str>| Call::RestoreAttributes {
+        name: name.into(),
+        attributes: items.map(Into::into),
+    };
+    let mut run = Run::new();
+    run.calls([
+        Call::World,
+        Call::Translate([1.0, 0.0, 0.0]),
+        attr("color C", &[1.0, 0.0, 0.0][..]),
+        attr("float user:temperature", 98.6),
+        shader("surface", "matte", None),
+        save("arm", None),
+        save("look", Some("shaders, C")),
+        Call::SetTransform(TransformTarget::Named("world".into())),
+        attr("color C", &[0.0, 1.0, 0.0][..]),
+        shader("surface", "plastic", None),
+        Call::PushAttributes,
+        restore("look", None),
+        sphere(),
+        Call::PopAttributes,
+        restore("arm", Some("transform,user")),
+        sphere(),
+        restore("arm", None),
+        sphere(),
+        Call::SetTransform(TransformTarget::Named("world".into())),
+        Call::SetTransform(TransformTarget::Named("arm".into())),
+        sphere(),
+    ]);
+    let scene = run.scene();
+    let look = |i: usize| {
+        let set = &scene.primitives[i].attributes;
+        let shader = set.surface.as_ref().unwrap().layers[0].shader.to_string();
+        (origin(&scene, i).x, set.floats("C")[0], shader, set.float("user:temperature"))
+    };
+    assert_eq!(look(0), (0.0, 1.0, "matte".into(), 98.6));
+    assert_eq!(look(1), (1.0, 0.0, "plastic".into(), 98.6));
+    assert_eq!(look(2), (1.0, 1.0, "matte".into(), 98.6));
+    assert_eq!(look(3).0, 1.0);
+    // Only states with their transformation are coordinate systems.
+    assert_eq!(scene.coordinate_systems.keys().map(|k| &**k).collect::<Vec<_>>(), ["arm"]);
+    assert!(run.messages().is_empty(), "{:?}", run.messages());
+
+    let mut run = Run::new();
+    run.calls([save("x", Some("C, opacty")), restore("x", Some("C,opacity"))]);
+    let told = run.messages();
+    assert!(told[0].contains("\"opacty\"; did you mean \"opacity\"?"), "{told:?}");
+    assert!(told[1].contains("\"opacity\" was not saved as part of \"x\""), "{told:?}");
+}
+
+#[test]
+fn parts_of_the_state_are_saved_apart() {
+    let trim = || TrimDesc {
+        ncurves: [1].into(),
+        n: [4].into(),
+        order: [2].into(),
+        knots: [0.0, 0.0, 1.0, 2.0, 3.0, 3.0].into(),
+        min: [0.0].into(),
+        max: [3.0].into(),
+        uvw: [0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0].into(),
+    };
+    let all = [
+        "transform",
+        "surface",
+        "displacement",
+        "volume",
+        "lights",
+        "trimcurve",
+        "user:x",
+        "name",
+        "geometryset",
+    ];
+    let of = |set: &granita_scene::AttributeSet| {
+        [
+            set.to_world.first().point(Vec3::ZERO).x == 1.0,
+            set.surface.is_some(),
+            set.displacement.is_some(),
+            set.volume.is_some(),
+            set.lights.len() == 1,
+            set.trim.is_some(),
+            set.float("user:x") == 2.0,
+            &*set.name() == "thing",
+            set.geometry_sets.len() == 2,
+        ]
+    };
+    let groups = [("shaders", &all[1..4]), ("user", &all[6..7])];
+    let cases = all.iter().map(|item| (*item, std::slice::from_ref(item))).chain(groups);
+    for (item, parts) in cases {
+        let mut run = Run::new();
+        run.calls([
+            Call::World,
+            light("key", Some("pointlight")),
+            Call::LightSwitch { id: "key".into(), on: false },
+            Call::PushAttributes,
+            Call::Translate([1.0, 0.0, 0.0]),
+            shader("surface", "a", None),
+            shader("displacement", "b", None),
+            shader("atmosphere", "c", None),
+            Call::LightSwitch { id: "key".into(), on: true },
+            Call::TrimCurve(Some(Box::new(trim()))),
+            attr("float user:x", 2.0),
+            name("thing"),
+            attr("string geometryset", "+mirror"),
+            Call::SaveAttributes { name: "part".into(), attributes: Some(item.into()) },
+            Call::SaveAttributes { name: "whole".into(), attributes: None },
+            Call::PopAttributes,
+        ]);
+        for restore in [("part", None), ("part", Some(item)), ("whole", Some(item))] {
+            let (saved, attributes) = (restore.0.into(), restore.1.map(Into::into));
+            run.calls([
+                Call::PushAttributes,
+                Call::RestoreAttributes { name: saved, attributes },
+                sphere(),
+                Call::PopAttributes,
+            ]);
+        }
+        let scene = run.scene();
+        assert!(run.messages().is_empty(), "{:?}", run.messages());
+        for primitive in &scene.primitives {
+            let expected = all.map(|part| parts.contains(&part));
+            assert_eq!(of(&primitive.attributes), expected, "{item}");
+        }
+    }
+}
+
+#[test]
+fn modify_everything_and_what_comes_later() {
+    let mut run = Run::new();
+    let save = |n: &str| Call::SaveAttributes { name: n.into(), attributes: None };
+    run.calls([
+        Call::World,
+        name("a1"),
+        sphere(),
+        save("first"),
+        name("b"),
+        sphere(),
+        Call::PushAttributes,
+        // Without a pattern everything changes, whatever its name, saved states too.
+        Call::Modify { pattern: "".into() },
+        attr("float shadingquality", 0.5),
+        // Another call replaces what is being modified.
+        Call::Modify { pattern: "^a[0-9]\\{1,2\\}$".into() },
+        attr("int twosided", 0),
+        // Attributes of the current state do not change (its name is "b"), nor those of what it makes.
+        sphere(),
+        attr("int holdout", 1),
+        Call::PopAttributes,
+        Call::RestoreAttributes { name: "first".into(), attributes: None },
+        sphere(),
+        // Now the current state and what it makes are called "a1" and change.
+        Call::Modify { pattern: "a1".into() },
+        sphere(),
+        attr("float dice:curvature", 3.0),
+        attr("string name", "renamed"),
+    ]);
+    let scene = run.scene();
+    let state = |i: usize| {
+        let set = &scene.primitives[i].attributes;
+        let numbers = (set.float("shadingquality"), set.int("twosided"), set.int("holdout"));
+        (set.name().to_string(), numbers, set.float("dice:curvature"))
+    };
+    assert_eq!(state(0), ("renamed".into(), (0.5, 0, 1), 3.0));
+    assert_eq!(state(1), ("b".into(), (0.5, 1, 0), 10.0));
+    assert_eq!(state(2), ("b".into(), (0.5, 1, 0), 10.0));
+    assert_eq!(state(3), ("renamed".into(), (0.5, 0, 1), 3.0));
+    assert_eq!(state(4), ("renamed".into(), (0.5, 0, 1), 3.0));
+    assert!(run.messages().is_empty(), "{:?}", run.messages());
+}
+
+#[test]
+fn modify_reaches_declared_objects() {
+    let mut run = Run::new();
+    run.calls([
+        Call::World,
+        light("rim", Some("pointlight")),
+        name("obj1"),
+        sphere(),
+        name("obj2"),
+        sphere(),
+        sphere(),
+        Call::PushAttributes,
+        Call::Modify { pattern: "^obj2$".into() },
+        Call::LightSwitch { id: "rim".into(), on: false },
+        Call::Translate([1.0, 0.0, 0.0]),
+        attr("color C", &[0.0, 0.0, 0.0][..]),
+        Call::PopAttributes,
+        attr("color C", &[0.5, 0.5, 0.5][..]),
+        sphere(),
+    ]);
+    let scene = run.scene();
+    let state = |i: usize| {
+        let set = &scene.primitives[i].attributes;
+        (set.lights.len(), origin(&scene, i).x, set.floats("C")[0])
+    };
+    assert_eq!(state(0), (1, 0.0, 1.0));
+    assert_eq!(state(1), (0, 1.0, 0.0));
+    assert_eq!(state(2), (0, 1.0, 0.0));
+    // The current state was modified too, and restored by the pop.
+    assert_eq!(state(3), (1, 0.0, 0.5));
+    assert!(Arc::ptr_eq(&scene.primitives[1].attributes, &scene.primitives[2].attributes));
+}
