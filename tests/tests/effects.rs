@@ -35,7 +35,7 @@ const ELSEWHERE: [&str; 6] =
     ["pass", "hider", "preview:spatialquality", "preview:temporalquality", "preview:dofquality", "dynamic"];
 
 /// Parameters of outputs that are named only so that no image format gets them.
-const KEPT_BACK: [&str; 4] = ["stereo:left", "stereo:right", "zchannels", "opaquewidth"];
+const KEPT_BACK: [&str; 2] = ["zchannels", "opaquewidth"];
 
 #[test]
 fn the_table_knows_what_has_an_effect() {

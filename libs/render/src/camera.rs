@@ -1,5 +1,9 @@
 //! A camera resolved from its attributes (reference 4.1, 7.1, 7.2): projections, windows, sampling.
 
+mod stereo;
+
+pub use stereo::{EyeProjection, ShadedFrom, Stereo};
+
 use granita_base::{Location, MotionTransform, Param, Params, Reporter, Severity, Transform, Vec2, Vec3};
 use granita_scene::Camera;
 use std::sync::Arc;
@@ -39,6 +43,9 @@ pub struct PixelRect {
 }
 
 impl PixelRect {
+    /// All there are.
+    pub(crate) const EVERYWHERE: Self = Self { x0: i32::MIN, y0: i32::MIN, x1: i32::MAX, y1: i32::MAX };
+
     /// Columns; 0 when empty.
     pub fn width(&self) -> usize {
         usize::try_from(self.x1 - self.x0).unwrap_or(0)
@@ -115,6 +122,8 @@ pub struct CameraView {
     pub preview: f32,
     /// "dice:curvature" of preview mode, in degrees.
     pub preview_dicecurvature_deg: f32,
+    /// Two views instead of one.
+    pub stereo: Option<Stereo>,
 }
 
 /// Attributes of one camera, with messages about values that make no sense.
@@ -225,6 +234,7 @@ impl CameraView {
         let bucket = or_preview(32, 2048);
         let spatial = or_preview(4, 1);
         let times = or_preview(16, 1);
+        let stereo = Stereo::new(&get, &projection);
         Self {
             name: camera.name.clone(),
             world_to_camera: camera.world_to_camera.clone(),
@@ -247,6 +257,7 @@ impl CameraView {
             bucketorder: camera.params.string("bucketorder").cloned().unwrap_or_else(|| "horizontal".into()),
             preview,
             preview_dicecurvature_deg: get.float("preview:dicecurvature", 90.0),
+            stereo,
         }
     }
 

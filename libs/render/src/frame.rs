@@ -68,6 +68,8 @@ pub(crate) trait FrameShader: Sync {
 pub(crate) struct FrameOptions<'a> {
     /// The camera that is rendered.
     pub(crate) camera: &'a CameraView,
+    /// What it sees with: itself, or its left and right eye. They share everything but place and window.
+    pub(crate) eyes: &'a [CameraView],
     /// The first camera: splits, dicing and shading are as it sees them.
     pub(crate) dicing_camera: &'a CameraView,
     /// Threads, at least 1.
@@ -79,13 +81,20 @@ pub(crate) struct FrameOptions<'a> {
     pub(crate) scene_files: &'a [String],
 }
 
+/// One of the views that share the grids of a frame.
+struct Eye<'a> {
+    camera: &'a CameraView,
+    projector: Projector,
+}
+
 /// A frame being rendered.
 struct Frame<'a, S: FrameShader> {
     options: FrameOptions<'a>,
     shader: &'a S,
+    /// What is wanted, by every eye.
     outputs: &'a OutputSet,
+    eyes: Vec<Eye<'a>>,
     pattern: SamplePattern,
-    projector: Projector,
     measure: Measure<'a>,
     composite: CompositeSettings,
     buckets: Buckets,
@@ -96,14 +105,15 @@ struct Frame<'a, S: FrameShader> {
     counters: Counters,
 }
 
-/// Renders one camera into the pixels of `outputs`. Returns what was done, and whether all buckets were.
+/// Renders one camera into the pixels of `outputs`, one set for each of its eyes, which want the same. Returns what was
+/// done, and whether all buckets were.
 ///
 /// Errors: [`RenderError::Stopped`] when `options.stop` was set; the pixels are not complete then.
 pub(crate) fn render<S: FrameShader>(
     scene: &Scene,
     shader: &S,
     options: FrameOptions<'_>,
-    outputs: &mut OutputSet,
+    outputs: &mut [OutputSet],
 ) -> Result<(Statistics, bool), RenderError> {
     let begin = Instant::now();
     let (camera, threads) = (options.camera, options.threads.max(1));
@@ -111,20 +121,22 @@ pub(crate) fn render<S: FrameShader>(
     // The whole scene counts, not what is in view: a crop must not change the samples.
     let moving = is_moving(scene, camera);
     let pattern = SamplePattern::new(camera, moving);
-    let margin = outputs.margin();
+    // The pixels are filled while the frame reads the plan: they are kept apart.
+    let mut images: Vec<Vec<f32>> =
+        outputs.iter_mut().flat_map(|set| &mut set.images).map(|i| std::mem::take(&mut i.pixels)).collect();
+    let Some(plan) = outputs.first() else { return Ok((Statistics::default(), true)) };
+    let margin = plan.margin();
     let margin = margin[0].max(margin[1]);
     let color = |name: &str| match scene.floats(name)[..] {
         [r, g, b] => Color::new(r, g, b),
         _ => Color::ONE,
     };
-    // The pixels are filled while the frame reads the plan: they are kept apart.
-    let mut images: Vec<Vec<f32>> =
-        outputs.images.iter_mut().map(|i| std::mem::take(&mut i.pixels)).collect();
+    let eye = |camera| Eye { camera, projector: Projector::new(camera, pattern.defocus) };
     let frame = Frame {
         shader,
-        outputs,
+        outputs: plan,
+        eyes: options.eyes.iter().map(eye).collect(),
         pattern,
-        projector: Projector::new(camera, pattern.defocus),
         measure: Measure::on_raster(options.dicing_camera),
         composite: CompositeSettings {
             opacity_threshold: color("limits:opacitythreshold"),
@@ -137,7 +149,7 @@ pub(crate) fn render<S: FrameShader>(
                 Some(n) if n >= 0 => usize::try_from(n).ok(),
                 _ => None,
             },
-            depths: outputs.wanted.depths,
+            depths: plan.wanted.depths,
         },
         buckets: Buckets::new(&camera.crop, camera.bucketsize, &camera.bucketorder, pattern.per_pixel()),
         region: camera.crop.grown(margin),
@@ -158,11 +170,11 @@ pub(crate) fn render<S: FrameShader>(
     let statistics = frame.counters.statistics(begin.elapsed(), threads);
     let crop = camera.crop;
     let order = std::mem::take(&mut { frame }.buckets.order);
-    for (image, pixels) in outputs.images.iter_mut().zip(images.drain(..)) {
+    for (image, pixels) in outputs.iter_mut().flat_map(|set| &mut set.images).zip(images.drain(..)) {
         image.pixels = pixels;
     }
     for (index, values) in filled {
-        for (image, values) in outputs.images.iter_mut().zip(&values) {
+        for (image, values) in outputs.iter_mut().flat_map(|set| &mut set.images).zip(&values) {
             image.store(&crop, &order[index], values);
         }
     }
@@ -172,7 +184,7 @@ pub(crate) fn render<S: FrameShader>(
     Ok((statistics, failed == 0))
 }
 
-/// Pixels of the images of one bucket, by the bucket's position in the order.
+/// Pixels of the images of one bucket, eye by eye, by the bucket's position in the order.
 type Filled = Vec<(usize, Vec<Vec<f32>>)>;
 
 impl<S: FrameShader> Frame<'_, S> {
@@ -213,8 +225,13 @@ impl<S: FrameShader> Frame<'_, S> {
         let list: Vec<Job<S::Object>> = made.into_iter().map(|(_, job)| job).collect();
         let mut of_bucket = vec![Vec::new(); self.buckets.order.len()];
         for (index, job) in list.iter().enumerate() {
-            for bucket in self.buckets.touching(&job.rect.grown(self.margin)) {
-                of_bucket[bucket as usize].push(index);
+            for rect in &job.rects {
+                for bucket in self.buckets.touching(&rect.grown(self.margin)) {
+                    let here: &mut Vec<usize> = &mut of_bucket[bucket as usize];
+                    if here.last() != Some(&index) {
+                        here.push(index);
+                    }
+                }
             }
         }
         Jobs { list, of_bucket }

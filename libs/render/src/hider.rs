@@ -115,12 +115,12 @@ impl<'a> Surfaces<'a> {
         true
     }
 
-    /// Samples a grid. Of surfaces at the same depth the one that came first is seen.
-    pub(crate) fn add(&mut self, grid: &std::sync::Arc<ShadedGrid>) {
+    /// Samples a grid as the eye `eye` sees it. Of surfaces at the same depth the one that came first is seen.
+    pub(crate) fn add(&mut self, grid: &std::sync::Arc<ShadedGrid>, eye: usize) {
         let Ok(index) = u32::try_from(self.grids.len()) else { return };
         self.grids.push(grid.clone());
         let samples = self.samples;
-        Raster { samples, grid }.each_hit(&mut |hit| {
+        Raster { samples, grid, view: &grid.views[eye] }.each_hit(&mut |hit| {
             let Hit { sample, z, at, u, v, rim, beside } = hit;
             let fragment = Fragment { z, grid: index, at, u, v, next: NONE, rim };
             match beside {

@@ -50,7 +50,7 @@ mod fixture;
 #[cfg(test)]
 mod tests;
 
-pub use camera::{CameraView, Lens, PixelRect, Projection};
+pub use camera::{CameraView, EyeProjection, Lens, PixelRect, Projection, ShadedFrom, Stereo};
 pub use environment::{NoShader, Progress, RenderEnvironment, ShaderLibrary, Silent};
 pub use error::RenderError;
 pub use renderer::{FrameReport, Renderer};

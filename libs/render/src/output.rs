@@ -159,10 +159,43 @@ impl OutputSet {
         })
     }
 
+    /// The same images for the left and for the right eye of a stereo camera, under the names that they have then.
+    ///
+    /// Two images of one name are reported: the second one replaces the first.
+    pub(crate) fn for_eyes(self, reporter: &Reporter) -> Vec<Self> {
+        let (mut left, mut right) = (self.clone(), self);
+        for (side, set) in [("left", &mut left), ("right", &mut right)] {
+            for image in &mut set.images {
+                image.path = match image.params.string(&format!("stereo:{side}")) {
+                    Some(name) if !name.is_empty() => PathBuf::from(&**name),
+                    _ => beside(&image.path, side),
+                };
+            }
+        }
+        for (l, _) in left.images.iter().zip(&right.images).filter(|(l, r)| l.path == r.path) {
+            let path = l.path.display();
+            reporter.warning(format!(
+                "output \"{path}\": \"stereo:left\" and \"stereo:right\" are the same file; the right view stays"
+            ));
+        }
+        vec![left, right]
+    }
+
     /// Largest margin of all filters, in x and y.
     pub(crate) fn margin(&self) -> [i32; 2] {
         self.images.iter().map(|i| i.filter.margin()).fold([0, 0], |a, b| [a[0].max(b[0]), a[1].max(b[1])])
     }
+}
+
+/// `name-side.ext` for `name.ext`.
+fn beside(path: &std::path::Path, side: &str) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    name.push(format!("-{side}"));
+    if let Some(extension) = path.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    path.with_file_name(name)
 }
 
 /// What an output shows; `None` (reported) when it cannot be made, or is deleted by the format "null".

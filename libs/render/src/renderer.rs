@@ -21,7 +21,7 @@ pub struct Renderer {
 /// What came out of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameReport {
-    /// Files written, in order of declaration.
+    /// Files written, in order of declaration; of a stereo camera the left one before the right.
     pub images: Vec<PathBuf>,
     /// Whether every pixel was rendered and every image written.
     pub complete: bool,
@@ -50,6 +50,7 @@ impl Renderer {
         let views = self.views(scene);
         let first = views
             .first()
+            .map(CameraView::shading_view)
             .ok_or_else(|| RenderError::Misuse { what: "the scene has no camera".to_owned() })?;
         if let Some(name) = camera
             && !views.iter().any(|v| &*v.name == name)
@@ -64,8 +65,8 @@ impl Renderer {
         let mut shading = None;
         for view in views.iter().filter(|v| camera.is_none_or(|name| &*v.name == name)) {
             let outputs: Vec<&Output> = scene.outputs.iter().filter(|o| o.camera == view.name).collect();
-            let mut outputs = OutputSet::new(&outputs, view, &environment.registry, reporter)?;
-            if outputs.images.is_empty() {
+            let plan = OutputSet::new(&outputs, view, &environment.registry, reporter)?;
+            if plan.images.is_empty() {
                 continue;
             }
             if view.crop.is_empty() {
@@ -73,11 +74,17 @@ impl Renderer {
                 report.complete = false;
                 continue;
             }
+            let eyes = view.eyes().map_or_else(|| vec![view.clone()], Vec::from);
+            let mut outputs = match &eyes[..] {
+                [_] => vec![plan],
+                _ => plan.for_eyes(reporter),
+            };
             // Shading always looks from the first camera (reference 7.7), so all share what it builds.
-            let shading = shading.get_or_insert_with(|| ShadingContext::new(scene, first, environment));
+            let shading = shading.get_or_insert_with(|| ShadingContext::new(scene, &first, environment));
             let options = FrameOptions {
                 camera: view,
-                dicing_camera: first,
+                eyes: &eyes,
+                dicing_camera: &first,
                 threads,
                 reporter,
                 progress: &*environment.progress,
@@ -86,12 +93,15 @@ impl Renderer {
             };
             let (statistics, complete) = frame::render(scene, &*shading, options, &mut outputs)?;
             report.complete &= complete;
-            for image in &outputs.images {
-                match image.write(view, &environment.registry) {
-                    Ok(()) => report.images.push(image.path.clone()),
-                    Err(error) => {
-                        reporter.error(format!("output \"{}\": {error}", image.path.display()));
-                        report.complete = false;
+            for k in 0..outputs[0].images.len() {
+                for (eye, set) in eyes.iter().zip(&outputs) {
+                    let image = &set.images[k];
+                    match image.write(eye, &environment.registry) {
+                        Ok(()) => report.images.push(image.path.clone()),
+                        Err(error) => {
+                            reporter.error(format!("output \"{}\": {error}", image.path.display()));
+                            report.complete = false;
+                        }
                     }
                 }
             }

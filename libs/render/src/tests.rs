@@ -528,6 +528,7 @@ fn picture(fixture: &Fixture, threads: usize, bucket: i32) -> Vec<f32> {
             .unwrap();
     let options = crate::frame::FrameOptions {
         camera: &view,
+        eyes: std::slice::from_ref(&view),
         dicing_camera: &view,
         threads,
         reporter: &environment.reporter,
@@ -535,7 +536,7 @@ fn picture(fixture: &Fixture, threads: usize, bucket: i32) -> Vec<f32> {
         stop: &environment.stop,
         scene_files: &[],
     };
-    crate::frame::render(&scene, &frame, options, &mut outputs).unwrap();
+    crate::frame::render(&scene, &frame, options, std::slice::from_mut(&mut outputs)).unwrap();
     outputs.images.remove(0).pixels
 }
 

@@ -19,16 +19,19 @@ impl Renderer {
     /// Which of these inputs may be seen, or met by a ray, when `scene` is rendered: one answer each.
     pub fn needed(&self, scene: &Scene, unread: &[UnreadInput]) -> Vec<bool> {
         let views = self.views(scene);
-        let Some(first) = views.first() else { return vec![true; unread.len()] };
+        let Some(first) = views.first().map(CameraView::shading_view) else {
+            return vec![true; unread.len()];
+        };
         // Whether anything moves changes the samples, and an unread input may.
         let moves = views.iter().any(|v| SamplePattern::new(v, true).blur && !is_moving(scene, v));
         if moves || RaySeeker::new(&*self.environment.shaders).may_trace(scene, unread) {
             return vec![true; unread.len()];
         }
-        let spaces = Spaces::new(scene, first);
+        let spaces = Spaces::new(scene, &first);
         let margin = margin(scene);
         let seen = |v: &CameraView| scene.outputs.iter().any(|o| o.camera == v.name) && !v.crop.is_empty();
-        let views: Vec<&CameraView> = views.iter().filter(|v| seen(v)).collect();
+        let eyes = |v: &CameraView| v.eyes().map_or_else(|| vec![v.clone()], Vec::from);
+        let views: Vec<CameraView> = views.iter().filter(|v| seen(v)).flat_map(eyes).collect();
         unread
             .iter()
             .map(|input| {

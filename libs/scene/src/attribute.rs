@@ -215,19 +215,16 @@ pub const TABLE: &[AttributeRow] = &[
         .not_yet(),
     choice(Camera, "4.1", "hider", &["default"], "hidden surface method"),
     choice(Camera, "4.1", "shadertype", &["gsl", "defaultsurface", "keyfillrim"], "shading system"),
-    camera((FLOAT, "stereo:separation"), Floats(&[0.0]), "distance of the two views along x; 0 is no stereo")
-        .not_yet(),
-    camera((FLOAT, "stereo:convergence"), Floats(&[0.0]), "depth at which the two views coincide").not_yet(),
+    camera((FLOAT, "stereo:separation"), Floats(&[0.0]), "distance of the two views along x; 0 is no stereo"),
+    camera((FLOAT, "stereo:convergence"), Floats(&[0.0]), "depth at which the two views coincide"),
     choice(
         Camera,
         "4.1",
         "stereo:projection",
         &["off-axis", "parallel", "toe-in"],
         "how the two views converge",
-    )
-    .not_yet(),
-    choice(Camera, "4.1", "stereo:shade", &["center", "left", "right"], "view from which stereo is shaded")
-        .not_yet(),
+    ),
+    choice(Camera, "4.1", "stereo:shade", &["center", "left", "right"], "view from which stereo is shaded"),
     // 4.2 Output attributes
     choice(
         Output,
@@ -257,8 +254,8 @@ pub const TABLE: &[AttributeRow] = &[
         "integers of 0 and of 1, and their limits; all 0: floats",
     ),
     output((FLOAT, "dither"), Floats(&[0.5]), "amplitude of the noise added before rounding"),
-    output((STRING, "stereo:left"), Text(""), "file name of the left view").not_yet(),
-    output((STRING, "stereo:right"), Text(""), "file name of the right view").not_yet(),
+    output((STRING, "stereo:left"), Text(""), "file name of the left view"),
+    output((STRING, "stereo:right"), Text(""), "file name of the right view"),
     output((INT, "zchannels"), Ints(&[3]), "depths per pixel of a volume shadow, 2 or more").not_yet(),
     output(
         (FLOAT, "opaquewidth"),

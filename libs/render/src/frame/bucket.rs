@@ -1,13 +1,13 @@
 //! One bucket: collect, hide, filter; and the making of its grids.
 
 use super::cells::{finer, kept};
-use super::job::{Job, LeafSlot};
-use super::{Frame, FrameShader, Holdout, Jobs};
-use crate::Projection;
+use super::job::{Job, LeafSlot, Sighting};
+use super::{Eye, Frame, FrameShader, Holdout, Jobs};
 use crate::dicing::{GridView, Leaf, Viewer, Viewpoint, key_at, make_grid};
 use crate::film;
 use crate::hider::{SampleGrid, ShadedGrid, Surfaces, ViewedGrid};
 use crate::statistics::{add, add_time};
+use crate::{CameraView, Projection};
 use granita_base::{Color, Severity, Vec2, Vec3};
 use granita_geom::Dice;
 use granita_shade::{Grid, Lanes3, RayKind};
@@ -26,14 +26,30 @@ impl<S: FrameShader> Frame<'_, S> {
     ) -> Vec<Vec<f32>> {
         let rect = self.buckets.order[index];
         let samples = SampleGrid::new(rect.grown(self.margin), &self.pattern, self.options.camera);
-        let mut surfaces = Surfaces::new(&samples, self.composite);
+        let eyes = 0..self.eyes.len();
+        let pixels = eyes.flat_map(|eye| self.seen_by(eye, jobs, index, &samples, thread)).collect();
+        add(&self.counters.samples, self.eyes.len() * rect.width() * rect.height() * samples.per_pixel);
+        pixels
+    }
+
+    /// What an eye sees in a bucket; the pixels of every image.
+    fn seen_by(
+        &self,
+        eye: usize,
+        jobs: &Jobs<S::Object>,
+        index: usize,
+        samples: &SampleGrid,
+        thread: &mut S::Thread<'_>,
+    ) -> Vec<Vec<f32>> {
+        let mut surfaces = Surfaces::new(samples, self.composite);
         let bucket = u32::try_from(index).unwrap_or(u32::MAX);
         // Front to back, so that what is hidden is found hidden before it is shaded. The order among any two grids
         // is the same in every bucket.
         let mut order: Vec<(f32, usize, u32)> = Vec::new();
         for &j in &jobs.of_bucket[index] {
             let split = self.split(&jobs.list[j]);
-            order.extend(split.leaves_of(bucket).map(|leaf| (split.leaves[leaf as usize].z_min, j, leaf)));
+            let z_min = |leaf: u32| split.leaves[leaf as usize].seen[eye].z_min;
+            order.extend(split.leaves_of(eye, bucket).map(|leaf| (z_min(leaf), j, leaf)));
         }
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
         let mut hiding = std::time::Duration::ZERO;
@@ -42,11 +58,11 @@ impl<S: FrameShader> Frame<'_, S> {
             let slot = &self.split(job).leaves[leaf as usize];
             // What lies behind the first surface counts for "avgz".
             let may_cull = job.culls_hidden && !self.outputs.needs_second_surface;
-            if may_cull && surfaces.hides(&slot.rect, z_min) {
+            if may_cull && surfaces.hides(&slot.seen[eye].rect, z_min) {
                 add(&self.counters.grids_hidden, 1);
             } else if let Some(grid) = slot.grid(|leaf| self.shade(job, slot, leaf, thread)) {
                 let begin = Instant::now();
-                surfaces.add(&grid);
+                surfaces.add(&grid, eye);
                 hiding += begin.elapsed();
             }
             slot.release();
@@ -54,11 +70,10 @@ impl<S: FrameShader> Frame<'_, S> {
         let begin = Instant::now();
         let values = surfaces.resolve(&self.outputs.wanted);
         add_time(&self.counters.hide_nanos, hiding + begin.elapsed());
-        add(&self.counters.samples, rect.width() * rect.height() * samples.per_pixel);
         let begin = Instant::now();
-        let images = &self.outputs.images;
+        let (images, rect) = (&self.outputs.images, &self.buckets.order[index]);
         let pixels =
-            images.iter().map(|i| film::filter(&i.filter, &samples, &values, &i.channels, &rect)).collect();
+            images.iter().map(|i| film::filter(&i.filter, samples, &values, &i.channels, rect)).collect();
         add_time(&self.counters.filter_nanos, begin.elapsed());
         pixels
     }
@@ -129,81 +144,57 @@ impl<S: FrameShader> Frame<'_, S> {
         if opaque {
             opacity = Vec::new();
         }
-        let mut p_cam = self.positions(&dice, key_times, job, &grid, before.as_ref());
-        let mut rim_px = (0.02 / job.settings.quality).clamp(0.02, 0.25);
-        if before.is_some() {
-            rim_px = self.roughness_px(&p_cam, dice.nu, dice.nv).clamp(rim_px, MOST_RIM_PX);
-        }
-        let (mut nu, mut nv) = (dice.nu, dice.nv);
         let per_side = kept.as_ref().map_or(1, |cells| cells.per_side);
+        let before = before.as_ref();
+        let views = self.views(job, slot, &Diced { dice: &dice, key_times, grid: &grid, before, per_side });
         if per_side > 1 {
-            p_cam.iter_mut().for_each(|p| *p = finer(p, nu, per_side));
             for colors in [&mut color, &mut opacity].into_iter().filter(|c| !c.is_empty()) {
-                *colors = finer(colors, nu, per_side);
+                *colors = finer(colors, dice.nu, per_side);
             }
-            variables = variables.chunks_exact(n).flat_map(|values| finer(values, nu, per_side)).collect();
-            (nu, nv) = ((nu - 1) * per_side + 1, (nv - 1) * per_side + 1);
+            variables =
+                variables.chunks_exact(n).flat_map(|values| finer(values, dice.nu, per_side)).collect();
         }
         let shaded = ShadedGrid {
-            nu,
-            nv,
+            nu: (dice.nu - 1) * per_side + 1,
+            nv: (dice.nv - 1) * per_side + 1,
             primitive: primitive.id,
-            view: ViewedGrid::new(
-                self.options.camera,
-                placement.times().to_vec(),
-                p_cam,
-                self.pattern.defocus,
-            ),
+            views,
             color,
             opacity,
             opaque,
             holdout: job.traits.holdout,
             variables,
             kept: kept.map_or_else(Vec::new, |cells| cells.kept),
-            rect: slot.rect,
-            z_min: slot.z_min,
-            rim_px,
             ragged: before.is_some(),
         };
-        if before.is_some() {
+        if shaded.ragged {
             self.check_displacement(&shaded, job);
         }
         Some(shaded)
     }
 
-    /// Camera space positions at all times of the placement.
-    ///
-    /// A displacement is computed once, when the shutter opens, and moves with the surface.
-    fn positions(
-        &self,
-        dice: &Dice,
-        key_times: &[f32],
-        job: &Job<S::Object>,
-        grid: &Grid,
-        before: Option<&Lanes3>,
-    ) -> Vec<Vec<Vec3>> {
-        let placement = &job.placement;
-        let world_to_camera = &self.options.camera.world_to_camera;
-        let back = placement.to_world.at(grid.time).inverse();
-        let offset = |i: usize| match before {
-            Some(before) => back.vector(grid.p.get(i) - before.get(i)),
-            None => Vec3::ZERO,
-        };
-        let at = |time: f32| {
-            let to_camera = world_to_camera.at(time);
-            if time == grid.time {
-                // The very points that were shaded.
-                return (0..grid.len()).map(|i| to_camera.point(grid.p.get(i))).collect();
+    /// A grid as each eye sees it.
+    fn views(&self, job: &Job<S::Object>, slot: &LeafSlot, diced: &Diced<'_>) -> Box<[ViewedGrid]> {
+        let nu = diced.dice.nu;
+        let times = job.placement.times();
+        let p_world = positions(job, diced);
+        let view = |(eye, seen): (&Eye<'_>, &Sighting)| {
+            let mut p_cam: Vec<Vec<Vec3>> = Vec::with_capacity(times.len());
+            for (time, points) in times.iter().zip(&p_world) {
+                let to_camera = eye.camera.world_to_camera.at(*time);
+                p_cam.push(points.iter().map(|p| to_camera.point(*p)).collect());
             }
-            let to_world = placement.to_world.at(time);
-            let (a, b, alpha) = key_at(key_times, time);
-            let object = |i: usize| {
-                let p = dice.p[a][i];
-                if alpha == 0.0 { p } else { p.lerp(dice.p[b][i], alpha) }
-            };
-            (0..grid.len()).map(|i| to_camera.point(to_world.point(object(i) + offset(i)))).collect()
+            let mut rim_px = (0.02 / job.settings.quality).clamp(0.02, 0.25);
+            if diced.before.is_some() {
+                rim_px = roughness_px(eye.camera, &p_cam, nu, diced.dice.nv).clamp(rim_px, MOST_RIM_PX);
+            }
+            if diced.per_side > 1 {
+                p_cam.iter_mut().for_each(|p| *p = finer(p, nu, diced.per_side));
+            }
+            let grid = ViewedGrid::new(eye.camera, times.to_vec(), p_cam, self.pattern.defocus);
+            ViewedGrid { rect: seen.rect, z_min: seen.z_min, rim_px, ..grid }
         };
-        placement.times().iter().map(|time| at(*time)).collect()
+        self.eyes.iter().zip(&slot.seen).map(view).collect()
     }
 
     /// Colours of a grid; what is no number becomes black, with one message per object.
@@ -231,45 +222,21 @@ impl<S: FrameShader> Frame<'_, S> {
         colors
     }
 
-    /// How far (pixels) a neighbour that is diced differently may be off the borders of a displaced grid.
-    ///
-    /// Undisplaced surfaces are diced so finely that their edges stay together; what a displacement does between two
-    /// points nobody knows, but between three it shows in how far the middle one is off the other two.
-    fn roughness_px(&self, p_cam: &[Vec<Vec3>], nu: usize, nv: usize) -> f32 {
-        let mut worst = 0.0_f32;
-        let perspective = matches!(self.options.camera.projection, Projection::Perspective { .. });
-        let (down, across) = ((nv - 1) * nu, nu - 1);
-        for p in p_cam {
-            let mut off = |at: usize, step: usize| {
-                let [a, b, c] = [at - step, at, at + step].map(|i| p[i]);
-                let depth = b.z.max(self.options.camera.near);
-                let scale = self.options.camera.raster_scale(depth).abs();
-                let second = (a + c) * 0.5 - b;
-                // Seen along the view nothing opens.
-                let along = if perspective { b.truncate() * (second.z / depth) } else { Vec2::ZERO };
-                let aside = second.truncate() - along;
-                worst = worst.max((aside * scale).length() * 1.5);
-            };
-            for i in 1..nu.saturating_sub(1) {
-                [i, down + i].into_iter().for_each(|at| off(at, 1));
-            }
-            for j in 1..nv.saturating_sub(1) {
-                [j * nu, j * nu + across].into_iter().for_each(|at| off(at, nu));
-            }
-        }
-        if worst.is_finite() { worst } else { 0.0 }
-    }
-
     /// Warns about points that a displacement moved out of the bound it declared.
     fn check_displacement(&self, grid: &ShadedGrid, job: &Job<S::Object>) {
-        let ([x0, y0, x1, y1], z) = grid.view.bound(0..grid.nu * grid.nv);
-        let (rect, region) = (grid.rect, self.region);
-        let outside = (x0 < rect.x0 as f32 && rect.x0 > region.x0)
-            || (y0 < rect.y0 as f32 && rect.y0 > region.y0)
-            || (x1 > rect.x1 as f32 && rect.x1 < region.x1)
-            || (y1 > rect.y1 as f32 && rect.y1 < region.y1)
-            || z < grid.z_min;
-        if outside {
+        let region = self.region;
+        let outside = |view: &ViewedGrid| {
+            let ([x0, y0, x1, y1], z) = view.bound(0..grid.nu * grid.nv);
+            let rect = view.rect;
+            // Where nothing is seen nothing is missed.
+            !rect.is_empty()
+                && ((x0 < rect.x0 as f32 && rect.x0 > region.x0)
+                    || (y0 < rect.y0 as f32 && rect.y0 > region.y0)
+                    || (x1 > rect.x1 as f32 && rect.x1 < region.x1)
+                    || (y1 > rect.y1 as f32 && rect.y1 < region.y1)
+                    || z < view.z_min)
+        };
+        if grid.views.iter().any(outside) {
             let attributes = &job.primitive.attributes;
             let (name, radius) = (attributes.name(), attributes.float("displace:maxradius"));
             self.options.reporter.once(
@@ -282,4 +249,71 @@ impl<S: FrameShader> Frame<'_, S> {
             );
         }
     }
+}
+
+/// A grid after shading, with what it was diced from.
+struct Diced<'a> {
+    dice: &'a Dice,
+    key_times: &'a [f32],
+    grid: &'a Grid,
+    /// Where its points were before they were displaced.
+    before: Option<&'a Lanes3>,
+    /// Cells along each side of a micropolygon.
+    per_side: usize,
+}
+
+/// World space positions at all times of the placement.
+///
+/// A displacement is computed once, when the shutter opens, and moves with the surface.
+fn positions<O>(job: &Job<O>, diced: &Diced<'_>) -> Vec<Vec<Vec3>> {
+    let Diced { dice, key_times, grid, before, .. } = *diced;
+    let placement = &job.placement;
+    let back = placement.to_world.at(grid.time).inverse();
+    let offset = |i: usize| match before {
+        Some(before) => back.vector(grid.p.get(i) - before.get(i)),
+        None => Vec3::ZERO,
+    };
+    let at = |time: f32| {
+        if time == grid.time {
+            // The very points that were shaded.
+            return (0..grid.len()).map(|i| grid.p.get(i)).collect();
+        }
+        let to_world = placement.to_world.at(time);
+        let (a, b, alpha) = key_at(key_times, time);
+        let object = |i: usize| {
+            let p = dice.p[a][i];
+            if alpha == 0.0 { p } else { p.lerp(dice.p[b][i], alpha) }
+        };
+        (0..grid.len()).map(|i| to_world.point(object(i) + offset(i))).collect()
+    };
+    placement.times().iter().map(|time| at(*time)).collect()
+}
+
+/// How far (pixels) a neighbour that is diced differently may be off the borders of a displaced grid.
+///
+/// Undisplaced surfaces are diced so finely that their edges stay together; what a displacement does between two
+/// points nobody knows, but between three it shows in how far the middle one is off the other two.
+fn roughness_px(camera: &CameraView, p_cam: &[Vec<Vec3>], nu: usize, nv: usize) -> f32 {
+    let mut worst = 0.0_f32;
+    let perspective = matches!(camera.projection, Projection::Perspective { .. });
+    let (down, across) = ((nv - 1) * nu, nu - 1);
+    for p in p_cam {
+        let mut off = |at: usize, step: usize| {
+            let [a, b, c] = [at - step, at, at + step].map(|i| p[i]);
+            let depth = b.z.max(camera.near);
+            let scale = camera.raster_scale(depth).abs();
+            let second = (a + c) * 0.5 - b;
+            // Seen along the view nothing opens.
+            let along = if perspective { b.truncate() * (second.z / depth) } else { Vec2::ZERO };
+            let aside = second.truncate() - along;
+            worst = worst.max((aside * scale).length() * 1.5);
+        };
+        for i in 1..nu.saturating_sub(1) {
+            [i, down + i].into_iter().for_each(|at| off(at, 1));
+        }
+        for j in 1..nv.saturating_sub(1) {
+            [j * nu, j * nu + across].into_iter().for_each(|at| off(at, nu));
+        }
+    }
+    if worst.is_finite() { worst } else { 0.0 }
 }

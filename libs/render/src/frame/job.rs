@@ -1,6 +1,6 @@
 //! A primitive on its way to grids.
 
-use super::{Frame, FrameShader, ObjectTraits};
+use super::{Eye, Frame, FrameShader, ObjectTraits};
 use crate::PixelRect;
 use crate::dicing::trimming;
 use crate::dicing::{DiceSettings, Leaf, Placement, Plan};
@@ -19,8 +19,8 @@ pub(super) struct Job<O> {
     pub(super) traits: ObjectTraits,
     pub(super) settings: DiceSettings,
     pub(super) placement: Placement,
-    /// Pixels in which it may be seen, inside the frame's region.
-    pub(super) rect: PixelRect,
+    /// Pixels in which each eye may see it, inside the frame's region.
+    pub(super) rects: Vec<PixelRect>,
     pub(super) culls_hidden: bool,
     /// Until it is split.
     pieces: Mutex<Vec<Piece>>,
@@ -30,26 +30,25 @@ pub(super) struct Job<O> {
 /// The grids of a primitive.
 pub(super) struct Split {
     pub(super) leaves: Vec<LeafSlot>,
-    /// (bucket, leaf), sorted.
-    of_bucket: Vec<(u32, u32)>,
+    /// For each eye: (bucket, leaf), sorted.
+    of_bucket: Vec<Vec<(u32, u32)>>,
 }
 
 impl Split {
-    /// Leaves that a bucket may see, in order.
-    pub(super) fn leaves_of(&self, bucket: u32) -> impl Iterator<Item = u32> + '_ {
-        let from = self.of_bucket.partition_point(|(b, _)| *b < bucket);
-        self.of_bucket[from..].iter().take_while(move |(b, _)| *b == bucket).map(|(_, leaf)| *leaf)
+    /// Leaves that an eye may see in a bucket, in order.
+    pub(super) fn leaves_of(&self, eye: usize, bucket: u32) -> impl Iterator<Item = u32> + '_ {
+        let of_bucket = &self.of_bucket[eye];
+        let from = of_bucket.partition_point(|(b, _)| *b < bucket);
+        of_bucket[from..].iter().take_while(move |(b, _)| *b == bucket).map(|(_, leaf)| *leaf)
     }
 }
 
 /// A grid that is shaded once and dropped after its last use.
 pub(super) struct LeafSlot {
-    /// Pixels in which it may be seen.
-    pub(super) rect: PixelRect,
-    /// Nothing of it is nearer.
-    pub(super) z_min: f32,
+    /// Where each eye may see it.
+    pub(super) seen: Box<[Sighting]>,
     state: Mutex<LeafState>,
-    /// Buckets that have not yet looked at it.
+    /// Buckets that have not yet looked at it, counted for each eye.
     uses: AtomicU32,
 }
 
@@ -82,6 +81,15 @@ impl LeafSlot {
             *self.state.lock().unwrap_or_else(PoisonError::into_inner) = LeafState::Gone;
         }
     }
+}
+
+/// Where an eye may see a grid.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sighting {
+    /// In these pixels, inside the frame's region.
+    pub(super) rect: PixelRect,
+    /// Nothing of it is nearer.
+    pub(super) z_min: f32,
 }
 
 /// Where a piece may be seen.
@@ -118,17 +126,17 @@ impl<S: FrameShader> Frame<'_, S> {
         let object = self.shader.object(primitive);
         let traits = self.shader.traits(&object);
         let shape_times = pieces.first().map_or(&[][..], |p| p.key_times());
+        // The eyes move with their camera.
         let cameras = [&self.options.camera.world_to_camera, &self.options.dicing_camera.world_to_camera];
         let shutter =
             if self.pattern.blur { self.options.camera.shutter } else { [self.options.camera.shutter[0]; 2] };
         let placement = Placement::new(&attributes.to_world, shape_times, &cameras, shutter);
-        let mut bound_px = NOWHERE;
-        for piece in &pieces {
-            let seen = self.seen(&**piece, &placement, &traits);
-            bound_px = union(bound_px, seen.bound_px);
-        }
-        let rect = pixels_of(bound_px, &self.region);
-        if rect.is_empty() {
+        let rect = |eye: &Eye<'_>| {
+            let seen = pieces.iter().map(|p| self.seen(eye, &**p, &placement, &traits).bound_px);
+            pixels_of(seen.fold(NOWHERE, union), &self.region)
+        };
+        let rects: Vec<PixelRect> = self.eyes.iter().map(rect).collect();
+        if rects.iter().all(PixelRect::is_empty) {
             add(&self.counters.primitives_off_screen, 1);
             return None;
         }
@@ -139,7 +147,7 @@ impl<S: FrameShader> Frame<'_, S> {
             object,
             traits,
             placement,
-            rect,
+            rects,
             pieces: Mutex::new(pieces),
             split: OnceLock::new(),
         })
@@ -151,12 +159,15 @@ impl<S: FrameShader> Frame<'_, S> {
             add(&self.counters.primitives_split, 1);
             let pieces = std::mem::take(&mut *job.pieces.lock().unwrap_or_else(PoisonError::into_inner));
             let mut leaves = Vec::new();
-            let mut of_bucket = Vec::new();
+            let mut of_bucket = vec![Vec::new(); self.eyes.len()];
             let mut stack: Vec<(Piece, u32)> = pieces.into_iter().rev().map(|p| (p, 0)).collect();
             while let Some((piece, depth)) = stack.pop() {
-                let seen = self.seen(&*piece, &job.placement, &job.traits);
-                let rect = pixels_of(seen.bound_px, &self.region);
-                if rect.is_empty() {
+                let sighting = |eye: &Eye<'_>| {
+                    let seen = self.seen(eye, &*piece, &job.placement, &job.traits);
+                    Sighting { rect: pixels_of(seen.bound_px, &self.region), z_min: seen.z_min }
+                };
+                let seen: Box<[Sighting]> = self.eyes.iter().map(sighting).collect();
+                if seen.iter().all(|s| s.rect.is_empty()) {
                     add(&self.counters.pieces_culled, 1);
                     continue;
                 }
@@ -167,13 +178,14 @@ impl<S: FrameShader> Frame<'_, S> {
                     Plan::Dice { nu, nv } => {
                         let Ok(index) = u32::try_from(leaves.len()) else { break };
                         let mut uses = 0;
-                        for bucket in self.buckets.touching(&rect.grown(self.margin)) {
-                            of_bucket.push((bucket, index));
-                            uses += 1;
+                        for (of_bucket, seen) in of_bucket.iter_mut().zip(&seen) {
+                            for bucket in self.buckets.touching(&seen.rect.grown(self.margin)) {
+                                of_bucket.push((bucket, index));
+                                uses += 1;
+                            }
                         }
                         leaves.push(LeafSlot {
-                            rect,
-                            z_min: seen.z_min,
+                            seen,
                             state: Mutex::new(LeafState::Waiting(Leaf { piece, nu, nv })),
                             uses: AtomicU32::new(uses),
                         });
@@ -181,14 +193,14 @@ impl<S: FrameShader> Frame<'_, S> {
                 }
             }
             add(&self.counters.grids, leaves.len());
-            of_bucket.sort_unstable();
+            of_bucket.iter_mut().for_each(|list| list.sort_unstable());
             Split { leaves, of_bucket }
         })
     }
 
-    /// Bounds a piece over the whole shutter and lens, displacement included.
-    fn seen(&self, piece: &dyn Surface, placement: &Placement, traits: &ObjectTraits) -> Seen {
-        let world_to_camera = &self.options.camera.world_to_camera;
+    /// Bounds a piece as an eye sees it over the whole shutter and lens, displacement included.
+    fn seen(&self, eye: &Eye<'_>, piece: &dyn Surface, placement: &Placement, traits: &ObjectTraits) -> Seen {
+        let world_to_camera = &eye.camera.world_to_camera;
         let mut boxes: Vec<Bound> = Vec::with_capacity(placement.times().len());
         for &time in placement.times() {
             let to_camera = world_to_camera.at(time);
@@ -205,10 +217,10 @@ impl<S: FrameShader> Frame<'_, S> {
             return Seen { bound_px: NOWHERE, z_min: f32::INFINITY };
         }
         // What passes the near plane is bounded as a whole: its parts move through it between the times.
-        let bound_px = if hull.min.z < self.options.camera.near {
-            self.projector.raster_box(&hull)
+        let bound_px = if hull.min.z < eye.camera.near {
+            eye.projector.raster_box(&hull)
         } else {
-            boxes.iter().map(|b| self.projector.raster_box(b)).fold(NOWHERE, union)
+            boxes.iter().map(|b| eye.projector.raster_box(b)).fold(NOWHERE, union)
         };
         // A little room for rounding, for widened rims, and for widths given in pixels.
         let room = 0.3 + piece.raster_width() * 0.5;

@@ -1,6 +1,7 @@
 //! Whole frames with shaders that are Rust functions: geometry, sampling, filtering, determinism.
 
 mod cracks;
+mod stereo;
 
 use super::*;
 use crate::environment::Silent;
@@ -191,6 +192,7 @@ fn render_with<S: FrameShader>(
     let stop = AtomicBool::new(false);
     let options = FrameOptions {
         camera: view,
+        eyes: std::slice::from_ref(view),
         dicing_camera: view,
         threads,
         reporter: &reporter,
@@ -198,7 +200,7 @@ fn render_with<S: FrameShader>(
         stop: &stop,
         scene_files: &[],
     };
-    let (_, complete) = render(&build.scene, shader, options, &mut outputs).unwrap();
+    let (_, complete) = render(&build.scene, shader, options, std::slice::from_mut(&mut outputs)).unwrap();
     assert!(complete);
     outputs.images.remove(0).pixels
 }
@@ -696,6 +698,7 @@ fn a_panic_costs_one_bucket() {
     let files = ["scene.pyg".to_owned()];
     let options = FrameOptions {
         camera: &view,
+        eyes: std::slice::from_ref(&view),
         dicing_camera: &view,
         threads: 2,
         reporter: &reporter,
@@ -704,7 +707,7 @@ fn a_panic_costs_one_bucket() {
         scene_files: &files,
     };
     let shader = Painted { paint, displace: None };
-    let (_, complete) = render(&build.scene, &shader, options, &mut outputs).unwrap();
+    let (_, complete) = render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs)).unwrap();
     assert!(!complete);
     let kept = kept.lock().unwrap();
     assert!(!kept.is_empty());

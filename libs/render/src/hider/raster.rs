@@ -1,7 +1,7 @@
 //! Which samples hit which micropolygons.
 
 use super::SampleGrid;
-use super::visible::{ShadedGrid, pixels_of};
+use super::visible::{ShadedGrid, ViewedGrid, pixels_of};
 use crate::PixelRect;
 use granita_base::{Vec2, Vec3};
 
@@ -9,6 +9,8 @@ use granita_base::{Vec2, Vec3};
 pub(super) struct Raster<'a> {
     pub(super) samples: &'a SampleGrid,
     pub(super) grid: &'a ShadedGrid,
+    /// As the eye sees it whose samples these are.
+    pub(super) view: &'a ViewedGrid,
 }
 
 /// A micropolygon at a sample.
@@ -24,7 +26,7 @@ pub(super) struct Hit {
     pub(super) v: f32,
     /// The micropolygon is on the rim of its grid.
     pub(super) rim: bool,
-    /// The sample lies beside the grid, no farther from its rim than [`ShadedGrid::rim_px`]: where the grid is from
+    /// The sample lies beside the grid, no farther from its rim than [`ViewedGrid::rim_px`]: where the grid is from
     /// there, of any length.
     pub(super) beside: Option<Vec2>,
 }
@@ -75,7 +77,7 @@ impl Raster<'_> {
                 }
                 // Sides at v = 0, u = 1, v = 1, u = 0.
                 let rim = [j == 0, i + 1 == mu, j + 1 == mv, i == 0];
-                if grid.view.raster.is_empty() {
+                if self.view.raster.is_empty() {
                     self.moving(j * grid.nu + i, rim, hit);
                 } else {
                     self.still(j * grid.nu + i, rim, hit);
@@ -86,19 +88,19 @@ impl Raster<'_> {
 
     /// Pixels in which the grid may be seen.
     fn window(&self) -> PixelRect {
-        self.samples.rect.intersection(&self.grid.rect)
+        self.samples.rect.intersection(&self.view.rect)
     }
 
     fn widening(&self, rim: bool) -> f32 {
-        if rim { self.grid.rim_px } else { 0.0 }
+        if rim { self.view.rim_px } else { 0.0 }
     }
 
     /// A micropolygon that does not move, without a lens, all before the camera.
     fn still(&self, at: usize, rim: [bool; 4], hit: &mut Hits<'_>) {
         let (grid, samples) = (self.grid, self.samples);
         let nu = grid.nu;
-        let near = grid.view.near.max(grid.z_min);
-        let corner = [at, at + 1, at + nu + 1, at + nu].map(|i| grid.view.raster[i]);
+        let near = self.view.near.max(self.view.z_min);
+        let corner = [at, at + 1, at + nu + 1, at + nu].map(|i| self.view.raster[i]);
         let (lo, hi) =
             corner[1..].iter().fold((corner[0], corner[0]), |(lo, hi), c| (lo.min(*c), hi.max(*c)));
         let any_rim = rim.contains(&true);
@@ -135,7 +137,7 @@ impl Raster<'_> {
                         let w = [e[1] * inverse, e[2] * inverse, e[0] * inverse].map(|w| w.clamp(0.0, 1.0));
                         let sum = w[0] + w[1] + w[2];
                         let (z, w) = self.depth(p, w, sum);
-                        if !(z >= near && z <= grid.view.far) {
+                        if !(z >= near && z <= self.view.far) {
                             continue;
                         }
                         let (u, v) = place(second == 1, w);
@@ -149,7 +151,7 @@ impl Raster<'_> {
     /// Depth from the third coordinate of the corners, and weights that are right in space, summing to one.
     fn depth(&self, p: [Vec3; 3], w: [f32; 3], sum: f32) -> (f32, [f32; 3]) {
         let third = (w[0] * p[0].z + w[1] * p[1].z + w[2] * p[2].z) / sum;
-        if self.grid.view.perspective {
+        if self.view.perspective {
             let z = 1.0 / third;
             (z, std::array::from_fn(|k| w[k] * p[k].z * z / sum))
         } else {
@@ -163,8 +165,8 @@ impl Raster<'_> {
     /// 2D Homogeneous Coordinates, 1997), so that corners behind the camera need no clipping.
     fn moving(&self, at: usize, rim: [bool; 4], hit: &mut Hits<'_>) {
         let (grid, samples) = (self.grid, self.samples);
-        let (nu, view) = (grid.nu, &grid.view);
-        let near = view.near.max(grid.z_min);
+        let (nu, view) = (grid.nu, self.view);
+        let near = view.near.max(view.z_min);
         let corners = [at, at + 1, at + nu + 1, at + nu];
         let any_rim = rim.contains(&true);
         let pad = self.widening(any_rim);
@@ -224,14 +226,14 @@ impl Raster<'_> {
 
     /// About how many pixels a micropolygon moves, at least 1; `whole` is the raster box of its path.
     fn travel_px(&self, corners: [usize; 4], whole: [f32; 4]) -> usize {
-        let Some(start) = self.outline(corners, self.grid.view.times[0]) else { return usize::MAX };
+        let Some(start) = self.outline(corners, self.view.times[0]) else { return usize::MAX };
         let path = Vec2::new(whole[2] - whole[0], whole[3] - whole[1]);
         (path - (start.hi - start.lo)).max_element().ceil().max(1.0) as usize
     }
 
     /// Where a micropolygon is at one time; `None` when it is too close to the camera to tell.
     fn outline(&self, corners: [usize; 4], time: f32) -> Option<Outline> {
-        let view = &self.grid.view;
+        let view = self.view;
         let mut outline = Outline {
             lo: Vec2::INFINITY,
             hi: Vec2::NEG_INFINITY,
@@ -262,7 +264,7 @@ impl Raster<'_> {
         strata: &std::ops::Range<usize>,
         pad: f32,
     ) -> Option<Outline> {
-        let view = &self.grid.view;
+        let view = self.view;
         let mut outline = begin?.with(&end?);
         let [first, last] = [strata.start, strata.end].map(|k| self.samples.stratum_time(k));
         for time in view.times.iter().filter(|t| **t > first && **t < last) {
@@ -293,16 +295,16 @@ impl Raster<'_> {
         let sides = [plane(0, 1), plane(1, 2), plane(2, 3), plane(3, 0)];
         // How the edge functions change over one pixel, where that matters.
         let slope: [Vec2; 4] = std::array::from_fn(|k| {
-            if !rim[k] || self.grid.rim_px <= 0.0 {
+            if !rim[k] || self.view.rim_px <= 0.0 {
                 Vec2::ZERO
-            } else if self.grid.view.perspective {
+            } else if self.view.perspective {
                 sides[k].truncate() * pixel
             } else {
                 // Both ends are as deep as they are.
                 (p[(k + 1) % 4] - p[k]).truncate().perp() * pixel
             }
         });
-        let pad = slope.map(|slope| self.grid.rim_px * slope.length());
+        let pad = slope.map(|slope| self.view.rim_px * slope.length());
         let e = sides.map(|n| n.dot(direction));
         let d = diagonal.dot(direction);
         let triangles = [

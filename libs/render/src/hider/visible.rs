@@ -91,10 +91,17 @@ pub(crate) struct ViewedGrid {
     pub(crate) focus: f32,
     /// Radius of the lens; 0 without one.
     pub(crate) lens_radius: f32,
+    /// The pixels that its bound allowed, and its least depth: what a displacement moved beyond is cut off, whichever
+    /// bucket looks.
+    pub(crate) rect: PixelRect,
+    pub(crate) z_min: f32,
+    /// How far (pixels) the rim is widened, to close the hairline between grids diced at different rates.
+    pub(crate) rim_px: f32,
 }
 
 impl ViewedGrid {
-    /// From camera space positions at each of `times`.
+    /// From camera space positions at each of `times`. Nothing is cut off but what lies before the near plane, and the
+    /// rim is not widened.
     pub(crate) fn new(camera: &CameraView, times: Vec<f32>, p_cam: Vec<Vec<Vec3>>, defocus: bool) -> Self {
         let perspective = matches!(camera.projection, Projection::Perspective { .. });
         let lens = camera.lens.filter(|_| defocus);
@@ -109,6 +116,9 @@ impl ViewedGrid {
             far: camera.far,
             focus: lens.map_or(0.0, |l| l.focal_distance),
             lens_radius: lens.map_or(0.0, |l| l.radius),
+            rect: PixelRect::EVERYWHERE,
+            z_min: f32::NEG_INFINITY,
+            rim_px: 0.0,
         };
         let simple = grid.times.len() == 1 && lens.is_none();
         if simple && (!perspective || grid.p_cam[0].iter().all(|p| p.z >= camera.near)) {
@@ -196,8 +206,8 @@ pub(crate) struct ShadedGrid {
     pub(crate) nv: usize,
     /// The primitive it belongs to.
     pub(crate) primitive: u32,
-    /// Where it is seen.
-    pub(crate) view: ViewedGrid,
+    /// Where each eye of the camera sees it.
+    pub(crate) views: Box<[ViewedGrid]>,
     /// Colour of each point; empty for black (a matte).
     pub(crate) color: Vec<Color>,
     /// Opacity of each point; empty when it is opaque everywhere.
@@ -211,12 +221,6 @@ pub(crate) struct ShadedGrid {
     pub(crate) variables: Vec<f32>,
     /// Per micropolygon (u fastest): whether it is there at all; empty when all are.
     pub(crate) kept: Vec<bool>,
-    /// The pixels that its bound allowed, and its least depth: what a displacement moved beyond is cut off, whichever
-    /// bucket looks.
-    pub(crate) rect: PixelRect,
-    pub(crate) z_min: f32,
-    /// How far (pixels) the rim is widened, to close the hairline between grids diced at different rates.
-    pub(crate) rim_px: f32,
     /// Displaced: its borders may be off those of its neighbours in any direction, so that what is beside them counts as
     /// covered whatever is on the other side.
     pub(crate) ragged: bool,
