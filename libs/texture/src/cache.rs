@@ -2,9 +2,7 @@
 
 use crate::file::TextureFile;
 use crate::shared::Shared;
-use crate::statistics::add;
-use crate::{CacheStatistics, EnvLookup, Lookup, ShadowLookup, TextureKind};
-use crate::{environment, plain, shadow};
+use crate::{CacheStatistics, EnvLookup, Lookup, ShadowLookup, TextureKind, TextureReader};
 use granita_base::{BaseType, Param, ParamData, ParamType, Reporter, SearchPath, Transform};
 use granita_image::FormatRegistry;
 
@@ -99,27 +97,29 @@ impl TextureCache {
         self.file(id).kind
     }
 
+    /// For many lookups from one thread.
+    pub fn reader(&self) -> TextureReader<'_> {
+        TextureReader::new(self)
+    }
+
     /// Filtered value of a texture: channels `first_channel` and following into `out`, of which the last
     /// is the one that shaders call alpha. Channels that the file lacks become `fill`; at coordinates that
     /// are not finite the others become 0.
     pub fn texture(&self, id: TextureId, lookup: &Lookup, out: &mut [f32]) {
-        add(&self.shared.counters.lookups, 1);
-        plain::texture(&self.shared, self.file(id), lookup, out);
+        self.reader().texture(id, lookup, out);
     }
 
     /// Filtered value of an environment map, as [`TextureCache::texture`]. Any map that is not a cube-face
     /// environment is taken for a latitude-longitude map. A direction of no length, or that is not finite,
     /// gives 0.
     pub fn environment(&self, id: TextureId, lookup: &EnvLookup, out: &mut [f32]) {
-        add(&self.shared.counters.lookups, 1);
-        environment::environment(&self.shared, self.file(id), lookup, out);
+        self.reader().environment(id, lookup, out);
     }
 
     /// How much of a point is in shadow, 0 (none) to 1 (all). Points behind the light, outside the map or
     /// not finite are not in shadow.
     pub fn shadow(&self, id: TextureId, lookup: &ShadowLookup) -> f32 {
-        add(&self.shared.counters.lookups, 1);
-        shadow::shadow(&self.shared, self.file(id), lookup)
+        self.reader().shadow(id, lookup)
     }
 
     /// Data about a texture file (reference table 5.5): "resolution", "type", "textureformat", "channels",
@@ -148,7 +148,11 @@ impl TextureCache {
         self.shared.counters.read()
     }
 
-    fn file(&self, id: TextureId) -> &TextureFile {
+    pub(crate) fn shared(&self) -> &Shared {
+        &self.shared
+    }
+
+    pub(crate) fn file(&self, id: TextureId) -> &TextureFile {
         self.shared.files.get(id.0).expect("invariant: an id is made by this cache and never removed")
     }
 }

@@ -6,8 +6,8 @@ use crate::file::TextureFile;
 use crate::footprint::{Mean, Spread, mix};
 use crate::lookup::{EnvLookup, Up};
 use crate::plain::by_channels;
+use crate::reader::TextureReader;
 use crate::sampler::{Sampler, cell, levels};
-use crate::shared::Shared;
 use granita_base::Vec3;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -27,7 +27,12 @@ pub(crate) fn to_map(r: Vec3, up: Up) -> Vec3 {
 }
 
 /// See [`crate::TextureCache::environment`].
-pub(crate) fn environment(shared: &Shared, file: &TextureFile, q: &EnvLookup, out: &mut [f32]) {
+pub(crate) fn environment(
+    reader: &mut TextureReader<'_>,
+    file: &TextureFile,
+    q: &EnvLookup,
+    out: &mut [f32],
+) {
     let cube = file.kind == TextureKind::CubeFaceEnvironment;
     let up = if cube { Up::Y } else { q.up.unwrap_or(file.up) };
     let length = q.r.length();
@@ -62,7 +67,7 @@ pub(crate) fn environment(shared: &Shared, file: &TextureFile, q: &EnvLookup, ou
         if !usable {
             return [0.0; 4];
         }
-        let mut sampler = Sampler::new(shared, file, first, n);
+        let mut sampler = reader.sampler(file, first, n);
         let mut mean = Mean::default();
         for (x, weight) in probes.iter() {
             let d = r * x.cos() + long * x.sin();
@@ -76,7 +81,7 @@ pub(crate) fn environment(shared: &Shared, file: &TextureFile, q: &EnvLookup, ou
         count += u64::from(probes.count);
         mean.value()
     });
-    shared.count_probes(count);
+    reader.probes += count;
 }
 
 /// Angle that one texel of the largest level covers where the map is coarsest.

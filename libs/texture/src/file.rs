@@ -1,6 +1,7 @@
 //! One texture file: what it says of itself, and how its texels are reached.
 
 use crate::cube::CubeLayout;
+use crate::make;
 use crate::picture::{Picture, half, level_count};
 use crate::tiles::Tile;
 use crate::{TextureKind, Up, Wrap};
@@ -254,7 +255,11 @@ impl TextureFile {
         let wrap = (self.swrap, self.twrap);
         let level = |p: &Picture| tile(Pixels::from_floats(pixel_type, &p.data), p.width as u32);
         if !self.kind.is_cube() {
-            return Ok(first.pyramid(Filter::Box, wrap).iter().map(level).collect());
+            let made = make::levels(self.kind, (first.width, first.height), n, wrap, first.data);
+            return Ok(made
+                .iter()
+                .map(|((width, _), data)| tile(Pixels::from_floats(pixel_type, data), *width as u32))
+                .collect());
         }
         let faces: Vec<Vec<Picture>> = (0..6)
             .map(|face| {

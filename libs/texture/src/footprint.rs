@@ -1,4 +1,4 @@
-//! The region that a lookup averages, and the probes that stand for it.
+//! The region that a lookup averages, and the probes that stand for it in environments and in narrow footprints.
 //!
 //! A footprint is an ellipse of full widths `a >= b`. Its filter is a Gaussian that has fallen to
 //! exp(-2) at the ellipse (Heckbert, Fundamentals of Texture Mapping and Image Warping, 1989, section
@@ -13,9 +13,9 @@ pub(crate) const MAX_ANISOTROPY: f64 = 16.0;
 /// Symmetric 2 x 2 matrix of squared widths.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Spread {
-    xx: f64,
-    xy: f64,
-    yy: f64,
+    pub(crate) xx: f64,
+    pub(crate) xy: f64,
+    pub(crate) yy: f64,
 }
 
 /// A number as footprints take it: not-a-number counts as 0, and nothing is larger than 1e12.
@@ -35,6 +35,11 @@ impl Spread {
     /// The same in other units.
     pub(crate) fn scaled(self, x: f64, y: f64) -> Self {
         Self { xx: self.xx * x * x, xy: self.xy * x * y, yy: self.yy * y * y }
+    }
+
+    /// With `least` as the smallest width.
+    pub(crate) fn at_least(self, least: f64) -> Self {
+        self.ellipse().at_least(least, f64::INFINITY).spread()
     }
 
     /// The axes of the ellipse.
@@ -61,6 +66,19 @@ pub(crate) struct Ellipse {
 }
 
 impl Ellipse {
+    /// At least `least` across, and at most `ratio` times as long as wide.
+    pub(crate) fn at_least(self, least: f64, ratio: f64) -> Self {
+        let b = self.b.max(self.a / ratio).max(least);
+        Self { a: self.a.max(b), b, ..self }
+    }
+
+    /// Squared widths along x and y.
+    pub(crate) fn spread(&self) -> Spread {
+        let [x, y] = self.axis.map(f64::from);
+        let (a, b) = (self.a * self.a, self.b * self.b);
+        Spread { xx: a * x * x + b * y * y, xy: (a - b) * x * y, yy: a * y * y + b * x * x }
+    }
+
     /// Probes of width at least `least`.
     pub(crate) fn probes(&self, least: f64) -> Probes {
         let exact = self.b.max(self.a / MAX_ANISOTROPY);

@@ -14,9 +14,10 @@
 //! - texels are sampled where they are: rows run downward, (0, 0) is the outer corner of the first texel,
 //!   texel centres stand at half numbers.
 //!
-//! How things are filtered is said where it is done: `footprint` (ellipses and probes), `environment`
+//! How things are filtered is said where it is done: `gaussian` (pictures: all texels under an ellipse of up to 64 : 1),
+//! `footprint` (ellipses and probes), `environment`
 //! (seams, poles and cube edges), `shadow` (percentage-closer filtering), `volume` (opacity against depth).
-//! Footprints longer than 16 times their width are widened to that ratio.
+//! Threads that ask for many points do so through a [`TextureReader`].
 //!
 //! Deliberately absent: `texture3d` and its files, shadow maps made while rendering (reference 10.1.5),
 //! colour profiles, names of geometry sets (the renderer sorts those out before it asks).
@@ -64,11 +65,13 @@ mod error;
 mod file;
 mod files;
 mod footprint;
+mod gaussian;
 mod kind;
 mod lookup;
 pub mod make;
 mod picture;
 mod plain;
+mod reader;
 mod sampler;
 mod shadow;
 mod shared;
@@ -81,5 +84,6 @@ pub use cache::{CacheOptions, TextureCache, TextureId, Use};
 pub use error::{Result, TextureError};
 pub use kind::TextureKind;
 pub use lookup::{EnvLookup, Lookup, ShadowLookup, Up};
+pub use reader::TextureReader;
 pub use statistics::CacheStatistics;
 pub use wrap::Wrap;

@@ -1,10 +1,10 @@
 //! `texture ()`: filtered lookup in a plain picture.
 
 use crate::file::TextureFile;
-use crate::footprint::{Mean, Spread, mix};
+use crate::footprint::{Ellipse, Mean, Spread, mix};
+use crate::gaussian::Gaussian;
 use crate::lookup::Lookup;
-use crate::sampler::{Sampler, levels};
-use crate::shared::Shared;
+use crate::reader::TextureReader;
 
 /// Runs `each` for runs of up to four channels that the file has, and puts the results in their places;
 /// the others get `fill`.
@@ -25,38 +25,70 @@ pub(crate) fn by_channels(
     }
 }
 
+/// Largest ratio of the widths of a footprint that is filtered as it is; beyond it the footprint is made wider.
+const MAX_RATIO: f64 = 64.0;
+
+/// Footprints this wide (in texels of the largest level, across) are bilinear probes, those of [`WIDE`] are means of
+/// all texels under a Gaussian, and in between one goes over into the other.
+const NARROW: f64 = 1.0;
+const WIDE: f64 = 1.5;
+
+/// Widest footprint that is filtered in the smallest level, in its texels.
+const MOST: f64 = 32.0;
+
 /// See [`crate::TextureCache::texture`].
-pub(crate) fn texture(shared: &Shared, file: &TextureFile, q: &Lookup, out: &mut [f32]) {
+pub(crate) fn texture(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup, out: &mut [f32]) {
     let wrap = (q.swrap.unwrap_or(file.swrap), q.twrap.unwrap_or(file.twrap));
     let base = &file.levels[0];
-    let (width, height) = (base.width as f32, base.height as f32);
+    let size = [f64::from(base.width), f64::from(base.height)];
     let mut spread = Spread::default();
     spread.add(q.dsdx * q.swidth, q.dtdx * q.twidth);
     spread.add(q.dsdy * q.swidth, q.dtdy * q.twidth);
     spread.add(q.sblur, 0.0);
     spread.add(0.0, q.tblur);
-    let ellipse = spread.scaled(f64::from(width), f64::from(height)).ellipse();
+    let ellipse = spread.scaled(size[0], size[1]).ellipse().at_least(1.0, MAX_RATIO);
+    let wide = ((ellipse.b - NARROW) / (WIDE - NARROW)).clamp(0.0, 1.0) as f32;
+    let filter = (wide > 0.0).then(|| smooth(file, &ellipse));
     let probes = ellipse.probes(1.0);
-    let (level, share) = levels(probes.width.log2(), file.levels.len() - 1);
     // One step along the long axis by one texel of level 0.
-    let (ds, dt) = (ellipse.axis[0] / width, ellipse.axis[1] / height);
+    let (ds, dt) = (ellipse.axis[0] / size[0] as f32, ellipse.axis[1] / size[1] as f32);
     let mut count = 0;
     by_channels(file, q.first_channel, q.fill, out, |first, n| {
         if !q.s.is_finite() || !q.t.is_finite() {
             return [0.0; 4];
         }
-        let mut sampler = Sampler::new(shared, file, first, n);
-        let mut mean = Mean::default();
-        for (x, weight) in probes.iter() {
-            let (s, t) = (q.s + x * ds, q.t + x * dt);
-            let mut value = sampler.bilinear(level, s, t, wrap);
-            if share > 0.0 {
-                value = mix(value, sampler.bilinear(level + 1, s, t, wrap), share);
+        let mut sampler = reader.sampler(file, first, n);
+        let round = filter.as_ref().map(|(level, gaussian)| {
+            count += 1;
+            sampler.gaussian(*level, q.s, q.t, gaussian, wrap)
+        });
+        match round {
+            Some(value) if wide == 1.0 => value,
+            round => {
+                let mut mean = Mean::default();
+                for (x, weight) in probes.iter() {
+                    mean.add(sampler.bilinear(0, q.s + x * ds, q.t + x * dt, wrap), weight);
+                }
+                count += u64::from(probes.count);
+                round.map_or(mean.value(), |round| mix(mean.value(), round, wide))
             }
-            mean.add(value, weight);
         }
-        count += u64::from(probes.count);
-        mean.value()
     });
-    shared.count_probes(count);
+    reader.probes += count;
+}
+
+/// The level in which the ellipse, of widths in texels of the largest one, is just [`WIDE`] or more across, and its
+/// filter there.
+fn smooth(file: &TextureFile, ellipse: &Ellipse) -> (usize, Gaussian) {
+    let last = file.levels.len() - 1;
+    let level = ((ellipse.b / WIDE).log2().max(0.0) as usize).min(last);
+    let (base, l) = (&file.levels[0], &file.levels[level]);
+    let (x, y) = (f64::from(l.width) / f64::from(base.width), f64::from(l.height) / f64::from(base.height));
+    let mut ellipse = *ellipse;
+    if level == last {
+        ellipse.a = ellipse.a.min(MOST / x.max(y));
+        ellipse.b = ellipse.b.min(ellipse.a);
+    }
+    // Levels of very long pictures stop halving in one direction.
+    (level, Gaussian::new(ellipse.spread().scaled(x, y).at_least(1.0)))
 }

@@ -4,26 +4,61 @@ use crate::Wrap;
 use crate::cube;
 use crate::file::{Level, TextureFile};
 use crate::footprint::mix;
+use crate::gaussian::{Sum, Weights};
 use crate::shared::Shared;
 use crate::tiles::{Tile, TileKey};
 use std::sync::Arc;
 
-/// Reads up to four neighbouring channels of a file; keeps the tiles that it used last, so that one
-/// lookup asks the shared cache seldom.
+/// Reads up to four neighbouring channels of a file.
 pub(crate) struct Sampler<'a> {
     shared: &'a Shared,
     pub(crate) file: &'a TextureFile,
     first: usize,
     channels: usize,
-    recent: [Option<(TileKey, Arc<Tile>)>; 4],
+    held: &'a mut Held,
+}
+
+/// The tiles that one thread used last: it asks the shared cache seldom. They belong to any files of one cache.
+#[derive(Debug, Default)]
+pub(crate) struct Held {
+    tiles: [Option<(TileKey, Arc<Tile>)>; 8],
+    /// Where the tile used last is.
+    last: usize,
+    /// Where the next one goes.
     next: usize,
+}
+
+impl Held {
+    /// The tile of a key, fetched with `get` when it is not here.
+    #[inline]
+    fn tile(&mut self, key: TileKey, get: impl FnOnce() -> Arc<Tile>) -> &Tile {
+        let is = |held: &Option<(TileKey, Arc<Tile>)>| held.as_ref().is_some_and(|(k, _)| *k == key);
+        if !is(&self.tiles[self.last]) {
+            self.last = self.tiles.iter().position(is).unwrap_or_else(|| {
+                let at = self.next;
+                self.next = (at + 1) % self.tiles.len();
+                self.tiles[at] = Some((key, get()));
+                at
+            });
+        }
+        match &self.tiles[self.last] {
+            Some((_, tile)) => tile,
+            None => unreachable!("the place was found or filled above"),
+        }
+    }
 }
 
 impl<'a> Sampler<'a> {
     /// For channels `first .. first + channels`, at most four, all of them in the file.
-    pub(crate) fn new(shared: &'a Shared, file: &'a TextureFile, first: usize, channels: usize) -> Self {
+    pub(crate) fn new(
+        shared: &'a Shared,
+        held: &'a mut Held,
+        file: &'a TextureFile,
+        first: usize,
+        channels: usize,
+    ) -> Self {
         debug_assert!(channels <= 4 && first + channels <= file.channels, "channels of the file");
-        Self { shared, file, first, channels, recent: [const { None }; 4], next: 0 }
+        Self { shared, file, first, channels, held }
     }
 
     pub(crate) fn level(&self, level: usize) -> &'a Level {
@@ -56,16 +91,27 @@ impl<'a> Sampler<'a> {
         let (tx, ty) = (x / l.tile_width, y / l.tile_height);
         let key = TileKey { file: self.file.index, level: level as u32, tx, ty };
         let (x, y) = ((x - tx * l.tile_width) as usize, (y - ty * l.tile_height) as usize);
-        let held = self.recent.iter().position(|r| r.as_ref().is_some_and(|(k, _)| *k == key));
-        let at = held.unwrap_or_else(|| {
-            let at = self.next;
-            self.recent[at] = Some((key, self.shared.tile(self.file, key)));
-            self.next = (at + 1) % self.recent.len();
-            at
-        });
-        match &self.recent[at] {
-            Some((_, tile)) => (tile, x, y),
-            None => unreachable!("the place was found or filled above"),
+        (self.held.tile(key, || self.shared.tile(self.file, key)), x, y)
+    }
+
+    /// Adds `count` texels of one tile, from (x, y) to the right, to a sum.
+    #[inline]
+    pub(crate) fn add_run(
+        &mut self,
+        level: usize,
+        (x, y): (u32, u32),
+        count: usize,
+        weights: &mut Weights,
+        sum: &mut Sum,
+    ) {
+        let (first, channels) = (self.first, self.channels);
+        let (tile, x, y) = self.tile_of(level, x, y);
+        sum.begin(tile.texel(x, y, first, channels));
+        match channels {
+            1 => tile.add_run::<1>((x, y), first, count, weights, sum),
+            2 => tile.add_run::<2>((x, y), first, count, weights, sum),
+            3 => tile.add_run::<3>((x, y), first, count, weights, sum),
+            _ => tile.add_run::<4>((x, y), first, count, weights, sum),
         }
     }
 

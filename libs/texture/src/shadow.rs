@@ -5,8 +5,8 @@ use crate::cube;
 use crate::file::TextureFile;
 use crate::footprint::mix;
 use crate::lookup::ShadowLookup;
+use crate::reader::TextureReader;
 use crate::sampler::{Sampler, cell};
-use crate::shared::Shared;
 use crate::{TextureKind, volume};
 use granita_base::{Transform, Vec3, hash, sample};
 
@@ -50,17 +50,17 @@ fn sane(q: &ShadowLookup) -> Option<ShadowLookup> {
 }
 
 /// See [`crate::TextureCache::shadow`].
-pub(crate) fn shadow(shared: &Shared, file: &TextureFile, q: &ShadowLookup) -> f32 {
+pub(crate) fn shadow(reader: &mut TextureReader<'_>, file: &TextureFile, q: &ShadowLookup) -> f32 {
     let (Some(camera), Some(screen), true) =
         (&file.world_to_camera, &file.world_to_screen, file.kind.is_shadow())
     else {
-        shared.warn_once(file, "is not a shadow map with its matrices: it casts no shadow");
+        reader.shared().warn_once(file, "is not a shadow map with its matrices: it casts no shadow");
         return 0.0;
     };
     let Some(q) = sane(q) else { return 0.0 };
     match file.kind {
-        TextureKind::CubeFaceShadow => cube_shadow(shared, file, camera, &q),
-        _ => flat_shadow(shared, file, camera, screen, &q),
+        TextureKind::CubeFaceShadow => cube_shadow(reader, file, camera, &q),
+        _ => flat_shadow(reader, file, camera, screen, &q),
     }
 }
 
@@ -73,7 +73,7 @@ fn place(camera: &Transform, screen: &Transform, p: Vec3) -> Option<(f32, f32, f
 }
 
 fn flat_shadow(
-    shared: &Shared,
+    reader: &mut TextureReader<'_>,
     file: &TextureFile,
     camera: &Transform,
     screen: &Transform,
@@ -81,7 +81,7 @@ fn flat_shadow(
 ) -> f32 {
     let Some((s0, t0, z0)) = place(camera, screen, q.p) else { return 0.0 };
     let volume = file.kind == TextureKind::VolumeShadow;
-    let mut sampler = Sampler::new(shared, file, 0, if volume { 0 } else { 1 });
+    let mut sampler = reader.sampler(file, 0, if volume { 0 } else { 1 });
     let (mut sum, mut n) = (0.0_f32, 0_u32);
     let lod = if volume { volume_lod(file, camera, screen, q, (s0, t0)) } else { 0.0 };
     for (in_footprint, in_blur) in pattern(q) {
@@ -97,7 +97,7 @@ fn flat_shadow(
             occluded(&mut sampler, s, t, z - q.bias)
         };
     }
-    shared.count_probes(u64::from(n));
+    reader.probes += u64::from(n);
     sum / n as f32
 }
 
@@ -136,7 +136,12 @@ fn occluded(sampler: &mut Sampler<'_>, s: f32, t: f32, z: f32) -> f32 {
     top * (1.0 - fy) + bottom * fy
 }
 
-fn cube_shadow(shared: &Shared, file: &TextureFile, camera: &Transform, q: &ShadowLookup) -> f32 {
+fn cube_shadow(
+    reader: &mut TextureReader<'_>,
+    file: &TextureFile,
+    camera: &Transform,
+    q: &ShadowLookup,
+) -> f32 {
     let centre = camera.point(q.p);
     if !centre.is_finite() || centre == Vec3::ZERO {
         return 0.0;
@@ -145,7 +150,7 @@ fn cube_shadow(shared: &Shared, file: &TextureFile, camera: &Transform, q: &Shad
     let depth = centre.dot(face.forward);
     let (right, up) = (face.right * (2.0 * depth * q.sblur), face.up * (2.0 * depth * q.tblur));
     let (dx, dy) = (camera.vector(q.dpdx), camera.vector(q.dpdy));
-    let mut sampler = Sampler::new(shared, file, 0, 1);
+    let mut sampler = reader.sampler(file, 0, 1);
     let (mut sum, mut n) = (0.0_f32, 0_u32);
     for ([u, v], in_blur) in pattern(q) {
         n += 1;
@@ -160,7 +165,7 @@ fn cube_shadow(shared: &Shared, file: &TextureFile, camera: &Transform, q: &Shad
         }
         sum += cube_occluded(&mut sampler, p, q.bias);
     }
-    shared.count_probes(u64::from(n));
+    reader.probes += u64::from(n);
     sum / n as f32
 }
 

@@ -210,8 +210,4 @@ impl Shared {
         let text = format!("texture {} {what}", file.path.display());
         self.reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);
     }
-
-    pub(crate) fn count_probes(&self, n: u64) {
-        add(&self.counters.probes, n);
-    }
 }

@@ -1,6 +1,7 @@
 //! The tile cache: sharded, bounded in memory, each tile read once however many threads want it.
 
-use crate::statistics::{Counters, add};
+use crate::gaussian::{Sum, Weights};
+use crate::statistics::{Counters, add as count};
 use granita_base::hash;
 use granita_image::Pixels;
 use half::f16;
@@ -71,6 +72,35 @@ impl Tile {
         out
     }
 
+    /// Adds `count` texels from (x, y) to the right to a sum that has begun: channels `first .. first + N`, as
+    /// [`Tile::texel`] gives them.
+    pub(crate) fn add_run<const N: usize>(
+        &self,
+        (x, y): (usize, usize),
+        first: usize,
+        count: usize,
+        weights: &mut Weights,
+        sum: &mut Sum,
+    ) {
+        let from = (y * self.width + x) * self.channels + first;
+        // The last texel may end at its last channel asked for.
+        let end = from + (count - 1) * self.channels + N;
+        let step = self.channels;
+        match &self.pixels {
+            Pixels::U8(v) => {
+                add::<u8, N>(&v[from..end], step, |v| f32::from(v) * (1.0 / 255.0), weights, sum)
+            }
+            Pixels::Half(v) => add::<f16, N>(&v[from..end], step, f16::to_f32, weights, sum),
+            Pixels::Float(v) => add::<f32, N>(&v[from..end], step, |v| v, weights, sum),
+            Pixels::U16(_) | Pixels::U32(_) => {
+                for i in 0..count {
+                    let value = self.texel(x + i, y, first, N);
+                    sum.add(value, weights.next());
+                }
+            }
+        }
+    }
+
     /// Passes all channels of the texel at (x, y).
     pub(crate) fn with_texel<T>(&self, x: usize, y: usize, f: impl FnOnce(&[f32]) -> T) -> T {
         let at = (y * self.width + x) * self.channels;
@@ -84,6 +114,27 @@ impl Tile {
     pub(crate) fn bytes(&self) -> u64 {
         (self.pixels.len() * self.pixels.pixel_type().bytes()) as u64
     }
+}
+
+/// See [`Tile::add_run`]; one texel every `step` values.
+#[inline]
+fn add<T: Copy, const N: usize>(
+    values: &[T],
+    step: usize,
+    float: impl Fn(T) -> f32,
+    weights: &mut Weights,
+    sum: &mut Sum,
+) {
+    let base = sum.base;
+    let (mut above, mut total) = (sum.above, sum.weight);
+    for texel in values.chunks(step) {
+        let weight = weights.next();
+        total += weight;
+        for c in 0..N {
+            above[c] += weight * (float(texel[c]) - base[c]);
+        }
+    }
+    (sum.above, sum.weight) = (above, total);
 }
 
 /// Which tile.
@@ -206,11 +257,11 @@ impl TileCache {
         counters: &Counters,
         read: impl FnOnce() -> Tile,
     ) -> Arc<Tile> {
-        add(&counters.tile_requests, 1);
+        count(&counters.tile_requests, 1);
         let read = || {
             let tile = read();
-            add(&counters.tiles_read, 1);
-            add(&counters.tile_bytes, tile.bytes());
+            count(&counters.tiles_read, 1);
+            count(&counters.tile_bytes, tile.bytes());
             Arc::new(tile)
         };
         let home = key.hash() as usize % SHARDS;
@@ -226,7 +277,7 @@ impl TileCache {
             match shard.find(key) {
                 Some(cell) => cell,
                 None => {
-                    let now = add(&counters.bytes_now, bytes);
+                    let now = count(&counters.bytes_now, bytes);
                     counters.peak_bytes.fetch_max(now, Ordering::Relaxed);
                     shard.insert(key, bytes)
                 }

@@ -51,6 +51,7 @@ pub fn texture(textures: &TextureCache, query: &TextureQuery<'_>, out: &mut Look
     let id = textures.find_for(query.name, Use::Texture);
     let (swrap, twrap) = (o.swrap.and_then(Wrap::from_word), o.twrap.and_then(Wrap::from_word));
     let wanted = (query.channels + 1).min(CHANNELS);
+    let mut reader = textures.reader();
     for &lane in query.batch.active {
         let i = lane as usize;
         let fill = option(o.fill, i, 0.0);
@@ -73,7 +74,7 @@ pub fn texture(textures: &TextureCache, query: &TextureQuery<'_>, out: &mut Look
                     first_channel: first_channel(o.firstchannel, i),
                     fill,
                 };
-                textures.texture(id, &lookup, &mut values[..wanted]);
+                reader.texture(id, &lookup, &mut values[..wanted]);
             }
             None => values[wanted - 1] = 0.0,
         }
@@ -95,6 +96,7 @@ pub fn environment(
     let to_map = space.map_or(Transform::IDENTITY, |m| m.inverse());
     let up = o.up.and_then(Up::from_word);
     let wanted = (query.channels + 1).min(CHANNELS);
+    let mut reader = textures.reader();
     for &lane in query.batch.active {
         let i = lane as usize;
         let fill = option(o.fill, i, 0.0);
@@ -121,7 +123,7 @@ pub fn environment(
                     first_channel: first_channel(o.firstchannel, i),
                     fill,
                 };
-                textures.environment(id, &lookup, &mut values[..wanted]);
+                reader.environment(id, &lookup, &mut values[..wanted]);
             }
             None => values[wanted - 1] = 0.0,
         }
@@ -154,6 +156,7 @@ pub fn shadow(
     fit(out, query.batch.lanes);
     let id = textures.find_for(query.name, Use::Shadow);
     let o = &query.options;
+    let mut reader = textures.reader();
     for &lane in query.batch.active {
         let i = lane as usize;
         let blocked = id.map_or(0.0, |id| {
@@ -169,7 +172,7 @@ pub fn shadow(
                 bias: bias(i),
                 seed: seed(lane),
             };
-            textures.shadow(id, &lookup)
+            reader.shadow(id, &lookup)
         });
         out.set(i, Vec3::splat(blocked));
     }

@@ -26,6 +26,7 @@ use granita_image::FormatRegistry;
 use input::Input;
 use output::Texture;
 use source::Source;
+use stage::{Measure, Resample, Stage};
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime};
 
@@ -147,6 +148,26 @@ pub(crate) fn level_sizes(width: usize, height: usize) -> Vec<(usize, usize)> {
         sizes.push((half(w), half(h)));
     }
     sizes
+}
+
+/// All levels of a flat picture in memory, the largest first, as [`make`] makes them without resizing.
+pub(crate) fn levels(
+    kind: TextureKind,
+    size: (usize, usize),
+    channels: usize,
+    wrap: (Wrap, Wrap),
+    data: Vec<f32>,
+) -> Vec<((usize, usize), Vec<f32>)> {
+    let measure = Measure::of(kind);
+    let mut made = vec![(size, data)];
+    for to in level_sizes(size.0, size.1).into_iter().skip(1) {
+        let Some((from, data)) = made.last() else { break };
+        let mut stage =
+            Stage::new(Resample { from: *from, to, channels, filter: Filter::Box, wrap, measure });
+        let data = stage.push(data);
+        made.push((to, data));
+    }
+    made
 }
 
 /// Whether the options make sense, before anything is read.

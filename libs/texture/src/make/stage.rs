@@ -1,7 +1,7 @@
 //! One resampling of rows as they come: what makes a MIP level of the one before it.
 
-use crate::Wrap;
 use crate::picture::{Taps, solid_taps, taps};
+use crate::{TextureKind, Wrap};
 use granita_base::Filter;
 use rayon::prelude::*;
 
@@ -12,6 +12,13 @@ pub(crate) enum Measure {
     Plane,
     /// By the solid angle of the rows of a latitude-longitude map.
     LatLong,
+}
+
+impl Measure {
+    /// For maps of a kind.
+    pub(crate) fn of(kind: TextureKind) -> Self {
+        if kind == TextureKind::LatLongEnvironment { Self::LatLong } else { Self::Plane }
+    }
 }
 
 /// What a stage turns into what.

@@ -121,8 +121,7 @@ impl Stream<'_> {
     ) -> Result<Costs> {
         let n = self.source.channels;
         let rows = Self::rows_at_once(plan.tile.1);
-        let measure =
-            if self.kind == TextureKind::LatLongEnvironment { Measure::LatLong } else { Measure::Plane };
+        let measure = Measure::of(self.kind);
         let stage = |pair: &[(usize, usize)]| {
             Stage::new(Resample {
                 from: pair[0],
