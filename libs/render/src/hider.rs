@@ -202,4 +202,9 @@ impl<'a> Surfaces<'a> {
     pub(crate) fn resolve(&self, wanted: &Wanted) -> Vec<f32> {
         composite::resolve(self, wanted)
     }
+
+    /// Texels of `n` numbers of a volume shadow map for `pixels`, row by row (reference 10.1.3).
+    pub(crate) fn volumes(&self, pixels: &crate::PixelRect, n: usize, opaque_width: f32) -> Vec<f32> {
+        composite::volumes(self, pixels, n, opaque_width)
+    }
 }

@@ -31,9 +31,20 @@ const MAX_IMAGE_BYTES: u64 = 1 << 37;
 /// What an image shows.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Data {
-    Color { alpha: bool },
-    Depth { middle: bool },
-    Variable { name: Arc<str>, ty: ValueType },
+    Color {
+        alpha: bool,
+    },
+    Depth {
+        middle: bool,
+    },
+    /// Opacity against depth, with so many thresholds.
+    Volume {
+        depths: usize,
+    },
+    Variable {
+        name: Arc<str>,
+        ty: ValueType,
+    },
 }
 
 /// Everything that the outputs of one camera want from the hider.
@@ -66,6 +77,8 @@ pub(crate) struct OutputImage {
     params: Params,
     /// Filtered pixels of the crop window, channels side by side.
     pub(crate) pixels: Vec<f32>,
+    /// "opaquewidth" of an image whose pixels are no filtered samples but texels of a volume shadow map.
+    pub(crate) opaque_width: Option<f32>,
 }
 
 impl OutputSet {
@@ -82,6 +95,7 @@ impl OutputSet {
             if let Some(data) = accepted(output, registry, reporter) {
                 match &data {
                     Data::Color { .. } => set.needs_shading = true,
+                    Data::Volume { .. } => (),
                     Data::Depth { middle } => {
                         set.wanted.depths = true;
                         set.needs_second_surface |= *middle;
@@ -122,6 +136,12 @@ impl OutputSet {
             Data::Color { alpha: false } => (vec![0, 1, 2], strings(&["R", "G", "B"])),
             Data::Color { alpha: true } => (vec![0, 1, 2, 3], strings(&["R", "G", "B", "A"])),
             Data::Depth { middle } => (vec![4 + usize::from(*middle)], strings(&["Z"])),
+            Data::Volume { depths } => {
+                let mut names = strings(&["zopaque", "alpha"]);
+                names.extend((0..*depths).map(|i| format!("z{i}")));
+                // No channels of samples: these are counted only.
+                (vec![0; names.len()], names)
+            }
             Data::Variable { name, ty } => {
                 let same = |v: &(Arc<str>, ValueType)| v.0 == *name && v.1 == *ty;
                 let index = self.variables.iter().position(same).unwrap_or(0);
@@ -156,6 +176,7 @@ impl OutputSet {
             names,
             is_color: matches!(data, Data::Color { .. } | Data::Variable { ty: ValueType::Color, .. }),
             params: params(output, data),
+            opaque_width: matches!(data, Data::Volume { .. }).then(|| opaque_width(output, reporter)),
         })
     }
 
@@ -234,7 +255,7 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
         "rgba" => Some(Data::Color { alpha: true }),
         "z" => Some(Data::Depth { middle: false }),
         "avgz" => Some(Data::Depth { middle: true }),
-        "volz" => refuse(Severity::Warning, "data \"volz\" is not supported yet".to_owned()),
+        "volz" => Some(Data::Volume { depths: volume_depths(output, reporter) }),
         other => match ParamType::parse(other) {
             Ok((ty, name)) => {
                 let value = match ty.base {
@@ -267,6 +288,10 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
 /// "filter" and "filterwidth". Depths are not blurred: unless told otherwise, they take the least depth of
 /// their own pixel.
 fn filter_spec(output: &Output, data: &Data, reporter: &Reporter) -> FilterSpec {
+    if matches!(data, Data::Volume { .. }) {
+        // The samples of a pixel are combined in a way of their own.
+        return FilterSpec { filter: PixelFilter::Min, width: [1.0; 2] };
+    }
     let depth = matches!(data, Data::Depth { .. });
     let filter = match output.params.string("filter").map(|f| &**f) {
         None if depth => PixelFilter::Min,
@@ -311,10 +336,55 @@ fn filter_spec(output: &Output, data: &Data, reporter: &Reporter) -> FilterSpec 
     }
 }
 
+/// Fewest and most depths of a volume shadow's pixel, and how many there are unless told otherwise.
+const ZCHANNELS: (i32, i32, i32) = (2, 1024, 3);
+
+/// "zchannels".
+fn volume_depths(output: &Output, reporter: &Reporter) -> usize {
+    let (least, most, default) = ZCHANNELS;
+    let asked = output.params.int("zchannels").unwrap_or(default);
+    let used = asked.clamp(least, most);
+    if used != asked {
+        mistake(
+            output,
+            reporter,
+            "zchannels",
+            format!("\"zchannels\" {asked} is outside {least} to {most}; {used} is used"),
+        );
+    }
+    usize::try_from(used).unwrap_or(3)
+}
+
+/// "opaquewidth".
+fn opaque_width(output: &Output, reporter: &Reporter) -> f32 {
+    const DEFAULT: f32 = 0.05;
+    let asked = output.params.float("opaquewidth").unwrap_or(DEFAULT);
+    if asked.is_finite() && asked >= 0.0 {
+        return asked;
+    }
+    mistake(
+        output,
+        reporter,
+        "opaquewidth",
+        format!("\"opaquewidth\" {asked} is no width; {DEFAULT} is used"),
+    );
+    DEFAULT
+}
+
+/// Warns about a parameter of an output, once.
+fn mistake(output: &Output, reporter: &Reporter, name: &str, what: String) {
+    reporter.once(
+        &format!("{name} {}", output.name),
+        Severity::Warning,
+        &Location::default(),
+        format!("output \"{}\": {what}", output.name),
+    );
+}
+
 /// The parameters of an output, with floats for depths and variables of no colour unless "quantize" is given.
 fn params(output: &Output, data: &Data) -> Params {
     let mut params = output.params.clone();
-    if matches!(data, Data::Depth { .. }) && params.get("quantize").is_none() {
+    if matches!(data, Data::Depth { .. } | Data::Volume { .. }) && params.get("quantize").is_none() {
         let ty = ParamType::array(BaseType::Int, 4);
         params.set(Param { name: "quantize".into(), ty, data: [0, 0, 0, 0][..].into() });
     }
@@ -345,7 +415,11 @@ impl OutputImage {
         }
         // Depths need all their bits, also in a format that usually stores halves.
         let stored = match stored {
-            PixelType::Half if self.names == ["Z"] && format.supports("float") => PixelType::Float,
+            PixelType::Half
+                if (self.names == ["Z"] || self.opaque_width.is_some()) && format.supports("float") =>
+            {
+                PixelType::Float
+            }
             other => other,
         };
         let spec = self.spec(camera, stored);
@@ -431,10 +505,12 @@ mod tests {
         let list: Vec<&Output> = outputs.iter().collect();
         let set = OutputSet::new(&list, &camera(), &registry, &reporter).unwrap();
         let channels: Vec<&[usize]> = set.images.iter().map(|i| &i.channels[..]).collect();
-        assert_eq!(channels, [&[0, 1, 2, 3][..], &[4], &[6, 7, 8], &[9], &[6, 7, 8]]);
+        assert_eq!(channels, [&[0, 1, 2, 3][..], &[4], &[6, 7, 8], &[9], &[6, 7, 8], &[0; 5]]);
+        assert_eq!((set.images[5].opaque_width, set.images[4].opaque_width), (Some(0.05), None));
+        assert_eq!(set.images[5].names, ["zopaque", "alpha", "z0", "z1", "z2"]);
         assert_eq!((set.variables.len(), set.wanted.channels()), (2, 10));
         assert!(set.needs_shading && !set.needs_second_surface);
-        assert_eq!(kept.lock().unwrap().len(), 3);
+        assert_eq!(kept.lock().unwrap().len(), 2);
         let only_depth = OutputSet::new(&list[1..2], &camera(), &registry, &reporter).unwrap();
         assert!(!only_depth.needs_shading);
         assert_eq!(only_depth.images[0].filter, FilterSpec { filter: PixelFilter::Min, width: [1.0; 2] });

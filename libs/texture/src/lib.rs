@@ -86,4 +86,5 @@ pub use kind::TextureKind;
 pub use lookup::{EnvLookup, Lookup, ShadowLookup, Up};
 pub use reader::TextureReader;
 pub use statistics::CacheStatistics;
+pub use volume::VolumePixel;
 pub use wrap::Wrap;

@@ -72,8 +72,13 @@ impl<S: FrameShader> Frame<'_, S> {
         add_time(&self.counters.hide_nanos, hiding + begin.elapsed());
         let begin = Instant::now();
         let (images, rect) = (&self.outputs.images, &self.buckets.order[index]);
-        let pixels =
-            images.iter().map(|i| film::filter(&i.filter, samples, &values, &i.channels, rect)).collect();
+        let pixels = images
+            .iter()
+            .map(|image| match image.opaque_width {
+                Some(width) => surfaces.volumes(rect, image.channels.len(), width),
+                None => film::filter(&image.filter, samples, &values, &image.channels, rect),
+            })
+            .collect();
         add_time(&self.counters.filter_nanos, begin.elapsed());
         pixels
     }

@@ -1,7 +1,9 @@
 //! Surfaces behind each other, composited sample by sample.
 
 use super::{Fragment, Holdout, NONE, Surfaces};
+use crate::PixelRect;
 use granita_base::Color;
+use granita_texture::VolumePixel;
 
 /// What depends on scene-wide attributes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,22 +58,7 @@ pub(super) fn resolve(surfaces: &Surfaces<'_>, wanted: &Wanted) -> Vec<f32> {
     let mut layers: Vec<Fragment> = Vec::new();
     let mut sample: Vec<f32> = vec![0.0; wanted.channels()];
     for s in 0..n {
-        let nearest = surfaces.nearest[s];
-        layers.clear();
-        let mut next = surfaces.first[s];
-        while next != NONE {
-            let fragment = surfaces.fragments[next as usize];
-            if fragment.z < nearest.z {
-                layers.push(fragment);
-            }
-            next = fragment.next;
-        }
-        // The chain runs from the last to the first added; a stable sort keeps the order of adding among equals.
-        layers.reverse();
-        layers.sort_by(|a, b| a.z.total_cmp(&b.z));
-        if nearest.grid != NONE {
-            layers.push(nearest);
-        }
+        collect(surfaces, s, &mut layers);
         if layers.is_empty() && surfaces.depths.is_empty() {
             continue;
         }
@@ -89,25 +76,90 @@ pub(super) fn resolve(surfaces: &Surfaces<'_>, wanted: &Wanted) -> Vec<f32> {
     out
 }
 
+/// The surfaces that a sample sees, nearest first, up to the first one that hides all behind it.
+fn collect(surfaces: &Surfaces<'_>, sample: usize, layers: &mut Vec<Fragment>) {
+    let nearest = surfaces.nearest[sample];
+    layers.clear();
+    let mut next = surfaces.first[sample];
+    while next != NONE {
+        let fragment = surfaces.fragments[next as usize];
+        if fragment.z < nearest.z {
+            layers.push(fragment);
+        }
+        next = fragment.next;
+    }
+    // The chain runs from the last to the first added; a stable sort keeps the order of adding among equals.
+    layers.reverse();
+    layers.sort_by(|a, b| a.z.total_cmp(&b.z));
+    if nearest.grid != NONE {
+        layers.push(nearest);
+    }
+    // Where the widened rims of two grids of one primitive overlap, the surface counts once.
+    let mut last: Option<Fragment> = None;
+    let primitive = |fragment: &Fragment| surfaces.grids[fragment.grid as usize].primitive;
+    layers.retain(|fragment| {
+        last.replace(*fragment).is_none_or(|last| {
+            !(fragment.rim
+                && last.rim
+                && last.grid != fragment.grid
+                && primitive(&last) == primitive(fragment)
+                && fragment.z - last.z <= 1e-4 * fragment.z.abs())
+        })
+    });
+}
+
+/// Texels of a volume shadow map, row by row: what the samples of each pixel of `pixels` see (reference 10.1.3).
+/// `texel` numbers each.
+pub(super) fn volumes(
+    surfaces: &Surfaces<'_>,
+    pixels: &PixelRect,
+    texel: usize,
+    opaque_width: f32,
+) -> Vec<f32> {
+    let (samples, settings) = (surfaces.samples, &surfaces.settings);
+    let mut out = vec![0.0; pixels.width() * pixels.height() * texel];
+    let mut layers: Vec<Fragment> = Vec::new();
+    let mut steps: Vec<(f32, f32)> = Vec::new();
+    let mut volume = VolumePixel::default();
+    let places = (pixels.y0..pixels.y1).flat_map(|y| (pixels.x0..pixels.x1).map(move |x| (x, y)));
+    for (texel, (x, y)) in out.chunks_exact_mut(texel).zip(places) {
+        let first = samples.pixel(x, y) * samples.per_pixel;
+        for s in first..first + samples.per_pixel {
+            collect(surfaces, s, &mut layers);
+            steps.clear();
+            let mut through = Color::ONE;
+            let mut opaque = f32::INFINITY;
+            for fragment in &layers {
+                let grid = &*surfaces.grids[fragment.grid as usize];
+                if settings.layers.is_some_and(|most| steps.len() >= most) && !grid.opaque {
+                    continue;
+                }
+                let behind = match grid.opaque || grid.holdout != Holdout::None {
+                    true => Color::ZERO,
+                    false => through * (Color::ONE - grid.opacity_at(fragment.at, fragment.u, fragment.v)),
+                };
+                if (Color::ONE - behind).cmpge(settings.opacity_threshold).all() {
+                    opaque = fragment.z;
+                    break;
+                }
+                steps.push((fragment.z, (through - behind).element_sum() / 3.0));
+                through = behind;
+            }
+            volume.sample(steps.drain(..), opaque);
+        }
+        volume.finish(opaque_width, texel);
+    }
+    out
+}
+
 /// Composites the layers of one sample, nearest first. Colours are premultiplied by their opacity.
 fn blend(surfaces: &Surfaces<'_>, wanted: &Wanted, layers: &[Fragment], sample: &mut [f32]) {
     let settings = &surfaces.settings;
     let mut through = Color::ONE;
-    let mut last: Option<&Fragment> = None;
     let mut count = 0;
     let mut seen = false;
     for fragment in layers {
         let grid = &*surfaces.grids[fragment.grid as usize];
-        // Where the widened rims of two grids of one primitive overlap, the surface counts once.
-        if let Some(last) = last.replace(fragment)
-            && fragment.rim
-            && last.rim
-            && last.grid != fragment.grid
-            && surfaces.grids[last.grid as usize].primitive == grid.primitive
-            && fragment.z - last.z <= 1e-4 * fragment.z.abs()
-        {
-            continue;
-        }
         if settings.layers.is_some_and(|most| count >= most) && !grid.opaque {
             continue;
         }

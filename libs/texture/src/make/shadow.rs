@@ -7,12 +7,10 @@ use super::output::{Body, Texture};
 use crate::cube::FACE_NAMES;
 use crate::error::{Result, TextureError};
 use crate::picture::{Picture, half};
+use crate::volume::EMPTY;
 use crate::{TextureKind, volume};
 use granita_base::{BaseType, Param, ParamData, ParamType};
 use granita_image::PixelType;
-
-/// Depth where nothing is.
-const EMPTY: f32 = 1e30;
 
 /// Both matrices must come from the file or from the options.
 fn check_matrices(input: &Input, options: &MakeOptions) -> Result<()> {
@@ -121,23 +119,19 @@ fn halved(p: &Picture, opaque_width: f32) -> Picture {
 
 /// One texel for several: its opacity at each depth is the mean of theirs.
 ///
-/// Opaque depths within `opaque_width` of each other are one surface, at their mean. Otherwise the
-/// farthest is where the mean becomes opaque, and the nearer ones belong to the transparent part.
+/// Opaque depths within `opaque_width` of the farthest are one surface, at their mean: there the mean becomes opaque.
+/// The nearer ones belong to the transparent part.
 pub(crate) fn combine(texels: &[&[f32]], opaque_width: f32) -> Vec<f32> {
-    let channels = texels[0].len();
     let count = texels.len() as f32;
-    let nearest = texels.iter().map(|t| t[0]).fold(f32::INFINITY, f32::min);
-    let farthest = texels.iter().map(|t| t[0]).fold(f32::NEG_INFINITY, f32::max);
-    let one = farthest - nearest <= opaque_width;
-    let opaque = if one {
-        let mean = texels.iter().map(|t| f64::from(t[0])).sum::<f64>() / f64::from(count);
-        (mean as f32).clamp(nearest, farthest)
-    } else {
-        farthest
-    };
-    // Without the common surface, only the transparent parts are averaged.
+    let opaque: Vec<f32> = texels.iter().map(|t| t[0]).collect();
+    let (opaque, least) = volume::common_surface(&opaque, opaque_width);
+    // Of those that share the common surface only the transparent parts are averaged.
     let own = |t: &[f32], z: f32| {
-        if one { volume::opacity(&[&[f32::INFINITY], &t[1..]].concat(), z) } else { volume::opacity(t, z) }
+        if t[0] >= least {
+            volume::opacity(&[&[f32::INFINITY], &t[1..]].concat(), z)
+        } else {
+            volume::opacity(t, z)
+        }
     };
     let mean = |z: f32| texels.iter().map(|t| own(t, z)).sum::<f32>() / count;
     // Opacity bends only at these depths. A surface jumps just behind its depth.
@@ -146,48 +140,22 @@ pub(crate) fn combine(texels: &[&[f32]], opaque_width: f32) -> Vec<f32> {
         if t[1] > 0.0 {
             depths.extend(t[2..].iter().filter(|z| **z < EMPTY));
         }
-        if !one && t[0] < farthest {
-            depths.extend([t[0], t[0].next_up()]);
+        if t[0] < least {
+            depths.push(t[0]);
         }
     }
     depths.sort_by(f32::total_cmp);
     depths.dedup();
-    let mut out = vec![EMPTY; channels];
-    out[0] = opaque;
-    let curve: Vec<(f32, f32)> =
-        depths.iter().flat_map(|&z| [(z, mean(z)), (z.next_up(), mean(z.next_up()))]).collect();
-    let alpha = curve.iter().map(|c| c.1).fold(0.0, f32::max);
-    out[1] = alpha;
-    if alpha <= 0.0 {
-        return out;
+    let mut curve: Vec<(f32, f32)> = Vec::with_capacity(depths.len() * 2);
+    let mut last = 0.0_f32;
+    for &z in &depths {
+        for behind in [z, z.next_up()] {
+            last = mean(behind).max(last);
+            curve.push((z, last));
+        }
     }
-    let steps = channels - 3;
-    // z_0 is the last depth without opacity, the others are where the curve passes their share.
-    for i in 0..=steps {
-        let wanted = alpha * i as f32 / steps as f32;
-        let after = if i == 0 {
-            curve.iter().position(|c| c.1 > 0.0)
-        } else {
-            curve.iter().position(|c| c.1 >= wanted - 1e-7)
-        };
-        let Some(after) = after else { continue };
-        let (z1, a1) = curve[after];
-        out[2 + i] = match after.checked_sub(1).map(|before| curve[before]) {
-            Some((z0, a0)) if i == 0 || a1 <= a0 => {
-                if a0 <= 0.0 {
-                    z0
-                } else {
-                    z1
-                }
-            }
-            Some((z0, a0)) => z0 + (z1 - z0) * ((wanted - a0) / (a1 - a0)).clamp(0.0, 1.0),
-            None => z1,
-        };
-    }
-    // Rounding must not make depths run backwards.
-    for i in 3..channels {
-        out[i] = out[i].max(out[i - 1]);
-    }
+    let mut out = vec![EMPTY; texels[0].len()];
+    volume::store(opaque, &curve, &mut out);
     out
 }
 
