@@ -83,6 +83,11 @@ pub trait Surface: Send + Sync {
         false
     }
 
+    /// The points along u and v of a piece that can only be diced into those ([`crate::build_lattice`]).
+    fn lattice(&self) -> Option<[usize; 2]> {
+        None
+    }
+
     /// Largest width in pixels among widths given in pixels ("rasterwidth" of points); 0 without. The bound of the
     /// piece on the screen grows by half of it.
     fn raster_width(&self) -> f32 {

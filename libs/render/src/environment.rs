@@ -3,6 +3,7 @@
 use granita_base::{Environment, Reporter, SearchPath};
 use granita_gsl::ir::Module;
 use granita_image::FormatRegistry;
+use granita_scene::Call;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -23,6 +24,9 @@ pub enum NoShader {
     /// There is one, but it cannot be read or compiled. The user knows why.
     Broken,
 }
+
+/// Calls as the text of a scene file; binary arrays in it where the flag says so.
+pub type CallText = fn(Vec<Call>, bool) -> std::io::Result<Vec<u8>>;
 
 /// Is told how far a frame is. Called from any thread.
 pub trait Progress: Send + Sync {
@@ -65,6 +69,8 @@ pub struct RenderEnvironment {
     pub stop: Arc<AtomicBool>,
     /// Replaces the "crop" of every camera: xmin, xmax, ymin, ymax.
     pub crop: Option<[f32; 4]>,
+    /// Writes the calls of "griddump:filename".
+    pub call_text: CallText,
     /// Scene files as the user named them, for the command line in messages about failed buckets.
     pub scene_files: Vec<String>,
 }

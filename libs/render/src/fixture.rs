@@ -147,6 +147,7 @@ impl Fixture {
             progress: Arc::new(Silent),
             threads: 2,
             stop: Arc::new(AtomicBool::new(false)),
+            call_text: |calls, _| Ok(format!("{calls:?}\n").into_bytes()),
             scene_files: Vec::new(),
             crop: None,
         };

@@ -7,6 +7,7 @@ mod job;
 use crate::bucket::Buckets;
 use crate::dicing::{Measure, SceneDicing};
 use crate::environment::Progress;
+use crate::griddump::GridDump;
 use crate::hider::{CompositeSettings, Projector, SamplePattern};
 use crate::output::OutputSet;
 use crate::statistics::{Counters, Statistics, add};
@@ -35,6 +36,8 @@ pub(crate) struct ObjectTraits {
     pub(crate) displaces: bool,
     /// Bound of displacement in world units.
     pub(crate) max_displacement_world: f32,
+    /// A grid that comes shaded: its vertices are its points.
+    pub(crate) preshaded: bool,
 }
 
 /// Shades grids. The frame knows no shaders; tests shade with closures of their own.
@@ -77,6 +80,8 @@ pub(crate) struct FrameOptions<'a> {
     pub(crate) reporter: &'a Reporter,
     pub(crate) progress: &'a dyn Progress,
     pub(crate) stop: &'a AtomicBool,
+    /// Receives the grids.
+    pub(crate) dump: Option<&'a GridDump>,
     /// Scene files, for messages.
     pub(crate) scene_files: &'a [String],
 }

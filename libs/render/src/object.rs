@@ -256,6 +256,8 @@ pub(crate) struct ObjectState {
     pub(crate) displacement: Option<Arc<LinkedShaders>>,
     /// Volume shaders.
     pub(crate) volume: Option<Arc<LinkedShaders>>,
+    /// The grids of the primitive come shaded: no shader runs (reference 4.3.7).
+    pub(crate) preshaded: bool,
     /// Known to be opaque without running a shader.
     pub(crate) opaque: bool,
     /// Opaque for shadow rays: `opaque`, or "ray:opaqueshadows".
@@ -317,6 +319,7 @@ impl ObjectState {
         };
         Self {
             name: attributes.name(),
+            preshaded: false,
             opaque,
             opaque_to_shadows: opaque || attributes.int("ray:opaqueshadows") != 0,
             color: triple("C"),

@@ -2,6 +2,7 @@
 
 use crate::environment::RenderEnvironment;
 use crate::frame::{self, FrameOptions, FrameShader, ObjectTraits};
+use crate::griddump::GridDump;
 use crate::object::{Holdout, ObjectState};
 use crate::output::OutputSet;
 use crate::shading::{ShaderThread, ShadingContext};
@@ -9,7 +10,7 @@ use crate::{CameraView, RenderError, ShadingStatistics, Statistics, hider};
 use granita_gsl::ir::ValueType;
 use granita_scene::{Output, Primitive, Scene};
 use granita_shade::Grid;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Renders scenes. Holds nothing of a scene after its frame is done.
@@ -79,6 +80,8 @@ impl Renderer {
                 [_] => vec![plan],
                 _ => plan.for_eyes(reporter),
             };
+            // Of several views the first one that is rendered.
+            let dump = if report.statistics.is_empty() { self.dump(scene, &views[0]) } else { None };
             // Shading always looks from the first camera (reference 7.7), so all share what it builds.
             let shading = shading.get_or_insert_with(|| ShadingContext::new(scene, &first, environment));
             let options = FrameOptions {
@@ -88,10 +91,14 @@ impl Renderer {
                 threads,
                 reporter,
                 progress: &*environment.progress,
+                dump: dump.as_ref(),
                 stop: &environment.stop,
                 scene_files: &environment.scene_files,
             };
             let (statistics, complete) = frame::render(scene, &*shading, options, &mut outputs)?;
+            if let Some(dump) = dump {
+                report.complete &= self.finish_dump(dump, complete);
+            }
             report.complete &= complete;
             for k in 0..outputs[0].images.len() {
                 for (eye, set) in eyes.iter().zip(&outputs) {
@@ -109,6 +116,34 @@ impl Renderer {
         }
         report.shading = shading.map(|s| s.statistics()).unwrap_or_default();
         Ok(report)
+    }
+
+    /// "griddump:filename".
+    fn dump(&self, scene: &Scene, camera: &CameraView) -> Option<GridDump> {
+        let path = scene.string("griddump:filename");
+        if path.is_empty() {
+            return None;
+        }
+        let binary = scene.int("griddump:binary") != 0;
+        GridDump::new(Path::new(&*path), binary, self.environment.call_text, camera)
+            .inspect_err(|error| self.environment.reporter.error(format!("\"griddump:filename\": {error}")))
+            .ok()
+    }
+
+    /// Writes a dump, of a frame that is `complete`. Whether that went well.
+    fn finish_dump(&self, dump: GridDump, complete: bool) -> bool {
+        let reporter = &self.environment.reporter;
+        if !complete {
+            reporter.warning("\"griddump:filename\": the frame is not complete; its grids are not written");
+            return false;
+        }
+        match dump.finish() {
+            Ok(()) => true,
+            Err(error) => {
+                reporter.error(format!("\"griddump:filename\": {error}"));
+                false
+            }
+        }
     }
 
     /// The cameras, with the crop window that the environment asks for.
@@ -142,6 +177,7 @@ impl FrameShader for ShadingContext {
             },
             displaces: object.displacement.is_some(),
             max_displacement_world: object.max_displacement_world,
+            preshaded: object.preshaded,
         }
     }
 

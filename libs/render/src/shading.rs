@@ -9,11 +9,11 @@ use crate::object::{Holdout, LinkedShaders, Linker, ObjectState, StateShaders};
 use crate::raytrace::RayWorld;
 use crate::services::Run;
 use crate::spaces::{Spaces, Units};
-use crate::{CameraView, RenderEnvironment, ShaderLibrary, ShadingStatistics};
+use crate::{CameraView, RenderEnvironment, ShaderLibrary, ShadingStatistics, preshaded};
 use granita_base::{Color, Location, Reporter, Severity, Vec3};
 use granita_gsl::ir::{Global, ValueType};
 use granita_scene::{LightId, Primitive, Scene, ShaderGroup, ShaderUsage};
-use granita_shade::{Executor, Grid, Lanes3, Topology};
+use granita_shade::{Executor, Grid, Lanes3, PrimvarData, Topology};
 use granita_texture::{CacheOptions, TextureCache};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -45,8 +45,8 @@ pub(crate) struct ShadingContext {
 /// address names one thing for the whole frame.
 #[derive(Default)]
 struct States {
-    /// By attribute set and whether the primitive has an "opacity" of its own.
-    objects: HashMap<(usize, bool), Arc<ObjectState>>,
+    /// By attribute set, whether the primitive has an "opacity" of its own, and whether it is a grid with colours.
+    objects: HashMap<(usize, bool, bool), Arc<ObjectState>>,
     groups: HashMap<(usize, ShaderUsage), Option<Arc<LinkedShaders>>>,
     default_surface: Option<Arc<LinkedShaders>>,
 }
@@ -97,7 +97,8 @@ impl ShadingContext {
     pub(crate) fn object(&self, primitive: &Primitive) -> Arc<ObjectState> {
         let attributes = &primitive.attributes;
         let own_opacity = primitive.keys.first().is_some_and(|key| key.params.get("opacity").is_some());
-        let key = (Arc::as_ptr(attributes) as usize, own_opacity);
+        let grid = preshaded::lattice(primitive).is_some();
+        let key = (Arc::as_ptr(attributes) as usize, own_opacity, grid);
         let mut states = self.states.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = states.objects.get(&key) {
             return known.clone();
@@ -110,8 +111,12 @@ impl ShadingContext {
         let displacement = group(&attributes.displacement, ShaderUsage::Displacement);
         let volume = group(&attributes.volume, ShaderUsage::Volume);
         let surface = surface.unwrap_or_else(|| self.default_surface(&mut states));
+        let preshaded = grid && preshaded::asked_by(&surface, displacement.as_ref());
+        // What lies between it and the camera was shaded with it.
+        let volume = volume.filter(|_| !preshaded);
         let shaders = StateShaders { surface, displacement, volume };
         let mut state = ObjectState::new(attributes, shaders, own_opacity, &self.spaces);
+        state.preshaded = preshaded;
         let shines = |id: &LightId| self.light(*id).is_some();
         state.lights = attributes.lights.iter().copied().filter(shines).collect();
         let state = Arc::new(state);
@@ -250,6 +255,16 @@ impl<'f> ShaderThread<'f> {
         }
         let names: Vec<(&str, ValueType)> = wanted.iter().map(|(name, ty)| (&**name, *ty)).collect();
         let mut found = self.run(object, &object.surface, grid, &names);
+        if object.preshaded {
+            for (have, (name, ty)) in found.iter_mut().zip(&names) {
+                let own = grid.primvars.iter().find(|v| &*v.name == *name);
+                if let Some(PrimvarData::Floats { values, varying: true }) = own.map(|v| &v.data)
+                    && values.len() == ty.components() * grid.len()
+                {
+                    *have = Some(values.clone());
+                }
+            }
+        }
         if let Some(volume) = &object.volume {
             let more = self.run(object, volume, grid, &names);
             for (have, new) in found.iter_mut().zip(more) {

@@ -534,6 +534,7 @@ fn picture(fixture: &Fixture, threads: usize, bucket: i32) -> Vec<f32> {
         reporter: &environment.reporter,
         progress: &crate::Silent,
         stop: &environment.stop,
+        dump: None,
         scene_files: &[],
     };
     crate::frame::render(&scene, &frame, options, std::slice::from_mut(&mut outputs)).unwrap();

@@ -256,13 +256,12 @@ pub const TABLE: &[AttributeRow] = &[
     output((FLOAT, "dither"), Floats(&[0.5]), "amplitude of the noise added before rounding"),
     output((STRING, "stereo:left"), Text(""), "file name of the left view"),
     output((STRING, "stereo:right"), Text(""), "file name of the right view"),
-    output((INT, "zchannels"), Ints(&[3]), "depths per pixel of a volume shadow, 2 or more").not_yet(),
+    output((INT, "zchannels"), Ints(&[3]), "depths per pixel of a volume shadow, 2 or more"),
     output(
         (FLOAT, "opaquewidth"),
         Floats(&[0.05]),
         "depth range that counts as one opaque object in a volume shadow",
-    )
-    .not_yet(),
+    ),
     output((INT, "dynamic"), Ints(&[0]), "the image is made on demand and not written"),
     // 4.3 Scene-wide attributes
     row(Global, "4.3.1", (STRING, "pass"), Text(""), "name of the rendering pass"),
@@ -439,9 +438,8 @@ pub const TABLE: &[AttributeRow] = &[
     row(Global, "4.3.7", (INT, "debug:dso"), Ints(&[0]), "tell about every plugin looked at").not_yet(),
     row(Global, "4.3.7", (STRING, "debug:filesread"), Text(""), "file for the names of all files read"),
     row(Global, "4.3.7", (INT, "debug:shadernan"), Ints(&[0]), "look for NaN in running shaders"),
-    row(Global, "4.3.7", (STRING, "griddump:filename"), Text(""), "file for all shaded grids, as Pyg")
-        .not_yet(),
-    row(Global, "4.3.7", (INT, "griddump:binary"), Ints(&[0]), "write the grids as binary Pyg").not_yet(),
+    row(Global, "4.3.7", (STRING, "griddump:filename"), Text(""), "file for all shaded grids, as Pyg"),
+    row(Global, "4.3.7", (INT, "griddump:binary"), Ints(&[0]), "write the grids as binary Pyg"),
     row(Global, "4.3.8", (STRING, "texture:substtexture"), Text(""), "texture that stands for all textures"),
     row(Global, "4.3.8", (STRING, "texture:substenv"), Text(""), "map that stands for all environment maps"),
     row(Global, "4.3.8", (INT, "texture:automipmap"), Ints(&[1]), "make a mip-map of textures that are none"),

@@ -7,8 +7,9 @@ use crate::shaders::Shaders;
 use crate::{SessionOptions, outputs};
 use granita_base::{BaseType, Location, Param, ParamData, ParamType, Params, Reporter, SearchPath, Severity};
 use granita_image::{FormatRegistry, Limits};
+use granita_pyg::{Writer, WriterOptions};
 use granita_render::{Progress, RenderEnvironment, RenderError, Renderer};
-use granita_scene::{FoundInput, FrameRenderer, InputPaths, Scene, Stop, UnreadInput};
+use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, Stop, UnreadInput};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -148,9 +149,23 @@ impl SessionRenderer {
             threads: self.options.threads,
             stop: self.commands.stop.clone(),
             crop: self.options.crop,
+            call_text,
             scene_files: self.options.scene_files.clone(),
         }
     }
+}
+
+/// Calls as Pyg.
+fn call_text(calls: Vec<Call>, binary: bool) -> std::io::Result<Vec<u8>> {
+    let mut writer = Writer::with_options(Vec::new(), WriterOptions { binary, ..WriterOptions::default() });
+    for call in calls {
+        match writer.call(call, &Location::default()) {
+            Ok(()) => (),
+            Err(Stop::Io(error)) => return Err(error),
+            Err(other) => return Err(std::io::Error::other(other.to_string())),
+        }
+    }
+    writer.into_inner()
 }
 
 impl FrameRenderer for SessionRenderer {

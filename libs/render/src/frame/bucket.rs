@@ -5,7 +5,9 @@ use super::job::{Job, LeafSlot, Sighting};
 use super::{Eye, Frame, FrameShader, Holdout, Jobs};
 use crate::dicing::{GridView, Leaf, Viewer, Viewpoint, key_at, make_grid};
 use crate::film;
+use crate::griddump::{Described, is_identity};
 use crate::hider::{SampleGrid, ShadedGrid, Surfaces, ViewedGrid};
+use crate::preshaded::GridTraits;
 use crate::statistics::{add, add_time};
 use crate::{CameraView, Projection};
 use granita_base::{Color, Severity, Vec2, Vec3};
@@ -53,14 +55,18 @@ impl<S: FrameShader> Frame<'_, S> {
         }
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
         let mut hiding = std::time::Duration::ZERO;
-        for (z_min, j, leaf) in order {
+        for (z_min, j, slot_number) in order {
             let job = &jobs.list[j];
-            let slot = &self.split(job).leaves[leaf as usize];
+            let slot = &self.split(job).leaves[slot_number as usize];
             // What lies behind the first surface counts for "avgz".
             let may_cull = job.culls_hidden && !self.outputs.needs_second_surface;
             if may_cull && surfaces.hides(&slot.seen[eye].rect, z_min) {
                 add(&self.counters.grids_hidden, 1);
-            } else if let Some(grid) = slot.grid(|leaf| self.shade(job, slot, leaf, thread)) {
+            } else if let Some(grid) = slot.grid(|leaf| {
+                let grid = self.shade(job, slot, leaf, thread)?;
+                self.dump(&grid, job, (j, slot_number));
+                Some(grid)
+            }) {
                 let begin = Instant::now();
                 surfaces.add(&grid, eye);
                 hiding += begin.elapsed();
@@ -81,6 +87,18 @@ impl<S: FrameShader> Frame<'_, S> {
             .collect();
         add_time(&self.counters.filter_nanos, begin.elapsed());
         pixels
+    }
+
+    /// Hands a grid that was shaded to "griddump:filename".
+    fn dump(&self, grid: &ShadedGrid, job: &Job<S::Object>, order: (usize, u32)) {
+        let Some(dump) = self.options.dump else { return };
+        let described = Described {
+            order,
+            name: job.primitive.attributes.name(),
+            variables: &self.outputs.variables,
+            eye: self.eyes[0].camera,
+        };
+        dump.add(grid, &described);
     }
 
     /// Dices, displaces and shades a grid; `None` when nothing of it can be seen.
@@ -120,7 +138,8 @@ impl<S: FrameShader> Frame<'_, S> {
             return None;
         }
         let matte = job.traits.holdout == Holdout::Matte;
-        let must_shade = !matte && (self.outputs.needs_shading || !job.traits.opaque);
+        let wants_colors = self.outputs.needs_shading || self.options.dump.is_some();
+        let must_shade = !matte && (wants_colors || !job.traits.opaque);
         let n = grid.len();
         let mut variables = Vec::new();
         if must_shade {
@@ -149,9 +168,13 @@ impl<S: FrameShader> Frame<'_, S> {
         if opaque {
             opacity = Vec::new();
         }
+        // A grid that comes shaded may bring along what the hider knew of it.
+        let given = leaf.piece.lattice().map(|_| GridTraits::new(&primitive.keys[0].params, leaf));
         let per_side = kept.as_ref().map_or(1, |cells| cells.per_side);
         let before = before.as_ref();
-        let views = self.views(job, slot, &Diced { dice: &dice, key_times, grid: &grid, before, per_side });
+        let rim_px = given.as_ref().and_then(|g| g.rim_px);
+        let diced = Diced { dice: &dice, key_times, grid: &grid, before, per_side, rim_px };
+        let views = self.views(job, slot, &diced);
         if per_side > 1 {
             for colors in [&mut color, &mut opacity].into_iter().filter(|c| !c.is_empty()) {
                 *colors = finer(colors, dice.nu, per_side);
@@ -162,7 +185,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let shaded = ShadedGrid {
             nu: (dice.nu - 1) * per_side + 1,
             nv: (dice.nv - 1) * per_side + 1,
-            primitive: primitive.id,
+            primitive: given.as_ref().and_then(|g| g.primitive).unwrap_or(primitive.id),
             views,
             color,
             opacity,
@@ -170,9 +193,10 @@ impl<S: FrameShader> Frame<'_, S> {
             holdout: job.traits.holdout,
             variables,
             kept: kept.map_or_else(Vec::new, |cells| cells.kept),
-            ragged: before.is_some(),
+            sides: given.as_ref().map_or([true; 4], |g| g.sides),
+            ragged: before.is_some() || given.as_ref().is_some_and(|g| g.ragged),
         };
-        if shaded.ragged {
+        if before.is_some() {
             self.check_displacement(&shaded, job);
         }
         Some(shaded)
@@ -187,9 +211,18 @@ impl<S: FrameShader> Frame<'_, S> {
             let mut p_cam: Vec<Vec<Vec3>> = Vec::with_capacity(times.len());
             for (time, points) in times.iter().zip(&p_world) {
                 let to_camera = eye.camera.world_to_camera.at(*time);
-                p_cam.push(points.iter().map(|p| to_camera.point(*p)).collect());
+                let to_world = job.placement.to_world.at(*time);
+                p_cam.push(
+                    match job.traits.preshaded && is_identity(&to_world.then(&to_camera), &to_camera) {
+                        true => diced.object_points(*time),
+                        false => points.iter().map(|p| to_camera.point(*p)).collect(),
+                    },
+                );
             }
             let mut rim_px = (0.02 / job.settings.quality).clamp(0.02, 0.25);
+            if let Some(given) = diced.rim_px {
+                rim_px = given;
+            }
             if diced.before.is_some() {
                 rim_px = roughness_px(eye.camera, &p_cam, nu, diced.dice.nv).clamp(rim_px, MOST_RIM_PX);
             }
@@ -265,13 +298,27 @@ struct Diced<'a> {
     before: Option<&'a Lanes3>,
     /// Cells along each side of a micropolygon.
     per_side: usize,
+    /// By how much its rim is to be widened, where that is known.
+    rim_px: Option<f32>,
+}
+
+impl Diced<'_> {
+    /// Its points in object space before they were displaced.
+    fn object_points(&self, time: f32) -> Vec<Vec3> {
+        let (a, b, alpha) = key_at(self.key_times, time);
+        let (first, second) = (&self.dice.p[a], &self.dice.p[b]);
+        if alpha == 0.0 {
+            return first.clone();
+        }
+        first.iter().zip(second).map(|(p, q)| p.lerp(*q, alpha)).collect()
+    }
 }
 
 /// World space positions at all times of the placement.
 ///
 /// A displacement is computed once, when the shutter opens, and moves with the surface.
 fn positions<O>(job: &Job<O>, diced: &Diced<'_>) -> Vec<Vec<Vec3>> {
-    let Diced { dice, key_times, grid, before, .. } = *diced;
+    let Diced { grid, before, .. } = *diced;
     let placement = &job.placement;
     let back = placement.to_world.at(grid.time).inverse();
     let offset = |i: usize| match before {
@@ -284,12 +331,8 @@ fn positions<O>(job: &Job<O>, diced: &Diced<'_>) -> Vec<Vec<Vec3>> {
             return (0..grid.len()).map(|i| grid.p.get(i)).collect();
         }
         let to_world = placement.to_world.at(time);
-        let (a, b, alpha) = key_at(key_times, time);
-        let object = |i: usize| {
-            let p = dice.p[a][i];
-            if alpha == 0.0 { p } else { p.lerp(dice.p[b][i], alpha) }
-        };
-        (0..grid.len()).map(|i| to_world.point(object(i) + offset(i))).collect()
+        let points = diced.object_points(time).into_iter().enumerate();
+        points.map(|(i, p)| to_world.point(p + offset(i))).collect()
     };
     placement.times().iter().map(|time| at(*time)).collect()
 }

@@ -1,13 +1,13 @@
 //! A primitive on its way to grids.
 
 use super::{Eye, Frame, FrameShader, ObjectTraits};
-use crate::PixelRect;
 use crate::dicing::trimming;
 use crate::dicing::{DiceSettings, Leaf, Placement, Plan};
 use crate::hider::{NOWHERE, ShadedGrid, pixels_of};
 use crate::statistics::add;
+use crate::{PixelRect, preshaded};
 use granita_base::{Bound, Severity, Vec3};
-use granita_geom::{Piece, ShapeKey, Surface};
+use granita_geom::{Piece, ShapeKey, SplitDirection, Surface};
 use granita_scene::Primitive;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -110,12 +110,16 @@ impl<S: FrameShader> Frame<'_, S> {
             let text = if name.is_empty() { text } else { format!("object \"{name}\": {text}") };
             reporter.once(&text.clone(), severity, &primitive.at, text);
         };
-        let pieces = match granita_geom::build(
-            &primitive.shape,
-            &keys,
-            trimming(attributes, self.dicing.trim_quality),
-            &mut report,
-        ) {
+        let object = self.shader.object(primitive);
+        let traits = self.shader.traits(&object);
+        let built = match preshaded::lattice(primitive).filter(|_| traits.preshaded) {
+            Some(counts) => granita_geom::build_lattice(counts, &keys, &mut report),
+            None => {
+                let trim = trimming(attributes, self.dicing.trim_quality);
+                granita_geom::build(&primitive.shape, &keys, trim, &mut report)
+            }
+        };
+        let pieces = match built {
             Ok(pieces) => pieces,
             Err(error) => {
                 report(Severity::Error, format!("{} is left out: {error}", primitive.shape.call_name()));
@@ -123,8 +127,6 @@ impl<S: FrameShader> Frame<'_, S> {
             }
         };
         add(&self.counters.primitives_built, 1);
-        let object = self.shader.object(primitive);
-        let traits = self.shader.traits(&object);
         let shape_times = pieces.first().map_or(&[][..], |p| p.key_times());
         // The eyes move with their camera.
         let cameras = [&self.options.camera.world_to_camera, &self.options.dicing_camera.world_to_camera];
@@ -171,7 +173,13 @@ impl<S: FrameShader> Frame<'_, S> {
                     add(&self.counters.pieces_culled, 1);
                     continue;
                 }
-                match self.measure.plan(&*piece, &job.placement, &job.settings, depth) {
+                let plan = match piece.lattice() {
+                    Some([nu, nv]) if nu * nv <= preshaded::MOST_POINTS => Plan::Dice { nu, nv },
+                    Some([nu, nv]) if nu > nv => Plan::Split(SplitDirection::U),
+                    Some(_) => Plan::Split(SplitDirection::V),
+                    None => self.measure.plan(&*piece, &job.placement, &job.settings, depth),
+                };
+                match plan {
                     Plan::Split(direction) => {
                         stack.extend(piece.split(direction).into_iter().rev().map(|p| (p, depth + 1)));
                     }

@@ -59,6 +59,7 @@ impl<F: Fn(&mut Grid) + Sync> FrameShader for Painted<F> {
             },
             displaces: self.displace.is_some(),
             max_displacement_world: attributes.float("displace:maxradius"),
+            preshaded: false,
         })
     }
     fn traits(&self, object: &ObjectTraits) -> ObjectTraits {
@@ -198,6 +199,7 @@ fn render_with<S: FrameShader>(
         reporter: &reporter,
         progress: &Silent,
         stop: &stop,
+        dump: None,
         scene_files: &[],
     };
     let (_, complete) = render(&build.scene, shader, options, std::slice::from_mut(&mut outputs)).unwrap();

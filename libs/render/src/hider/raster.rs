@@ -76,7 +76,8 @@ impl Raster<'_> {
                     continue;
                 }
                 // Sides at v = 0, u = 1, v = 1, u = 0.
-                let rim = [j == 0, i + 1 == mu, j + 1 == mv, i == 0];
+                let [s0, s1, s2, s3] = grid.sides;
+                let rim = [s0 && j == 0, s1 && i + 1 == mu, s2 && j + 1 == mv, s3 && i == 0];
                 if self.view.raster.is_empty() {
                     self.moving(j * grid.nu + i, rim, hit);
                 } else {

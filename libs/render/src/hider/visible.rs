@@ -221,6 +221,8 @@ pub(crate) struct ShadedGrid {
     pub(crate) variables: Vec<f32>,
     /// Per micropolygon (u fastest): whether it is there at all; empty when all are.
     pub(crate) kept: Vec<bool>,
+    /// Which sides are rims that may be widened: at v = 0, u = 1, v = 1 and u = 0.
+    pub(crate) sides: [bool; 4],
     /// Displaced: its borders may be off those of its neighbours in any direction, so that what is beside them counts as
     /// covered whatever is on the other side.
     pub(crate) ragged: bool,

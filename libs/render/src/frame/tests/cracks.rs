@@ -41,6 +41,7 @@ impl FrameShader for Rough {
             holdout: Holdout::None,
             displaces: self.amplitude > 0.0,
             max_displacement_world: primitive.attributes.float("displace:maxradius"),
+            preshaded: false,
         })
     }
     fn traits(&self, object: &ObjectTraits) -> ObjectTraits {

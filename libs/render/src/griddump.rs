@@ -1,0 +1,322 @@
+//! Shaded grids, written as a scene (reference 4.3.7 "griddump:filename").
+//!
+//! Every grid that a bucket asks for becomes a linear `Patch` in "camera" space with the colour, the opacity and the
+//! variables that the images of the frame want at each of its points, in a `Motion` block where it moves. A trimmed
+//! grid becomes as many patches as it takes to cover what is left of it.
+//!
+//! Threads shade grids in any order. Their text goes to a nameless file as it comes, and is copied in the order of the
+//! scene once the frame is complete: memory holds the places only, the file has the same bytes for any number of
+//! threads, and it appears whole or not at all.
+
+use crate::hider::{Holdout, ShadedGrid};
+use crate::{CallText, CameraView, RenderError, preshaded};
+use granita_base::{
+    BaseType, Color, CurveBasis, Interp, Param, ParamData, ParamType, Params, ShapeDesc, Transform, Vec3,
+};
+use granita_gsl::ir::ValueType;
+use granita_image::AtomicFile;
+use granita_scene::Call;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A dump in the making. Shared by the threads of a frame.
+pub(crate) struct GridDump {
+    path: PathBuf,
+    binary: bool,
+    text: CallText,
+    /// The first camera of the scene, whose space is "camera".
+    camera: CameraView,
+    spill: Mutex<Spill>,
+}
+
+/// Grids as they came.
+struct Spill {
+    file: File,
+    /// Bytes written so far.
+    length: u64,
+    pieces: Vec<Piece>,
+    /// The first thing that went wrong.
+    failed: Option<io::Error>,
+}
+
+/// Where the text of a grid is. Sorted by what is declared first.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Piece {
+    /// Number of the primitive, and of the grid in it.
+    order: (usize, u32),
+    from: u64,
+    length: u64,
+}
+
+/// What a frame knows of a grid beside the grid.
+pub(crate) struct Described<'a> {
+    /// Number of the primitive, and of the grid in it: where it stands in the file.
+    pub(crate) order: (usize, u32),
+    /// Name of the object.
+    pub(crate) name: Arc<str>,
+    /// Of [`ShadedGrid::variables`].
+    pub(crate) variables: &'a [(Arc<str>, ValueType)],
+    /// What the grid's first view was seen from.
+    pub(crate) eye: &'a CameraView,
+}
+
+impl GridDump {
+    /// Begins a file that will be called `path`, in the space of the scene's first camera.
+    ///
+    /// Errors: [`RenderError::Io`] when there is no room for what is to be sorted.
+    pub(crate) fn new(
+        path: &Path,
+        binary: bool,
+        text: CallText,
+        camera: &CameraView,
+    ) -> Result<Self, RenderError> {
+        let folder = match path.parent() {
+            Some(p) if !p.as_os_str().is_empty() => p,
+            _ => Path::new("."),
+        };
+        // On the disk that takes the file; beside a pipe there is no room.
+        let file = tempfile::tempfile_in(folder).or_else(|_| tempfile::tempfile());
+        let file = file.map_err(|source| RenderError::Io { path: path.to_owned(), source })?;
+        let spill = Mutex::new(Spill { file, length: 0, pieces: Vec::new(), failed: None });
+        Ok(Self { path: path.to_owned(), binary, text, camera: camera.clone(), spill })
+    }
+
+    /// Takes a grid.
+    pub(crate) fn add(&self, grid: &ShadedGrid, described: &Described<'_>) {
+        let bytes = (self.text)(calls(grid, described, &self.camera), self.binary);
+        let mut spill = self.spill.lock().unwrap_or_else(PoisonError::into_inner);
+        if spill.failed.is_some() {
+            return;
+        }
+        let written = bytes.and_then(|bytes| spill.file.write_all(&bytes).map(|()| bytes.len() as u64));
+        match written {
+            Ok(length) => {
+                let from = spill.length;
+                spill.length += length;
+                spill.pieces.push(Piece { order: described.order, from, length });
+            }
+            Err(error) => spill.failed = Some(error),
+        }
+    }
+
+    /// Writes the file. A dump that is dropped instead leaves none.
+    ///
+    /// Errors: [`RenderError::Io`], also of what went wrong before.
+    pub(crate) fn finish(self) -> Result<(), RenderError> {
+        let Self { path, binary, text, camera, spill } = self;
+        let mut spill = spill.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let io = |source| RenderError::Io { path: path.clone(), source };
+        if let Some(error) = spill.failed.take() {
+            return Err(io(error));
+        }
+        spill.pieces.sort_unstable();
+        let head = format!("Shaded grids in the space of camera \"{}\"", camera.name);
+        let mut file = AtomicFile::create(&path)?;
+        file.write_all(&text(vec![Call::Comment(head.into())], binary).map_err(io)?).map_err(io)?;
+        let mut bytes = Vec::new();
+        for piece in &spill.pieces {
+            bytes.resize(usize::try_from(piece.length).unwrap_or(usize::MAX), 0);
+            spill.file.seek(SeekFrom::Start(piece.from)).map_err(io)?;
+            spill.file.read_exact(&mut bytes).map_err(io)?;
+            file.write_all(&bytes).map_err(io)?;
+        }
+        Ok(file.commit()?)
+    }
+}
+
+/// The calls of a grid, in the space of a camera.
+fn calls(grid: &ShadedGrid, described: &Described<'_>, camera: &CameraView) -> Vec<Call> {
+    let mut calls = Vec::new();
+    let mut attributes = Vec::new();
+    if !described.name.is_empty() {
+        attributes.push(param("string name", &*described.name));
+    }
+    if grid.holdout != Holdout::None {
+        attributes.push(param("int holdout", if grid.holdout == Holdout::Matte { 1 } else { 2 }));
+    }
+    let own = !attributes.is_empty();
+    if own {
+        calls.push(Call::PushAttributes);
+        calls.extend(attributes.into_iter().map(Call::Attribute));
+    }
+    let points = positions(grid, described.eye, camera);
+    let variables = variables(grid, described.variables, camera);
+    for part in parts(grid, &points) {
+        if points.len() > 1 {
+            calls.push(Call::Motion(grid.views[0].times.as_slice().into()));
+        }
+        for p in &points {
+            calls.push(patch(grid, &part, p, &variables));
+        }
+    }
+    if own {
+        calls.push(Call::PopAttributes);
+    }
+    calls
+}
+
+/// Points at each time in the space of a camera; the first view is that of `eye`.
+fn positions(grid: &ShadedGrid, eye: &CameraView, camera: &CameraView) -> Vec<Vec<Vec3>> {
+    let view = &grid.views[0];
+    if eye.world_to_camera == camera.world_to_camera {
+        return view.p_cam.clone();
+    }
+    let moved = |(time, p): (&f32, &Vec<Vec3>)| {
+        let to_camera = eye.world_to_camera.at(*time).inverse().then(&camera.world_to_camera.at(*time));
+        p.iter().map(|p| to_camera.point(*p)).collect()
+    };
+    view.times.iter().zip(&view.p_cam).map(moved).collect()
+}
+
+/// A variable at every point, component by component, in the space of a camera.
+struct Variable<'a> {
+    name: &'a Arc<str>,
+    base: BaseType,
+    width: usize,
+    values: Vec<f32>,
+}
+
+/// The variables that do not come with the patch anyway.
+fn variables<'a>(
+    grid: &ShadedGrid,
+    wanted: &'a [(Arc<str>, ValueType)],
+    camera: &CameraView,
+) -> Vec<Variable<'a>> {
+    let n = grid.nu * grid.nv;
+    let to_camera = camera.world_to_camera.at(camera.shading_time());
+    let to_normal = to_camera.normal_matrix();
+    let mut offset = 0;
+    let mut found = Vec::new();
+    for (name, ty) in wanted {
+        let (from, width) = (offset * n, ty.components());
+        offset += width;
+        let base = match ty {
+            ValueType::Color => BaseType::Color,
+            ValueType::Point => BaseType::Point,
+            ValueType::Vector => BaseType::Vector,
+            ValueType::Normal => BaseType::Normal,
+            ValueType::Matrix => BaseType::Matrix,
+            _ => BaseType::Float,
+        };
+        let comes_anyway = matches!(&**name, "P" | "C" | "opacity");
+        let Some(values) = grid.variables.get(from..from + width * n).filter(|_| !comes_anyway) else {
+            continue;
+        };
+        let mut values = values.to_vec();
+        let move_by: Option<&dyn Fn(Vec3) -> Vec3> = match base {
+            BaseType::Point => Some(&|v| to_camera.point(v)),
+            BaseType::Vector => Some(&|v| to_camera.vector(v)),
+            BaseType::Normal => Some(&|v| to_normal.vector(v)),
+            _ => None,
+        };
+        if let Some(move_by) = move_by {
+            for i in 0..n {
+                let v = move_by(Vec3::new(values[i], values[n + i], values[2 * n + i])).to_array();
+                (0..3).for_each(|c| values[c * n + i] = v[c]);
+            }
+        }
+        found.push(Variable { name, base, width, values });
+    }
+    found
+}
+
+/// A rectangle of points of a grid, and which of its sides are on the rim.
+struct Part {
+    /// First and last point along u and v.
+    u: [usize; 2],
+    v: [usize; 2],
+    sides: [bool; 4],
+}
+
+/// Rectangles that cover the micropolygons that are there, each once: runs along u, which grow along v while the
+/// next row has the same run.
+fn parts(grid: &ShadedGrid, points: &[Vec<Vec3>]) -> Vec<Part> {
+    let (nu, nv) = (grid.nu, grid.nv);
+    let (mu, mv) = (nu - 1, nv - 1);
+    let placed = |at: usize| points.iter().all(|p| p[at].is_finite());
+    let there = |i: usize, j: usize| {
+        let at = j * nu + i;
+        grid.kept.get(j * mu + i).is_none_or(|kept| *kept)
+            && [at, at + 1, at + nu, at + nu + 1].into_iter().all(placed)
+    };
+    let mut done: Vec<Part> = Vec::new();
+    // Those that reach down to the current row.
+    let mut open: Vec<Part> = Vec::new();
+    for j in 0..mv {
+        let mut runs: Vec<[usize; 2]> = Vec::new();
+        for i in (0..mu).filter(|i| there(*i, j)) {
+            match runs.last_mut() {
+                Some(run) if run[1] == i => run[1] = i + 1,
+                _ => runs.push([i, i + 1]),
+            }
+        }
+        let mut next = Vec::with_capacity(runs.len());
+        for run in runs {
+            next.push(match open.iter().position(|part| part.u == run) {
+                Some(at) => Part { v: [open[at].v[0], j + 1], ..open.swap_remove(at) },
+                None => Part { u: run, v: [j, j + 1], sides: [false; 4] },
+            });
+        }
+        done.append(&mut open);
+        open = next;
+    }
+    done.append(&mut open);
+    for part in &mut done {
+        part.sides = [part.v[0] == 0, part.u[1] == mu, part.v[1] == mv, part.u[0] == 0];
+        (0..4).for_each(|k| part.sides[k] &= grid.sides[k]);
+    }
+    done.sort_by_key(|part| (part.v, part.u));
+    done
+}
+
+/// The patch of a part at one time.
+fn patch(grid: &ShadedGrid, part: &Part, p: &[Vec3], variables: &[Variable<'_>]) -> Call {
+    let n = grid.nu * grid.nv;
+    let points: Vec<usize> =
+        (part.v[0]..=part.v[1]).flat_map(|j| (part.u[0]..=part.u[1]).map(move |i| j * grid.nu + i)).collect();
+    let triples = |values: &[Vec3]| -> ParamData {
+        points
+            .iter()
+            .flat_map(|i| values.get(*i).copied().unwrap_or(Color::ZERO).to_array())
+            .collect::<Vec<f32>>()
+            .as_slice()
+            .into()
+    };
+    let mut params = vec![param("vertex point P", triples(p)), param("vertex color C", triples(&grid.color))];
+    params.push(match grid.opacity.is_empty() {
+        true => param("color opacity", &[1.0_f32; 3][..]),
+        false => param("vertex color opacity", triples(&grid.opacity)),
+    });
+    for variable in variables {
+        let values: Vec<f32> = points
+            .iter()
+            .flat_map(|i| (0..variable.width).map(move |c| variable.values[c * n + i]))
+            .collect();
+        let ty = ParamType::of(variable.base).with_interp(Interp::Vertex);
+        params.push(Param { name: variable.name.clone(), ty, data: values.as_slice().into() });
+    }
+    params.push(param(&format!("int {}", preshaded::PRIMITIVE), grid.primitive.cast_signed()));
+    let rim = part.sides.map(|side| if side { grid.views[0].rim_px } else { 0.0 });
+    params.push(param(&format!("float[4] {}", preshaded::RIM), &rim[..]));
+    if grid.ragged {
+        params.push(param(&format!("int {}", preshaded::RAGGED), 1));
+    }
+    let (nu, nv) = (part.u[1] - part.u[0] + 1, part.v[1] - part.v[0] + 1);
+    let shape = ShapeDesc::Patch { u: CurveBasis::Linear, v: CurveBasis::Linear, nu, nv };
+    Call::Shape { shape: Box::new(shape), params: Params(params) }
+}
+
+/// A parameter whose declaration is known to be good.
+fn param(declaration: &str, data: impl Into<ParamData>) -> Param {
+    Param::declared(declaration, data).expect("invariant: these declarations can be read")
+}
+
+/// A transformation from object to camera space that is the identity but for rounding, as that of a grid in "camera"
+/// space is: then its points are where they were.
+pub(crate) fn is_identity(to_camera: &Transform, world_to_camera: &Transform) -> bool {
+    let far = world_to_camera.to_rows().into_iter().fold(1.0, |far: f32, x| far.max(x.abs()));
+    let rows = to_camera.to_rows();
+    rows.iter().zip(Transform::IDENTITY.to_rows()).all(|(a, b)| (a - b).abs() <= 1e-5 * far)
+}
