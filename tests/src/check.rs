@@ -48,6 +48,10 @@ pub(crate) fn check(
             true => Err("it is there".to_owned()),
             false => Ok(()),
         },
+        ["bytes", a, b] => {
+            let bytes = |name: &str| std::fs::read(place.join(name)).map_err(|e| format!("{name}: {e}"));
+            if bytes(a)? == bytes(b)? { Ok(()) } else { Err("their bytes differ".to_owned()) }
+        }
         ["same", a, b] => read(a)?.identical(&read(b)?),
         ["assembled", whole, parts @ ..] => {
             let parts = parts.iter().map(|p| read(p)).collect::<Result<Vec<_>, String>>()?;

@@ -16,6 +16,7 @@
 //! | `silent` | the last run left standard error empty |
 //! | `absent FILE` | there is no such file |
 //! | `same A B` | two pictures have equal pixels, to the bit |
+//! | `bytes A B` | two files have equal bytes |
 //! | `differ A B` | they have not |
 //! | `assembled WHOLE PART ...` | crops put together are the whole picture, to the bit |
 //! | `close A B TOLERANCE` | no channel of any pixel differs by more |

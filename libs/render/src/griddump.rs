@@ -320,3 +320,144 @@ pub(crate) fn is_identity(to_camera: &Transform, world_to_camera: &Transform) ->
     let rows = to_camera.to_rows();
     rows.iter().zip(Transform::IDENTITY.to_rows()).all(|(a, b)| (a - b).abs() <= 1e-5 * far)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::PixelRect;
+    use crate::hider::ViewedGrid;
+    use granita_base::Reporter;
+
+    fn camera() -> CameraView {
+        let camera = granita_scene::Camera {
+            name: "main".into(),
+            world_to_camera: Transform::translate(Vec3::Z).into(),
+            params: Params::new(),
+        };
+        CameraView::new(&camera, &Reporter::silent())
+    }
+
+    /// A flat grid of `nu x nv` points with every point's number as a variable.
+    fn grid(nu: usize, nv: usize, kept: Vec<bool>) -> ShadedGrid {
+        let p: Vec<Vec3> = (0..nu * nv).map(|i| Vec3::new((i % nu) as f32, (i / nu) as f32, 3.0)).collect();
+        let color = p.clone();
+        ShadedGrid {
+            nu,
+            nv,
+            primitive: 7,
+            view: ViewedGrid::new(&camera(), vec![0.0], vec![p], false),
+            color,
+            opacity: Vec::new(),
+            opaque: true,
+            holdout: Holdout::None,
+            variables: (0..nu * nv).map(|i| i as f32).collect(),
+            kept,
+            rect: PixelRect { x0: 0, y0: 0, x1: 9, y1: 9 },
+            z_min: 3.0,
+            rim_px: 0.02,
+            sides: [true; 4],
+            ragged: false,
+        }
+    }
+
+    fn described<'a>(
+        camera: &'a CameraView,
+        variables: &'a [(Arc<str>, ValueType)],
+        order: u32,
+    ) -> Described<'a> {
+        Described { order: (0, order), name: "".into(), variables, camera, first_camera: camera }
+    }
+
+    fn text(calls: Vec<Call>, _: bool) -> io::Result<Vec<u8>> {
+        Ok(format!("{calls:?}\n").into_bytes())
+    }
+
+    #[test]
+    fn parts_cover_what_is_left_of_a_grid_once() {
+        let (nu, nv) = (9, 7);
+        let mut state = 5_u32;
+        for density in [0_u32, 20, 50, 90, 100] {
+            let kept: Vec<bool> = (0..(nu - 1) * (nv - 1))
+                .map(|_| {
+                    state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    (state >> 16) % 100 < density
+                })
+                .collect();
+            let grid = grid(nu, nv, kept.clone());
+            let mut covered = vec![0; kept.len()];
+            for part in parts(&grid, &grid.view.p_cam) {
+                assert_eq!(
+                    part.sides,
+                    [part.v[0] == 0, part.u[1] == nu - 1, part.v[1] == nv - 1, part.u[0] == 0]
+                );
+                for j in part.v[0]..part.v[1] {
+                    (part.u[0]..part.u[1]).for_each(|i| covered[j * (nu - 1) + i] += 1);
+                }
+            }
+            assert!(covered.iter().zip(&kept).all(|(n, kept)| *n == i32::from(*kept)), "{density}");
+        }
+        let mut holed = grid(4, 4, Vec::new());
+        holed.view.p_cam[0][5].z = f32::NAN;
+        let cells = |p: &Part| (p.u[1] - p.u[0]) * (p.v[1] - p.v[0]);
+        assert_eq!(parts(&holed, &holed.view.p_cam).iter().map(cells).sum::<usize>(), 5);
+        assert_eq!(parts(&grid(4, 4, Vec::new()), &[]).len(), 1);
+    }
+
+    #[test]
+    fn a_patch_carries_what_was_computed() {
+        let camera = camera();
+        let variables = [("id".into(), ValueType::Float)];
+        let mut grid = grid(3, 2, vec![false, true]);
+        grid.holdout = Holdout::Shaded;
+        let calls = calls(&grid, &described(&camera, &variables, 0));
+        let [
+            Call::PushAttributes,
+            Call::Attribute(holdout),
+            Call::Shape { shape, params },
+            Call::PopAttributes,
+        ] = &calls[..]
+        else {
+            panic!("{calls:?}")
+        };
+        assert_eq!(holdout.declaration(), "int holdout");
+        assert!(matches!(**shape, ShapeDesc::Patch { nu: 2, nv: 2, .. }));
+        assert_eq!(params.floats("id").unwrap()[..], [1.0, 2.0, 4.0, 5.0]);
+        assert_eq!(params.floats("P").unwrap()[..6], [1.0, 0.0, 3.0, 2.0, 0.0, 3.0]);
+        assert_eq!(params.floats(preshaded::RIM).unwrap()[..], [0.02, 0.02, 0.02, 0.0]);
+    }
+
+    #[test]
+    fn the_order_of_arrival_does_not_show() {
+        let folder = tempfile::tempdir().unwrap();
+        let camera = camera();
+        let write = |name: &str, order: &[u32]| {
+            let path = folder.path().join(name);
+            let dump = GridDump::new(&path, false, text).unwrap();
+            for k in order {
+                dump.add(&grid(2, 2 + *k as usize, Vec::new()), &described(&camera, &[], *k));
+            }
+            assert!(!path.exists());
+            dump.finish(&camera).unwrap();
+            std::fs::read(&path).unwrap()
+        };
+        let a = write("a", &[0, 1, 2, 3]);
+        assert_eq!(a, write("b", &[3, 1, 0, 2]));
+        assert_eq!(a.iter().filter(|c| **c == b'\n').count(), 5);
+    }
+
+    #[test]
+    fn a_dump_that_fails_leaves_what_was_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("grids");
+        std::fs::write(&path, "old").unwrap();
+        let camera = camera();
+        let dump = GridDump::new(&path, false, |_, _| Err(io::Error::other("the disk is full"))).unwrap();
+        dump.add(&grid(2, 2, Vec::new()), &described(&camera, &[], 0));
+        assert!(dump.finish(&camera).unwrap_err().to_string().contains("the disk is full"));
+        drop(GridDump::new(&path, false, text).unwrap());
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        let nowhere = GridDump::new(&folder.path().join("no/such"), false, text).unwrap();
+        assert!(nowhere.finish(&camera).is_err());
+    }
+}

@@ -706,6 +706,7 @@ fn a_panic_costs_one_bucket() {
         reporter: &reporter,
         progress: &Silent,
         stop: &stop,
+        dump: None,
         scene_files: &files,
     };
     let shader = Painted { paint, displace: None };
