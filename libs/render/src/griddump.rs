@@ -324,7 +324,6 @@ pub(crate) fn is_identity(to_camera: &Transform, world_to_camera: &Transform) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::PixelRect;
     use crate::hider::ViewedGrid;
     use granita_base::Reporter;
 
@@ -341,20 +340,18 @@ mod tests {
     fn grid(nu: usize, nv: usize, kept: Vec<bool>) -> ShadedGrid {
         let p: Vec<Vec3> = (0..nu * nv).map(|i| Vec3::new((i % nu) as f32, (i / nu) as f32, 3.0)).collect();
         let color = p.clone();
+        let view = ViewedGrid { rim_px: 0.02, ..ViewedGrid::new(&camera(), vec![0.0], vec![p], false) };
         ShadedGrid {
             nu,
             nv,
             primitive: 7,
-            view: ViewedGrid::new(&camera(), vec![0.0], vec![p], false),
+            views: [view].into(),
             color,
             opacity: Vec::new(),
             opaque: true,
             holdout: Holdout::None,
             variables: (0..nu * nv).map(|i| i as f32).collect(),
             kept,
-            rect: PixelRect { x0: 0, y0: 0, x1: 9, y1: 9 },
-            z_min: 3.0,
-            rim_px: 0.02,
             sides: [true; 4],
             ragged: false,
         }
@@ -365,7 +362,7 @@ mod tests {
         variables: &'a [(Arc<str>, ValueType)],
         order: u32,
     ) -> Described<'a> {
-        Described { order: (0, order), name: "".into(), variables, camera, first_camera: camera }
+        Described { order: (0, order), name: "".into(), variables, eye: camera }
     }
 
     fn text(calls: Vec<Call>, _: bool) -> io::Result<Vec<u8>> {
@@ -385,7 +382,7 @@ mod tests {
                 .collect();
             let grid = grid(nu, nv, kept.clone());
             let mut covered = vec![0; kept.len()];
-            for part in parts(&grid, &grid.view.p_cam) {
+            for part in parts(&grid, &grid.views[0].p_cam) {
                 assert_eq!(
                     part.sides,
                     [part.v[0] == 0, part.u[1] == nu - 1, part.v[1] == nv - 1, part.u[0] == 0]
@@ -397,9 +394,9 @@ mod tests {
             assert!(covered.iter().zip(&kept).all(|(n, kept)| *n == i32::from(*kept)), "{density}");
         }
         let mut holed = grid(4, 4, Vec::new());
-        holed.view.p_cam[0][5].z = f32::NAN;
+        holed.views[0].p_cam[0][5].z = f32::NAN;
         let cells = |p: &Part| (p.u[1] - p.u[0]) * (p.v[1] - p.v[0]);
-        assert_eq!(parts(&holed, &holed.view.p_cam).iter().map(cells).sum::<usize>(), 5);
+        assert_eq!(parts(&holed, &holed.views[0].p_cam).iter().map(cells).sum::<usize>(), 5);
         assert_eq!(parts(&grid(4, 4, Vec::new()), &[]).len(), 1);
     }
 
@@ -409,7 +406,7 @@ mod tests {
         let variables = [("id".into(), ValueType::Float)];
         let mut grid = grid(3, 2, vec![false, true]);
         grid.holdout = Holdout::Shaded;
-        let calls = calls(&grid, &described(&camera, &variables, 0));
+        let calls = calls(&grid, &described(&camera, &variables, 0), &camera);
         let [
             Call::PushAttributes,
             Call::Attribute(holdout),
@@ -432,12 +429,12 @@ mod tests {
         let camera = camera();
         let write = |name: &str, order: &[u32]| {
             let path = folder.path().join(name);
-            let dump = GridDump::new(&path, false, text).unwrap();
+            let dump = GridDump::new(&path, false, text, &camera).unwrap();
             for k in order {
                 dump.add(&grid(2, 2 + *k as usize, Vec::new()), &described(&camera, &[], *k));
             }
             assert!(!path.exists());
-            dump.finish(&camera).unwrap();
+            dump.finish().unwrap();
             std::fs::read(&path).unwrap()
         };
         let a = write("a", &[0, 1, 2, 3]);
@@ -451,13 +448,14 @@ mod tests {
         let path = folder.path().join("grids");
         std::fs::write(&path, "old").unwrap();
         let camera = camera();
-        let dump = GridDump::new(&path, false, |_, _| Err(io::Error::other("the disk is full"))).unwrap();
+        let dump =
+            GridDump::new(&path, false, |_, _| Err(io::Error::other("the disk is full")), &camera).unwrap();
         dump.add(&grid(2, 2, Vec::new()), &described(&camera, &[], 0));
-        assert!(dump.finish(&camera).unwrap_err().to_string().contains("the disk is full"));
-        drop(GridDump::new(&path, false, text).unwrap());
+        assert!(dump.finish().unwrap_err().to_string().contains("the disk is full"));
+        drop(GridDump::new(&path, false, text, &camera).unwrap());
         assert_eq!(std::fs::read(&path).unwrap(), b"old");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
-        let nowhere = GridDump::new(&folder.path().join("no/such"), false, text).unwrap();
-        assert!(nowhere.finish(&camera).is_err());
+        let nowhere = GridDump::new(&folder.path().join("no/such"), false, text, &camera).unwrap();
+        assert!(nowhere.finish().is_err());
     }
 }

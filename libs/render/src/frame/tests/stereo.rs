@@ -40,6 +40,7 @@ fn seen<S: FrameShader>(
         reporter: &reporter,
         progress: &Silent,
         stop: &stop,
+        dump: None,
         scene_files: &[],
     };
     let (statistics, complete) = render(&build.scene, shader, options, &mut outputs).unwrap();
