@@ -12,8 +12,7 @@ pub(crate) fn store(opaque: f32, curve: &[(f32, f32)], texel: &mut [f32]) {
     texel[0] = opaque;
     let alpha = curve.last().map_or(0.0, |c| c.1);
     texel[1] = alpha.max(0.0);
-    // A comparison that NaN fails.
-    if !(alpha > 0.0) {
+    if alpha.is_nan() || alpha <= 0.0 {
         return;
     }
     let steps = texel.len() - 3;
