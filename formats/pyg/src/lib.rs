@@ -32,6 +32,7 @@ mod flat;
 mod names;
 mod python;
 mod read;
+mod run;
 mod script;
 mod serve;
 mod text;

@@ -30,10 +30,26 @@ pub(crate) enum Event {
     Printed(String),
     /// The piece is executed; whether the script gave one of the calls' names another meaning.
     Done { rebound: bool },
-    /// The piece ended with an exception; nothing of it was executed if it is `unread`, no Python at all.
-    Error { line: u32, kind: String, text: String, name: String, unread: bool },
+    /// A statement ended with an exception; the piece goes on with the next one.
+    Raised(Exception),
+    /// The piece is no Python: nothing of it was executed.
+    Unread(Exception),
+    /// The script was interrupted.
+    Ended(Exception),
     /// The script left by `sys.exit`.
     Exit { line: u32, code: i32, text: String },
+}
+
+/// What Python complains about.
+#[derive(Debug)]
+pub(crate) struct Exception {
+    /// The innermost line of the scene file that it went through.
+    pub(crate) line: u32,
+    /// Its type.
+    pub(crate) kind: String,
+    pub(crate) text: String,
+    /// The name that is missing, of a `NameError`.
+    pub(crate) name: String,
 }
 
 /// A running interpreter.
@@ -65,20 +81,27 @@ impl Python {
         // Line ends would end the name.
         let file = file.replace('\n', " ");
         let names = crate::names::CALLS[..35].join(" ");
-        python.send(b'I', &[file.as_bytes(), b"\n", names.as_bytes()])?;
-        Ok(python)
+        // A program that is no interpreter shows now, not when something is lost.
+        let greeted = match python.send(b'I', &[file.as_bytes(), b"\n", names.as_bytes()]) {
+            Ok(()) => python.event()?,
+            Err(error) => return Err(python.died(error)),
+        };
+        match greeted {
+            Event::Wait => Ok(python),
+            _ => Err(io::Error::other("it is no interpreter")),
+        }
     }
 
     /// Begins to execute a piece of the script that begins at `line`; events follow until it is done.
     pub(crate) fn execute(&mut self, line: u32, code: &[u8]) -> io::Result<()> {
-        self.send(b'X', &[&line.to_le_bytes(), code])
+        self.send(b'X', &[&line.to_le_bytes(), code]).map_err(|error| self.died(error))
     }
 
     /// Answers [`Event::Get`].
     pub(crate) fn answer(&mut self, value: Option<&Param>) -> io::Result<()> {
         let mut out = Vec::new();
         encode(value, &mut out);
-        self.send(b'G', &[&out])
+        self.send(b'G', &[&out]).map_err(|error| self.died(error))
     }
 
     fn send(&mut self, kind: u8, parts: &[&[u8]]) -> io::Result<()> {
@@ -95,7 +118,7 @@ impl Python {
 
     /// Why there is nothing more to read.
     fn died(&mut self, error: io::Error) -> io::Error {
-        if error.kind() != io::ErrorKind::UnexpectedEof {
+        if !matches!(error.kind(), io::ErrorKind::UnexpectedEof | io::ErrorKind::BrokenPipe) {
             return error;
         }
         match self.child.wait() {
@@ -217,13 +240,9 @@ impl Frame<'_> {
             b'W' => Event::Wait,
             b'P' => Event::Printed(self.rest()),
             b'D' => Event::Done { rebound: self.array::<1>()? != [0] },
-            b'E' | b'Y' => Event::Error {
-                unread: kind == b'Y',
-                line: self.word()?,
-                kind: self.text()?,
-                text: self.text()?,
-                name: self.text()?,
-            },
+            b'R' => Event::Raised(self.exception()?),
+            b'Y' => Event::Unread(self.exception()?),
+            b'E' => Event::Ended(self.exception()?),
             b'Q' => Event::Exit {
                 line: self.word()?,
                 code: self.array().map(i32::from_le_bytes)?,
@@ -231,6 +250,10 @@ impl Frame<'_> {
             },
             _ => return None,
         })
+    }
+
+    fn exception(&mut self) -> Option<Exception> {
+        Some(Exception { line: self.word()?, kind: self.text()?, text: self.text()?, name: self.text()? })
     }
 
     fn value(&mut self) -> Option<Value> {

@@ -2,10 +2,11 @@
 # functions of bindings/python/gelato/_stream.py, which know the frames.
 #
 # In:  I file name | X line, source | G value (answer to A)
-# Out: C line, name, arguments | A declaration | P text | D rebound | E, Y line, kind, text, name | Q line, code, text
+# Out: C line, name, arguments | A declaration | P text | D rebound | W (ready) | E, R, Y line, kind, text, name | Q line, code, text
 
 
 def _granita_main():
+    import ast
     import builtins
     import os
     import types
@@ -108,55 +109,87 @@ def _granita_main():
     sys.argv = [file]
     sys.path[0:1] = [os.path.dirname(os.path.abspath(file)) if os.path.exists(file) else ""]
 
-    def place(error):
-        line, where = 0, error.__traceback__
+    def places(error):
+        """Lines of the script that the exception went through, outermost first, with the name of the function."""
+        found, where = [], error.__traceback__
         while where is not None:
             if where.tb_frame.f_code.co_filename == file:
-                line = where.tb_lineno
+                found.append((where.tb_lineno, where.tb_frame.f_code.co_name))
             where = where.tb_next
-        return line
+        return found
 
-    def report(error):
-        line = place(error)
-        what = str(error)
+    def place(error):
+        found = places(error)
+        return found[-1][0] if found else 0
+
+    def report(kind, error):
+        found = places(error)
+        line = found[-1][0] if found else 0
+        try:
+            what = str(error)
+        except Exception:
+            what = ""
         if isinstance(error, SyntaxError) and error.filename == file:
             # Where Python found it is a line of the piece, not of the file.
             line, what = error.lineno or 0, error.msg.partition(" (detected at line")[0]
+        if len(found) > 1:
+            what += " (in %s, called from line %d)" % (found[-1][1], found[0][0])
         missing = getattr(error, "name", None) if isinstance(error, NameError) else None
-        payload = struct.pack("<I", line) + text(type(error).__name__) + text(what)
-        # Nothing of the piece was executed when it cannot even be read.
-        say(b"Y" if getattr(error, "unread", False) else b"E", payload + text(missing or ""))
+        say(kind, struct.pack("<I", line) + text(type(error).__name__) + text(what) + text(missing or ""))
 
     def moved(code, lines):
         """The code object as if it stood so many lines further down; walking a tree of long lists would be slow."""
         inner = tuple(moved(c, lines) if isinstance(c, types.CodeType) else c for c in code.co_consts)
         return code.replace(co_firstlineno=code.co_firstlineno + lines, co_consts=inner)
 
+    def begin(statement):
+        return min([statement.lineno] + [d.lineno for d in getattr(statement, "decorator_list", ())])
+
     def execute(line, source):
+        """Runs a piece; a statement that raises an exception is reported, and the next one follows."""
         try:
             code = compile(source, file, "exec", dont_inherit=True)
-        except (SyntaxError, ValueError) as error:
+        except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
             if getattr(error, "lineno", None):
                 error.lineno += line - 1
-            error.unread = True
-            raise
-        exec(moved(code, line - 1), scope)
+            # Nothing of the piece was executed.
+            report(b"Y", error)
+            return False
+        statements = None
+        while True:
+            try:
+                exec(moved(code, line - 1), scope)
+                return True
+            except Exception as error:
+                report(b"R", error)
+                here = error.__traceback__.tb_next
+                if here is None:
+                    return True
+                raised = here.tb_lineno - (line - 1)
+            if statements is None:
+                statements = ast.parse(source, file).body
+            statements = [s for s in statements if begin(s) > raised]
+            if not statements:
+                return True
+            code = compile(ast.Module(statements, []), file, "exec", dont_inherit=True)
 
+    say(b"W")
+    sink.flush()
     while True:
         kind, payload = hear()
         line = struct.unpack("<I", payload[:4])[0]
         try:
-            execute(line, payload[4:])
-            rebound = any(scope.get(name) is not function for name, function in api.items())
-            rebound = rebound or scope.get("GelatoRenderer") is not renderer
-            say(b"D", b"\1" if rebound else b"\0")
+            if execute(line, payload[4:]):
+                rebound = any(scope.get(name) is not function for name, function in api.items())
+                rebound = rebound or scope.get("GelatoRenderer") is not renderer
+                say(b"D", b"\1" if rebound else b"\0")
         except SystemExit as leave:
             code = leave.code
             number = code or 0 if code is None or isinstance(code, int) else 1
             words = "" if code is None or isinstance(code, int) else str(code)
             say(b"Q", struct.pack("<Ii", place(leave), max(min(number, 255), -255)) + text(words))
         except BaseException as error:
-            report(error)
+            report(b"E", error)
         sink.flush()
 
 

@@ -363,22 +363,45 @@ Sphere (math.sqrt (4), -1, 1, 360, "vertex color c", ((i, i, i) for i in xrange 
 #[test]
 fn mistakes_of_scripts_have_their_line() {
     let table = [
-        ("import math\nWorld ()\nmath.sqrt (-1)\nWorld ()", "t.pyg:3: ValueError: math domain error"),
-        ("def f():\n    return 1 / 0\n\nf ()", "t.pyg:2: ZeroDivisionError: division by zero"),
-        ("x = 1\n\n\nif x\n  pass", "t.pyg:4: SyntaxError"),
+        ("import math\nWorld ()\nmath.sqrt (-1)\nWorld ()", "t.pyg:3: error: ValueError: math domain error"),
+        (
+            "def f():\n    return 1 / 0\n\nf ()",
+            "t.pyg:2: error: ZeroDivisionError: division by zero (in f, called from line 4)",
+        ),
+        ("x = 1\n\n\nif x\n  pass", "t.pyg:4: error: SyntaxError"),
         (
             "x = 1\nSphre (1, -1, 1, 360)",
-            "t.pyg:2: NameError: name 'Sphre' is not defined; did you mean \"Sphere\"?",
+            "t.pyg:2: error: NameError: name 'Sphre' is not defined; did you mean \"Sphere\"?",
         ),
-        ("import sys\nsys.exit ('enough')", "t.pyg:2: enough"),
-        ("import sys\nsys.exit (3)", "t.pyg:2: the script ended with 3"),
-        ("x = {}\nTranslate (x['a'], 0, 0)", "t.pyg:2: KeyError: 'a'"),
-        ("x = object ()\nTranslate (x, 0, 0)", "t.pyg:2: TypeError: cannot pass a value of type object"),
-        ("import os\nos._exit (7)", "t.pyg:1: the interpreter ended early"),
+        ("x = {}\nTranslate (x['a'], 0, 0)", "t.pyg:2: error: KeyError: 'a'"),
+        (
+            "x = object ()\nTranslate (x, 0, 0)",
+            "t.pyg:2: error: TypeError: cannot pass a value of type object",
+        ),
+        ("import os\nos._exit (7)", "t.pyg:1: error: the interpreter ended early"),
     ];
     for (text, expected) in table {
-        let Some(got) = script(text) else { return };
-        assert!(got.error().starts_with(expected), "{text}: {}", got.error());
+        for options in every_way() {
+            let Some(got) = script_with(&format!("{text}\nRender ()\n"), &options) else { return };
+            assert!(got.told[0].starts_with(expected), "{text}: {:?}", got.told);
+            assert_eq!(got.told.len(), 1, "{text}: {:?}", got.told);
+            assert!(got.error.is_none(), "{text}: {:?}", got.error);
+            // Nothing of the rest is lost; what is read as one piece is lost with its interpreter or its syntax.
+            let whole = options.chunking == Chunking::Never || options.never_pyglet;
+            let lost = whole && (text.contains("_exit") || text.contains("if x"));
+            assert!(lost || got.lines().last().is_some_and(|l| l.1 == "Render"), "{text}: {:?}", got.lines());
+        }
+    }
+    for (text, expected) in [
+        ("import sys\nsys.exit ('enough')\nRender ()", "t.pyg:2: enough"),
+        ("import sys\nsys.exit (3)\nRender ()", "t.pyg:2: the script ended with 3"),
+        ("x = 1\nraise KeyboardInterrupt\nRender ()", "t.pyg:2: KeyboardInterrupt: "),
+    ] {
+        for options in every_way() {
+            let Some(got) = script_with(text, &options) else { return };
+            assert!(got.error().starts_with(expected), "{text}: {}", got.error());
+            assert_eq!(got.lines(), []);
+        }
     }
     // Leaving without a complaint is the end of the file.
     let Some(got) = script("import sys\nWorld ()\nsys.exit ()\nWorld ()") else { return };
@@ -388,6 +411,86 @@ fn mistakes_of_scripts_have_their_line() {
     let Some(got) = script("for i in range (2):\n  Sphere (i)\nWorld ()") else { return };
     assert_eq!(got.told.len(), 1);
     assert_eq!(got.lines(), [(3, "World")]);
+}
+
+/// Ways to read what is a script.
+fn every_way() -> [PygOptions; 4] {
+    let default = PygOptions::default;
+    [
+        default(),
+        PygOptions { chunking: Chunking::Never, ..default() },
+        PygOptions { never_pyglet: true, ..default() },
+        PygOptions { never_pyglet: true, chunking: Chunking::Never, ..default() },
+    ]
+}
+
+fn script_with(text: &str, options: &PygOptions) -> Option<Outcome> {
+    has_python().then(|| read_with(text.as_bytes(), options))
+}
+
+#[test]
+fn exceptions_cost_the_statement_they_are_in() {
+    let text = "\
+import math
+def ball(r):
+    Sphere (r, -r, r, 360)
+    Sphere (1 / r, -r, r, 360)
+# a comment
+for r in (1, 0, 2):
+    ball (r)
+x = [
+    1,
+    missing ]; y = 3
+@nobody
+def f(): pass
+with open('/nonexistent/file') as file:
+    World ()
+
+class C:
+    v = math.sqrt (4)
+Translate (C.v,
+           1, 2)
+try:
+    ball (0)
+except ZeroDivisionError:
+    Scale (1, 1, 1)
+World ()
+z = 3
+Translate (z, x, z)
+Translate (z, z, z)
+Render ()
+";
+    for options in every_way() {
+        let Some(got) = script_with(text, &options) else { return };
+        assert!(got.error.is_none(), "{:?}", got.error);
+        let ends: Vec<&str> =
+            got.told.iter().map(|t| t.split(": the rest").next().unwrap_or_default()).collect();
+        assert_eq!(
+            ends,
+            [
+                "t.pyg:4: error: ZeroDivisionError: division by zero (in ball, called from line 7)",
+                "t.pyg:10: error: NameError: name 'missing' is not defined",
+                "t.pyg:11: error: NameError: name 'nobody' is not defined",
+                "t.pyg:13: error: FileNotFoundError: [Errno 2] No such file or directory: '/nonexistent/file'",
+                "t.pyg:26: error: NameError: name 'x' is not defined",
+            ],
+        );
+        let names: Vec<&str> = got.lines().iter().map(|l| l.1).collect();
+        let wanted =
+            ["Sphere", "Sphere", "Sphere", "Translate", "Sphere", "Scale", "World", "Translate", "Render"];
+        assert_eq!(names, wanted);
+    }
+    // Many are counted; statements that are no Python end the file at some point.
+    let Some(got) = script(&"x = []\ny = x[0]\n".repeat(500)) else { return };
+    assert_eq!(got.told.len(), 21, "{:?}", got.told);
+    assert_eq!(got.told[20], "t.pyg: error: 480 more statements of the script ended with an exception");
+    let Some(got) = script(&format!("World ()\n{}", "y = = 1\n".repeat(500))) else { return };
+    assert_eq!(got.told.len(), 19, "{:?}", got.told);
+    assert!(got.error().contains("SyntaxError") && got.error().contains("after 20 such"), "{}", got.error());
+    let Some(got) = script("This is a letter.\n\nIt is not a scene at all.\nRegards,\nThe author!\n") else {
+        return;
+    };
+    assert!(got.told.len() == 2 && got.error().contains("after 3 such"), "{:?} {}", got.told, got.error());
 }
 
 #[test]
@@ -414,11 +517,12 @@ fn calls_that_cannot_be_read_are_passed_over() {
     let text =
         "x = 1\nSphere (x, -1 1)\ny = 2\nSphere (x, -y, y, 360)\nSphere (y 3)\nWorld ()\nz = x +\nWorld ()\n";
     let Some(got) = script(text) else { return };
-    assert_eq!(got.lines(), [(4, "Sphere"), (6, "World")]);
-    assert_eq!(got.told.len(), 2);
+    assert_eq!(got.lines(), [(4, "Sphere"), (6, "World"), (8, "World")]);
+    assert_eq!(got.told.len(), 3);
     assert!(got.told[0].starts_with("t.pyg:2: error: SyntaxError: "), "{:?}", got.told);
     assert!(got.told[1].starts_with("t.pyg:5: error: SyntaxError: "), "{:?}", got.told);
-    assert!(got.error().starts_with("t.pyg:7: SyntaxError"), "{}", got.error());
+    assert!(got.told[2].starts_with("t.pyg:7: error: SyntaxError: "), "{:?}", got.told);
+    assert!(got.error.is_none());
 }
 
 #[test]
@@ -434,7 +538,13 @@ fn scripts_that_close_their_streams_go_on() {
     }
     // The pipes of the interpreter itself are another matter.
     let Some(got) = script("import os\nos.closerange (3, 64)\nWorld ()\n") else { return };
-    assert!(got.error().starts_with("t.pyg:1: the interpreter ended early"), "{}", got.error());
+    assert!(got.told[0].starts_with("t.pyg:1: error: the interpreter ended early"), "{:?}", got.told);
+    assert_eq!((got.lines(), got.error.is_none()), (vec![(3, "World")], true));
+    // Not for ever.
+    let text = "import os\nos._exit (1)\nWorld ()\n".repeat(6);
+    let Some(got) = script(&text) else { return };
+    assert!(got.error().starts_with("t.pyg:10: the interpreter ended early"), "{}", got.error());
+    assert_eq!((got.told.len(), got.calls.len()), (3, 3));
 }
 
 #[test]

@@ -1,0 +1,383 @@
+//! The part of the reader that runs scripts: pieces of Python go to a child interpreter, and its calls are passed on.
+//!
+//! What goes wrong in a script costs the top-level statement in which it does, as a mistake in a flat call costs the
+//! call; the script ends early only where it asks for that, or where nothing in it can be read.
+
+use crate::flat::{Statement, Why};
+use crate::python::{Event, Exception, Python};
+use crate::read::{Next, PygError, Reader};
+use crate::{hint, names, script};
+use granita_base::{Location, Severity};
+use granita_scene::SceneSink;
+use std::io;
+use std::path::Path;
+
+/// So many statements that cannot be read are passed over; a file with more of them is no scene.
+const MAX_UNREAD: usize = 20;
+/// So many are enough where nothing else could be read either.
+const MAX_UNREAD_ALONE: usize = 3;
+/// So many exceptions are told; more of them are counted.
+const MAX_TOLD: usize = 20;
+/// So often an interpreter that died is replaced.
+const MAX_DEATHS: usize = 3;
+
+/// Python statements are gathered up to this size. Finding the line of a call takes Python longer the longer the piece is.
+const BATCH: usize = 1 << 15;
+
+/// The script in a scene file, as far as it has come.
+#[derive(Default)]
+pub(crate) struct Script {
+    pub(crate) python: Option<Python>,
+    /// It changed what the names of calls mean: nothing is flat any more.
+    pub(crate) rebound: bool,
+    /// Statements that could not be read and were passed over.
+    unread: usize,
+    /// Whether anything could be read.
+    pub(crate) read: bool,
+    /// Statements that ended with an exception.
+    raised: usize,
+    /// Interpreters that ended early.
+    deaths: usize,
+}
+
+/// How a piece of script failed.
+enum Failed {
+    /// It is no Python; nothing of it was executed, and the interpreter goes on.
+    Unread(Exception),
+    /// The interpreter is gone.
+    Died(io::Error),
+    /// In its course.
+    Ended(PygError),
+}
+
+impl From<PygError> for Failed {
+    fn from(error: PygError) -> Self {
+        Self::Ended(error)
+    }
+}
+
+/// The name of the object that is being made, for messages; nothing when it has none.
+pub(crate) fn object(sink: &dyn SceneSink) -> String {
+    match sink.attribute("string name").map(|p| p.data) {
+        Some(granita_base::ParamData::String(name)) if name.first().is_some_and(|n| !n.is_empty()) => {
+            format!(" (object \"{}\")", name[0])
+        }
+        _ => String::new(),
+    }
+}
+
+/// Statements for Python: their text, the line where it begins, and where each of them begins.
+struct Piece {
+    line: u32,
+    code: Vec<u8>,
+    /// Line and place in `code`.
+    begins: Vec<(u32, usize)>,
+}
+
+impl Piece {
+    fn new(line: u32) -> Self {
+        Self { line, code: Vec::new(), begins: Vec::new() }
+    }
+
+    /// Ends the last line, and adds empty ones up to `line`: comments were left out.
+    fn go_to(&mut self, line: u32) {
+        if !self.code.is_empty() && self.code.last() != Some(&b'\n') {
+            self.code.push(b'\n');
+        }
+        let lines = self.code.iter().filter(|c| **c == b'\n').count() as u32;
+        let missing = (line - self.line).saturating_sub(lines);
+        self.code.extend(std::iter::repeat_n(b'\n', missing as usize));
+        self.begins.push((line, self.code.len()));
+    }
+}
+
+impl Reader<'_> {
+    /// Gathers statements until the next flat one, and executes them.
+    pub(crate) fn some_python(&mut self, line: u32, why: &Why) -> Result<Next, PygError> {
+        let mut piece = Piece::new(line);
+        piece.go_to(line);
+        if let Some(missing) = self.take(&mut piece.code)? {
+            self.missing(line, missing);
+            return Ok(Next::More);
+        }
+        self.start(why)?;
+        let mut flat = None;
+        while piece.code.len() < BATCH {
+            match self.statement()? {
+                Statement::Python { line: next, .. } => {
+                    let mark = self.parser.bytes.mark();
+                    let before = piece.code.len();
+                    piece.go_to(next);
+                    if self.take(&mut piece.code)?.is_some() {
+                        // Dealt with when it comes up again.
+                        piece.begins.pop();
+                        piece.code.truncate(before);
+                        self.parser.bytes.back_to(mark);
+                        break;
+                    }
+                }
+                other => {
+                    flat = Some(other);
+                    break;
+                }
+            }
+        }
+        if self.piece(&piece)? == Next::End {
+            return Ok(Next::End);
+        }
+        match flat {
+            None | Some(Statement::Nothing | Statement::Python { .. }) => Ok(Next::More),
+            Some(Statement::End) => Ok(Next::End),
+            Some(Statement::Broken(why)) => Err(self.malformed(why)),
+            Some(Statement::Call { name, args, line }) => {
+                // The piece just executed may have changed what the name means.
+                if self.script.rebound {
+                    self.parser.again();
+                    return Ok(Next::More);
+                }
+                self.flat_call(&name, args, line).map(|()| Next::More)
+            }
+        }
+    }
+
+    /// Takes the next statement for Python. A call of the scene interface that is none, because a string or a bracket has
+    /// no end, is passed over up to the next line with a call; what is missing is returned.
+    fn take(&mut self, code: &mut Vec<u8>) -> Result<Option<&'static str>, PygError> {
+        let mark = self.parser.bytes.mark();
+        let start = code.len();
+        let missing =
+            script::take_statement(&mut self.parser.bytes, code).map_err(|source| self.io(source))?;
+        let is_call = script::begins_with_call(&code[start..]);
+        if missing.is_none() || !is_call || self.script.unread >= MAX_UNREAD {
+            return Ok(None);
+        }
+        self.parser.bytes.back_to(mark);
+        script::skip_to_call(&mut self.parser.bytes).map_err(|source| self.io(source))?;
+        Ok(missing)
+    }
+
+    /// Reports a call without its end.
+    fn missing(&mut self, line: u32, missing: &str) {
+        self.script.unread += 1;
+        let text = format!("{missing}: the call is ignored{}", object(self.sink));
+        self.reporter.say(Severity::Error, &Location::line(&self.file, line), text);
+    }
+
+    /// Gathers statements, whatever they are, and executes them.
+    pub(crate) fn next_python(&mut self, why: &Why) -> Result<Next, PygError> {
+        self.start(why)?;
+        self.parser.bytes.forget();
+        let mut piece = Piece::new(self.parser.bytes.line());
+        while piece.code.len() < BATCH
+            && self.parser.bytes.peek().map_err(|source| self.io(source))?.is_some()
+        {
+            let line = self.parser.bytes.line();
+            let before = piece.code.len();
+            piece.go_to(line);
+            if let Some(missing) = self.take(&mut piece.code)? {
+                piece.begins.pop();
+                piece.code.truncate(before);
+                self.missing(line, missing);
+                // Lines must stay in step, and calls in order.
+                break;
+            }
+        }
+        let end = self.parser.bytes.peek().map_err(|source| self.io(source))?.is_none();
+        if piece.code.is_empty() {
+            return Ok(if end { Next::End } else { Next::More });
+        }
+        self.piece(&piece)
+    }
+
+    /// Executes all that is left, as one piece.
+    pub(crate) fn all_python(&mut self, why: &Why) -> Result<Next, PygError> {
+        self.start(why)?;
+        let mut piece = Piece::new(self.parser.bytes.line());
+        piece.go_to(piece.line);
+        let taken = script::take_rest(&mut self.parser.bytes, &mut piece.code);
+        taken.map_err(|source| self.io(source))?;
+        self.piece(&piece)?;
+        Ok(Next::End)
+    }
+
+    /// Starts the interpreter, if scripts are allowed.
+    fn start(&mut self, why: &Why) -> Result<(), PygError> {
+        if self.script.python.is_some() {
+            return Ok(());
+        }
+        let at = Location::line(&self.file, why.line);
+        let reason = &why.what;
+        if self.options.always_pyglet {
+            let what = format!("{reason} is not part of a flat scene, and only flat scenes are to be read");
+            return Err(PygError::Malformed { what, at });
+        }
+        if self.options.safe {
+            let what = format!("{at}: {reason} makes this a script, and scripts are not to be run");
+            return Err(PygError::Unsupported(what));
+        }
+        let default = Path::new("python3");
+        let program = self.options.python.as_deref().unwrap_or(default);
+        match Python::start(program, &self.file, self.options.environment.iter()) {
+            Ok(python) => self.script.python = Some(python),
+            Err(error) => {
+                let program = program.display();
+                let what = format!(
+                    "{at}: {reason} makes this a Python script, but {program} cannot be started: {error}"
+                );
+                return Err(PygError::Unsupported(what));
+            }
+        }
+        Ok(())
+    }
+
+    /// Executes a piece; when it is no Python, its statements one after the other, and those that are none are reported.
+    fn piece(&mut self, piece: &Piece) -> Result<Next, PygError> {
+        let unread = match self.execute(piece.line, &piece.code) {
+            Ok(next) => return Ok(next),
+            Err(Failed::Unread(unread)) => unread,
+            Err(Failed::Died(error)) => return self.died(piece.line, &error),
+            Err(Failed::Ended(error)) => return Err(error),
+        };
+        if let [_] = piece.begins[..] {
+            self.unread(unread, &piece.code)?;
+            return Ok(Next::More);
+        }
+        for (i, &(line, start)) in piece.begins.iter().enumerate() {
+            let end = piece.begins.get(i + 1).map_or(piece.code.len(), |b| b.1);
+            let statement = piece.code.get(start..end).unwrap_or_default();
+            match self.execute(line, statement) {
+                Ok(Next::More) => {}
+                Ok(Next::End) => return Ok(Next::End),
+                Err(Failed::Unread(unread)) => self.unread(unread, statement)?,
+                // Those behind it have nothing to build upon.
+                Err(Failed::Died(error)) => return self.died(line, &error),
+                Err(Failed::Ended(error)) => return Err(error),
+            }
+        }
+        Ok(Next::More)
+    }
+
+    /// Reports a statement that is no Python; an error when there are too many of them.
+    fn unread(&mut self, unread: Exception, statement: &[u8]) -> Result<(), PygError> {
+        self.script.unread += 1;
+        let at = Location::line(&self.file, unread.line);
+        let what = format!("{}: {}", unread.kind, unread.text);
+        let most = if self.script.read { MAX_UNREAD } else { MAX_UNREAD_ALONE };
+        if self.script.unread >= most {
+            let what = format!("{what}; after {most} such statements the rest of the file is not read");
+            return Err(PygError::Malformed { what, at });
+        }
+        let kind = if script::begins_with_call(statement) { "call" } else { "statement" };
+        let text = format!("{what}: the {kind} is ignored{}", object(self.sink));
+        self.reporter.say(Severity::Error, &at, text);
+        Ok(())
+    }
+
+    /// Reports a statement that ended with an exception.
+    fn raised(&mut self, raised: &Exception) {
+        self.script.raised += 1;
+        if self.script.raised <= MAX_TOLD {
+            let at = Location::line(&self.file, raised.line);
+            let object = object(self.sink);
+            let text = format!("{}: the rest of the statement is ignored{object}", described(raised));
+            self.reporter.say(Severity::Error, &at, text);
+        }
+    }
+
+    /// Reports an interpreter that ended early; an error when it has happened too often.
+    fn died(&mut self, line: u32, error: &io::Error) -> Result<Next, PygError> {
+        self.script.deaths += 1;
+        self.script.rebound = false;
+        let at = Location::line(&self.file, line);
+        if self.script.deaths > MAX_DEATHS {
+            return Err(PygError::Malformed { what: error.to_string(), at });
+        }
+        let text = format!("{error}: what the script has defined is lost, and reading goes on");
+        self.reporter.say(Severity::Error, &at, text);
+        Ok(Next::More)
+    }
+
+    /// To be called at the end of the file: tells how many exceptions were only counted.
+    pub(crate) fn sum_up(&self) {
+        if let Some(more) = self.script.raised.checked_sub(MAX_TOLD).filter(|more| *more > 0) {
+            let at = Location { file: self.file.clone(), ..Location::default() };
+            let text = format!("{more} more statements of the script ended with an exception");
+            self.reporter.say(Severity::Error, &at, text);
+        }
+    }
+
+    /// Executes a piece of script and passes its calls on.
+    fn execute(&mut self, line: u32, code: &[u8]) -> Result<Next, Failed> {
+        let why = Why { what: "what stands here".into(), line };
+        self.start(&why)?;
+        let Some(mut python) = self.script.python.take() else { return Ok(Next::End) };
+        let next = self.converse(&mut python, line, code);
+        self.script.read |= next.is_ok();
+        // After any other failure nobody knows what state the script is in.
+        if matches!(next, Ok(_) | Err(Failed::Unread(_))) {
+            self.script.python = Some(python);
+        }
+        next
+    }
+
+    fn converse(&mut self, python: &mut Python, line: u32, code: &[u8]) -> Result<Next, Failed> {
+        python.execute(line, code).map_err(Failed::Died)?;
+        let mut printed = String::new();
+        loop {
+            match python.event().map_err(Failed::Died)? {
+                Event::Call { line, name, args } => self.flat_call(&name, args, line)?,
+                Event::Get(name) => {
+                    let value = self.sink.attribute(&name);
+                    python.answer(value.as_ref()).map_err(Failed::Died)?;
+                }
+                // Only programs that start the renderer send these.
+                Event::File(_) | Event::Wait => {}
+                Event::Printed(text) => {
+                    printed.push_str(&text);
+                    while let Some(end) = printed.find('\n') {
+                        let rest = printed.split_off(end + 1);
+                        self.reporter.say(Severity::Message, &Location::default(), printed);
+                        printed = rest;
+                    }
+                }
+                Event::Raised(raised) => self.raised(&raised),
+                Event::Done { rebound } => {
+                    self.script.rebound |= rebound;
+                    self.say_rest(printed);
+                    return Ok(Next::More);
+                }
+                Event::Unread(unread) => return Err(Failed::Unread(unread)),
+                Event::Ended(ended) => {
+                    self.say_rest(printed);
+                    let at = Location::line(&self.file, ended.line);
+                    return Err(PygError::Malformed { what: described(&ended), at }.into());
+                }
+                Event::Exit { line, code, text } => {
+                    self.say_rest(printed);
+                    if code == 0 {
+                        return Ok(Next::End);
+                    }
+                    let text = if text.is_empty() { format!("the script ended with {code}") } else { text };
+                    return Err(
+                        PygError::Malformed { what: text, at: Location::line(&self.file, line) }.into()
+                    );
+                }
+            }
+        }
+    }
+
+    /// A last printed line without an end.
+    fn say_rest(&self, mut printed: String) {
+        if !printed.is_empty() {
+            printed.push('\n');
+            self.reporter.say(Severity::Message, &Location::default(), printed);
+        }
+    }
+}
+
+/// An exception in words, with the call that a missing name looks like.
+fn described(exception: &Exception) -> String {
+    let missing = Some(&*exception.name).filter(|name| !name.is_empty());
+    let hint = hint(missing.and_then(|name| granita_scene::suggestion(name, names::CALLS)));
+    format!("{}: {}{hint}", exception.kind, exception.text)
+}
