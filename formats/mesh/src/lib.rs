@@ -1,6 +1,6 @@
 //! Mesh files as scenes: Wavefront OBJ ([`Obj`]), Stanford PLY ([`Ply`]) and glTF 2 ([`Gltf`]).
 //!
-//! Each reader is a [`granita_scene::Generator`]: `Input ("bunny.obj")` makes its calls with the current transformation and
+//! [`GltfPictures`] reads the pictures in glTF files, as an image format. Each other reader is a [`granita_scene::Generator`]: `Input ("bunny.obj")` makes its calls with the current transformation and
 //! attributes. The manual says under "Mesh files" what becomes of each element of the formats; the sources are the
 //! OBJ and MTL specifications of Wavefront's Advanced Visualizer (1991, 1995), G. Turk's description of PLY (1994) and the
 //! glTF 2.0 specification of the Khronos Group.
@@ -15,8 +15,8 @@
 //!   file, the one mesh of a PLY file, a primitive of a glTF file.
 //! - `Attribute ("int user:materials", 0)` keeps the materials of a file out of the scene, `user:lights` its lights.
 //!
-//! Deliberately absent: free-form curves and surfaces of OBJ; animation (skins stand at rest) and morph targets,
-//! compressed geometry and pictures inside of glTF files. Each is told of by name.
+//! Deliberately absent: free-form curves and surfaces of OBJ; animation (skins and morph targets stand at rest) and
+//! compressed geometry of glTF files. Each is told of by name.
 //!
 //! ```
 //! use granita_base::Reporter;
@@ -43,7 +43,7 @@ mod text;
 #[cfg(test)]
 mod trial;
 
-pub use gltf::{Glb, Gltf};
+pub use gltf::{Glb, Gltf, GltfPictures};
 pub use obj::Obj;
 pub use ply::Ply;
 

@@ -7,8 +7,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// A source that can be read from any place.
-pub(crate) trait Stream: Read + Seek {}
-impl<T: Read + Seek> Stream for T {}
+pub(crate) trait Stream: Read + Seek + Send {}
+impl<T: Read + Seek + Send> Stream for T {}
 
 /// An open source.
 pub(crate) struct Opened {

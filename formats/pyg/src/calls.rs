@@ -273,7 +273,16 @@ fn optional(a: &mut Args) -> Result<Option<Arc<str>>, Mistake> {
 
 /// A layer name stands before the parameters when the number of arguments left is odd.
 fn layer(a: &mut Args) -> Result<Option<Arc<str>>, Mistake> {
-    if a.left() % 2 == 1 { optional(a) } else { Ok(None) }
+    if a.left() % 2 == 0 {
+        return Ok(None);
+    }
+    let layer = optional(a)?;
+    // A type in front of a name belongs to a parameter.
+    let declared = |l: &&Arc<str>| l.contains(' ') && granita_base::ParamType::parse(l).is_ok();
+    match layer.as_ref().filter(declared) {
+        Some(parameter) => Err(format!("{}: \"{parameter}\" is given no value", a.call)),
+        None => Ok(layer),
+    }
 }
 
 fn basis(a: &Args, word: &str) -> Result<CurveBasis, Mistake> {

@@ -171,7 +171,15 @@ impl Parser {
             self.blanks(false)?;
         }
         if self.bytes.peek()? != Some(b'(') {
-            return self.fail(format!("\"{name}\" without arguments"));
+            const WORDS: [&str; 12] = [
+                "assert", "class", "def", "del", "for", "global", "if", "lambda", "raise", "try", "while",
+                "with",
+            ];
+            return self.fail(match self.bytes.peek()? {
+                Some(b'=') => format!("an assignment to \"{name}\""),
+                _ if WORDS.contains(&name.as_str()) => format!("\"{name}\""),
+                _ => format!("\"{name}\" without arguments"),
+            });
         }
         if !is_flat(&name) {
             return self.fail(format!("\"{name}\""));

@@ -214,14 +214,14 @@ fn scripts_need_permission_and_an_interpreter() {
     let got = read_with(text, &flat_only);
     assert_eq!(
         got.error(),
-        "t.pyg:2: \"x\" without arguments is not part of a flat scene, and only flat scenes are to be read"
+        "t.pyg:2: an assignment to \"x\" is not part of a flat scene, and only flat scenes are to be read"
     );
     assert_eq!(got.lines(), [(1, "World")]);
     let safe = PygOptions { safe: true, ..PygOptions::default() };
     assert!(read_with(text, &safe).error().contains("scripts are not to be run"));
     let none = PygOptions { python: Some(PathBuf::from("/nonexistent/python3")), ..PygOptions::default() };
     let told = read_with(text, &none).error();
-    assert!(told.starts_with("t.pyg:2: \"x\" without arguments makes this a Python script, but /nonexistent/python3 cannot be started"), "{told}");
+    assert!(told.starts_with("t.pyg:2: an assignment to \"x\" makes this a Python script, but /nonexistent/python3 cannot be started"), "{told}");
     // An interpreter that is none.
     let wrong = PygOptions { python: Some(PathBuf::from("/bin/false")), ..PygOptions::default() };
     assert!(read_with(text, &wrong).error.is_some());
@@ -487,7 +487,8 @@ Render ()
     let Some(got) = script(&format!("World ()\n{}", "y = = 1\n".repeat(500))) else { return };
     assert_eq!(got.told.len(), 19, "{:?}", got.told);
     assert!(got.error().contains("SyntaxError") && got.error().contains("after 20 such"), "{}", got.error());
-    let Some(got) = script("This is a letter.\n\nIt is not a scene at all.\nRegards,\nThe author!\n") else {
+    let Some(got) = script("This is a letter.\n\nIt is not a scene at all.\nWith regards,\nThe author!\n")
+    else {
         return;
     };
     assert!(got.told.len() == 2 && got.error().contains("after 3 such"), "{:?} {}", got.told, got.error());

@@ -9,6 +9,7 @@ use granita_image::{
 use image::{ColorType, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat};
 use std::io::Write;
 use std::path::Path;
+use std::sync::Arc;
 
 /// One of the plain picture formats: see [`FORMATS`].
 #[derive(Clone, Copy, Debug)]
@@ -162,29 +163,11 @@ impl Format for PlainFormat {
         {
             return Ok(input);
         }
-        let place = Place::new(path, self.title, limits);
-        let decoder = decoder(&place, self.image)?;
-        let (width, height) = decoder.dimensions();
-        let (channels, pixel_type) = match decoder.color_type() {
-            ColorType::L8 => (1, PixelType::U8),
-            ColorType::La8 => (2, PixelType::U8),
-            ColorType::Rgb8 => (3, PixelType::U8),
-            ColorType::Rgba8 => (4, PixelType::U8),
-            ColorType::L16 => (1, PixelType::U16),
-            ColorType::La16 => (2, PixelType::U16),
-            ColorType::Rgb16 => (3, PixelType::U16),
-            ColorType::Rgba16 => (4, PixelType::U16),
-            ColorType::Rgb32F => (3, PixelType::Float),
-            ColorType::Rgba32F => (4, PixelType::Float),
-            other => return Err(place.unsupported(format!("{} of {other:?} is not supported", self.title))),
-        };
-        drop(decoder);
-        let mut spec = ImageSpec::new(width, height, channels, pixel_type);
-        if straight(self.image) && spec.alpha_channel().is_some() {
-            let (ty, data) = (ParamType::of(BaseType::Int), 1.into());
-            spec.attributes.set(Param { name: "unassociatedalpha".into(), ty, data });
-        }
-        Ok(Box::new(WholeInput::new(self.name, place, spec, decode)?))
+        self.open_place(Place::new(path, self.title, limits))
+    }
+
+    fn open_bytes(&self, path: &Path, bytes: Arc<[u8]>, limits: &Limits) -> Result<Box<dyn ImageInput>> {
+        self.open_place(Place::new(path, self.title, limits).with_bytes(bytes))
     }
 
     fn supports(&self, feature: &str) -> bool {
@@ -219,6 +202,33 @@ impl Format for PlainFormat {
             return Ok(Box::new(WholeOutput::create(path, spec, self.encode)?));
         };
         Err(ImageError::Unsupported { path: path.to_owned(), what: fault })
+    }
+}
+
+impl PlainFormat {
+    fn open_place(&self, place: Place) -> Result<Box<dyn ImageInput>> {
+        let decoder = decoder(&place, self.image)?;
+        let (width, height) = decoder.dimensions();
+        let (channels, pixel_type) = match decoder.color_type() {
+            ColorType::L8 => (1, PixelType::U8),
+            ColorType::La8 => (2, PixelType::U8),
+            ColorType::Rgb8 => (3, PixelType::U8),
+            ColorType::Rgba8 => (4, PixelType::U8),
+            ColorType::L16 => (1, PixelType::U16),
+            ColorType::La16 => (2, PixelType::U16),
+            ColorType::Rgb16 => (3, PixelType::U16),
+            ColorType::Rgba16 => (4, PixelType::U16),
+            ColorType::Rgb32F => (3, PixelType::Float),
+            ColorType::Rgba32F => (4, PixelType::Float),
+            other => return Err(place.unsupported(format!("{} of {other:?} is not supported", self.title))),
+        };
+        drop(decoder);
+        let mut spec = ImageSpec::new(width, height, channels, pixel_type);
+        if straight(self.image) && spec.alpha_channel().is_some() {
+            let (ty, data) = (ParamType::of(BaseType::Int), 1.into());
+            spec.attributes.set(Param { name: "unassociatedalpha".into(), ty, data });
+        }
+        Ok(Box::new(WholeInput::new(self.name, place, spec, decode)?))
     }
 }
 

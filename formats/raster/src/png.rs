@@ -8,7 +8,7 @@ use granita_image::{
 };
 use png::{BitDepth, ColorType, DecodingError, EncodingError};
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// The format "png": 8 and 16 bits, grey or RGB, with or without alpha.
 ///
@@ -45,13 +45,11 @@ impl Format for PngFormat {
     }
 
     fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>> {
-        let place = Place::new(path, "PNG", limits);
-        let (spec, interlaced) = read_spec(&place)?;
-        if interlaced {
-            return Ok(Box::new(WholeInput::new("png", place, spec, decode)?));
-        }
-        limits.check(path, "PNG", &spec)?;
-        Ok(Box::new(PngRows { place, spec, state: Mutex::new(None) }))
+        open(Place::new(path, "PNG", limits))
+    }
+
+    fn open_bytes(&self, path: &Path, bytes: Arc<[u8]>, limits: &Limits) -> Result<Box<dyn ImageInput>> {
+        open(Place::new(path, "PNG", limits).with_bytes(bytes))
     }
 
     fn supports(&self, feature: &str) -> bool {
@@ -69,6 +67,15 @@ impl Format for PngFormat {
         };
         Err(ImageError::Unsupported { path: path.to_owned(), what: fault })
     }
+}
+
+fn open(place: Place) -> Result<Box<dyn ImageInput>> {
+    let (spec, interlaced) = read_spec(&place)?;
+    if interlaced {
+        return Ok(Box::new(WholeInput::new("png", place, spec, decode)?));
+    }
+    place.limits.check(&place.path, "PNG", &spec)?;
+    Ok(Box::new(PngRows { place, spec, state: Mutex::new(None) }))
 }
 
 /// An open PNG that is not interlaced. Rows are decoded in their order and not kept: going back begins again.

@@ -12,13 +12,21 @@ pub(crate) type Source = BufReader<Counted>;
 
 /// Counts the bytes that pass.
 pub(crate) struct Counted {
-    file: File,
+    from: From,
     count: Arc<AtomicU64>,
+}
+
+enum From {
+    File(File),
+    Bytes(io::Cursor<Arc<[u8]>>),
 }
 
 impl Read for Counted {
     fn read(&mut self, buf: &mut [u8]) -> io::Result<usize> {
-        let n = self.file.read(buf)?;
+        let n = match &mut self.from {
+            From::File(file) => file.read(buf)?,
+            From::Bytes(bytes) => bytes.read(buf)?,
+        };
         self.count.fetch_add(n as u64, Ordering::Relaxed);
         Ok(n)
     }
@@ -26,32 +34,45 @@ impl Read for Counted {
 
 impl Seek for Counted {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        self.file.seek(to)
+        match &mut self.from {
+            From::File(file) => file.seek(to),
+            From::Bytes(bytes) => bytes.seek(to),
+        }
     }
 }
 
 /// A file to decode: where it is, what it may cost, how its faults are reported.
-#[derive(Clone, Debug)]
 pub(crate) struct Place {
     pub(crate) path: PathBuf,
     /// Name of the format in errors, as "PNG".
     pub(crate) format: &'static str,
     pub(crate) limits: Limits,
+    /// What it holds, when it is no file of its own.
+    bytes: Option<Arc<[u8]>>,
     count: Arc<AtomicU64>,
 }
 
 impl Place {
     pub(crate) fn new(path: &Path, format: &'static str, limits: &Limits) -> Self {
-        Self { path: path.to_owned(), format, limits: *limits, count: Arc::default() }
+        Self { path: path.to_owned(), format, limits: *limits, bytes: None, count: Arc::default() }
+    }
+
+    /// In memory; `path` stands for it in errors.
+    pub(crate) fn with_bytes(self, bytes: Arc<[u8]>) -> Self {
+        Self { bytes: Some(bytes), ..self }
     }
 
     /// Opens the file from its beginning.
     pub(crate) fn source(&self) -> Result<Source> {
+        let counted = |from| BufReader::new(Counted { from, count: self.count.clone() });
+        if let Some(bytes) = &self.bytes {
+            return Ok(counted(From::Bytes(io::Cursor::new(bytes.clone()))));
+        }
         let file = File::open(&self.path).map_err(|e| self.io(e))?;
         if file.metadata().map_err(|e| self.io(e))?.is_dir() {
             return Err(self.io(io::Error::new(io::ErrorKind::IsADirectory, "is a directory")));
         }
-        Ok(BufReader::new(Counted { file, count: self.count.clone() }))
+        Ok(counted(From::File(file)))
     }
 
     /// What the system said; a file that ends early is malformed.

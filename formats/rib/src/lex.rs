@@ -1,5 +1,6 @@
 //! Tokens of RIB: the text form and the binary encoding, which may be mixed (RenderMan interface 3.2, appendix C).
 
+use crate::names::begins_request;
 use granita_base::number::{Number, scan_number};
 use std::io::{self, Read};
 
@@ -29,6 +30,8 @@ pub(crate) enum Token {
     Close,
     /// A byte, or a word of it, that belongs to nothing.
     Garbage(String),
+    /// A string that ends with its line, or the source, and not with a quote.
+    Unclosed,
     /// The source ends.
     End,
 }
@@ -120,7 +123,7 @@ impl Lexer {
                     self.next()?;
                     return Ok(if byte == b'[' { Token::Open } else { Token::Close });
                 }
-                b'"' => return self.quoted().map(Token::String),
+                b'"' => return Ok(self.quoted()?.map_or(Token::Unclosed, Token::String)),
                 b'+' | b'-' | b'.' | b'0'..=b'9' => return self.number(),
                 b'a'..=b'z' | b'A'..=b'Z' | b'_' => return self.word().map(Token::Word),
                 0x80..=0xff => {
@@ -179,14 +182,34 @@ impl Lexer {
         })
     }
 
-    fn quoted(&mut self) -> io::Result<String> {
+    /// The next bytes, up to `n`, without taking them.
+    fn ahead(&mut self, n: usize) -> io::Result<&[u8]> {
+        if self.filled - self.at < n {
+            self.buffer.copy_within(self.at..self.filled, 0);
+            self.filled -= self.at;
+            self.at = 0;
+            while self.filled < n {
+                match self.input.read(&mut self.buffer[self.filled..]) {
+                    Ok(0) => break,
+                    Ok(more) => self.filled += more,
+                    Err(error) if error.kind() == io::ErrorKind::Interrupted => (),
+                    Err(error) => return Err(error),
+                }
+            }
+        }
+        Ok(&self.buffer[self.at..self.filled.min(self.at + n)])
+    }
+
+    /// A string; `None` when it has no end: the source ends, or the next line begins with a request.
+    fn quoted(&mut self) -> io::Result<Option<String>> {
         self.next()?;
         let mut bytes = Vec::new();
         loop {
             too_long(bytes.len(), MAX_TEXT)?;
             match self.next()? {
-                None => return Err(io::Error::new(io::ErrorKind::UnexpectedEof, "a string without an end")),
+                None => return Ok(None),
                 Some(b'"') => break,
+                Some(b'\n') if begins_request(self.ahead(64)?) => return Ok(None),
                 Some(b'\\') => match self.next()? {
                     Some(b'n') => bytes.push(b'\n'),
                     Some(b'r') => bytes.push(b'\r'),
@@ -209,7 +232,7 @@ impl Lexer {
                 Some(other) => bytes.push(other),
             }
         }
-        Ok(text(bytes))
+        Ok(Some(text(bytes)))
     }
 
     /// `n` bytes of an encoded string.
@@ -229,7 +252,7 @@ impl Lexer {
         }
         // Definitions do not nest: what follows them is a string.
         match self.peek()? {
-            Some(b'"') => self.quoted().map(Some),
+            Some(b'"') => self.quoted(),
             Some(byte @ 0x90..=0xa3) => match self.encoded(byte)? {
                 Some(Token::String(text)) => Ok(Some(text)),
                 _ => Ok(None),
@@ -361,7 +384,7 @@ mod tests {
         ];
         assert_eq!(all, expected);
         assert_eq!(tokens(b"1x {"), [Token::Garbage("1x".into()), Token::Garbage("{".into())]);
-        assert!(lexer(b"\"no end").token().is_err());
+        assert_eq!(lexer(b"\"no end").token().unwrap(), Token::Unclosed);
     }
 
     #[test]

@@ -12,16 +12,18 @@
 //!
 //! What becomes of what is told in the manual (`docs/scenes.md`).
 //!
-//! Deliberately absent: blobbies, constructive solid geometry, levels of detail, imager shaders, conditional RIB.
+//! Deliberately absent: blobbies, constructive solid geometry, all but the finest level of detail, imager shaders.
 
 #![forbid(unsafe_code)]
 
 mod basis;
+mod condition;
 mod declare;
 mod frame;
 mod geometry;
 mod lex;
 mod loops;
+mod names;
 mod options;
 mod patches;
 mod primvars;

@@ -1,6 +1,7 @@
 //! Options and attributes.
 
 use crate::basis::Basis;
+use crate::condition::Value;
 use crate::declare::Given;
 use crate::frame::{Display, Projection};
 use crate::reader::{Done, Fault, Reader, plain};
@@ -212,6 +213,14 @@ impl Reader<'_> {
                 ("limits", "threads") => int("int limits:threads", first),
                 ("statistics", "endofframe") => int("int statistics:level", first),
                 ("trace", "maxdepth") => int("int ray:maxdepth", first),
+                ("user", _) => {
+                    let value = match given.string() {
+                        Some(text) => Value::Text(text.to_string()),
+                        None => Value::Number(f64::from(first)),
+                    };
+                    self.variables.insert(format!("user:{name}"), value);
+                    continue;
+                }
                 _ => {
                     self.once(format!("Option \"{group}\" \"{name}\" is not supported"));
                     continue;
@@ -247,10 +256,13 @@ impl Reader<'_> {
             "Basis" => self.basis(request),
             "Attribute" => self.set_attribute(request),
             "ShadingInterpolation" | "GeometricApproximation" | "GeometricRepresentation" | "Bound" => Ok(()),
-            "Detail" | "DetailRange" => Err(Fault::Unsupported(format!(
-                "{} is not supported: all levels of detail are shown",
-                request.name
-            ))),
+            "Detail" => {
+                self.local.detail = true;
+                self.once("Detail: only the finest level of detail is shown".to_owned());
+                Ok(())
+            }
+            // The finest level is the one that is seen at any size.
+            "DetailRange" => exactly::<4>(request).map(|[.., most]| self.local.coarse = most < 1.0e30),
             "Interior" | "Exterior" => Err(Fault::Unsupported(format!("{} is not supported", request.name))),
             _ => return None,
         };

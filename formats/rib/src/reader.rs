@@ -1,6 +1,7 @@
 //! The reader: requests in, scene calls out.
 
 use crate::basis::Basis;
+use crate::condition::{Branch, Value};
 use crate::declare::{Declarations, Given};
 use crate::frame::{CAMERA, Options};
 use crate::lex::Lexer;
@@ -54,11 +55,15 @@ pub(crate) struct Local {
     pub(crate) vbasis: Basis,
     /// `TextureCoordinates`, when set: s and t at the four corners.
     pub(crate) corners: Option<[f32; 8]>,
+    /// Inside of `Detail`.
+    pub(crate) detail: bool,
+    /// A level of detail that a finer one stands for.
+    pub(crate) coarse: bool,
 }
 
 impl Default for Local {
     fn default() -> Self {
-        Self { ubasis: Basis::BEZIER, vbasis: Basis::BEZIER, corners: None }
+        Self { ubasis: Basis::BEZIER, vbasis: Basis::BEZIER, corners: None, detail: false, coarse: false }
     }
 }
 
@@ -121,6 +126,12 @@ pub(crate) struct Reader<'a> {
     pub(crate) file: Arc<str>,
     pub(crate) line: u32,
     said: BTreeSet<String>,
+    /// Nothing more is to be said about this request.
+    quiet: bool,
+    /// Conditionals being read, outermost first.
+    pub(crate) branches: Vec<Branch>,
+    /// `Option "user"`, and `Frame`.
+    pub(crate) variables: BTreeMap<String, Value>,
     pub(crate) area_lights: usize,
     pub(crate) color_samples: Option<(usize, Vec<f32>)>,
 }
@@ -149,6 +160,9 @@ impl<'a> Reader<'a> {
             file: name.into(),
             line: 0,
             said: BTreeSet::new(),
+            quiet: false,
+            branches: Vec::new(),
+            variables: BTreeMap::new(),
             area_lights: 0,
             color_samples: None,
         }
@@ -186,16 +200,20 @@ impl<'a> Reader<'a> {
                 Err(error) => return Err(io(&self.file, requests.line(), error)),
             };
             self.line = request.line;
-            if let Some(mistake) = &request.mistake {
-                self.error(format!("{}: {mistake}", request.name));
-            }
-            match self.request(&request) {
-                Ok(()) => (),
-                Err(Fault::Mistake(text)) => {
-                    self.error(format!("{}: {text}: the request is left out", request.name));
+            // What is wrong with its text is the reason for whatever else is wrong.
+            self.quiet = request.mistake.is_some();
+            let done = self.branch(&request).unwrap_or_else(|| self.request(&request));
+            self.quiet = false;
+            match (done, request.mistake) {
+                (Err(ends @ Fault::Ends(_)), _) => return Err(ends),
+                (Err(Fault::Unsupported(text)), None) => self.once(text),
+                (Ok(()), None) => (),
+                (Ok(()), Some(mistake)) => self.error(format!("{}: {mistake}", request.name)),
+                (Err(Fault::Mistake(text) | Fault::Unsupported(text)), mistake) => {
+                    let text = mistake.unwrap_or(text);
+                    let object = self.object_name();
+                    self.error(format!("{}: {text}: the request is left out{object}", request.name));
                 }
-                Err(Fault::Unsupported(text)) => self.once(text),
-                Err(ends) => return Err(ends),
             }
         }
     }
@@ -209,6 +227,10 @@ impl<'a> Reader<'a> {
         if let Some((_, _, line)) = self.object.take() {
             self.line = line;
             self.error("ObjectBegin without ObjectEnd".to_owned());
+        }
+        if let Some(branch) = self.branches.first() {
+            self.line = branch.line;
+            self.error("IfBegin without IfEnd".to_owned());
         }
         while let Some(block) = self.blocks.pop() {
             self.line = block.line;
@@ -232,7 +254,21 @@ impl<'a> Reader<'a> {
         Location::line(&self.file, self.line)
     }
 
+    /// ` (object "name")`, or nothing.
+    fn object_name(&self) -> String {
+        let name = self.sink.attribute("string name").filter(|_| self.in_world()).map(|p| p.data);
+        match name {
+            Some(granita_base::ParamData::String(name)) if name.first().is_some_and(|n| !n.is_empty()) => {
+                format!(" (object \"{}\")", name[0])
+            }
+            _ => String::new(),
+        }
+    }
+
     pub(crate) fn error(&self, text: String) {
+        if self.quiet {
+            return;
+        }
         self.reporter.say(Severity::Error, &self.at(), text);
     }
 
@@ -263,6 +299,9 @@ impl<'a> Reader<'a> {
     }
 
     fn send(&mut self, call: Call, at: Location) -> Done {
+        if self.local.detail && self.local.coarse && matches!(call, Call::Shape { .. } | Call::Input { .. }) {
+            return Ok(());
+        }
         if let Some((_, calls, _)) = &mut self.object {
             calls.push((call, at));
             return Ok(());
@@ -341,6 +380,15 @@ impl<'a> Reader<'a> {
         self.waiting.len() < from + n
     }
 
+    /// An attribute, also one that waits for the world to begin.
+    pub(crate) fn attribute_value(&self, name: &str) -> Option<Param> {
+        let waits = self.waiting.iter().rev().find_map(|(call, _)| match call {
+            Call::Attribute(param) if &*param.name == name => Some(param.clone()),
+            _ => None,
+        });
+        waits.or_else(|| self.sink.attribute(name))
+    }
+
     pub(crate) fn in_world(&self) -> bool {
         matches!(self.mode, Mode::World | Mode::Dropped | Mode::Part)
     }
@@ -350,6 +398,9 @@ impl<'a> Reader<'a> {
         Some(match request.name.as_str() {
             "FrameBegin" => {
                 let (options, local) = (self.options.clone(), self.local.clone());
+                if let Some(number) = request.args.first().and_then(|a| a.floats()?.first().copied()) {
+                    self.variables.insert("Frame".to_owned(), Value::Number(f64::from(number)));
+                }
                 self.frames.push(Frame { options, local, waiting: self.waiting.len() });
                 Ok(())
             }
@@ -596,12 +647,7 @@ impl<'a> Reader<'a> {
         if let Some(file) = beside.filter(|f| f.is_file()) {
             return Some(file);
         }
-        // Until the world begins the path waits here.
-        let set = self.waiting.iter().rev().find_map(|(call, _)| match call {
-            Call::Attribute(param) if &*param.name == "path:input" => Some(param.clone()),
-            _ => None,
-        });
-        let path = set.or_else(|| self.sink.attribute("string path:input"));
+        let path = self.attribute_value("path:input");
         let path = path.and_then(|p| match p.data {
             granita_base::ParamData::String(v) => v.first().map(ToString::to_string),
             _ => None,
@@ -630,6 +676,8 @@ impl<'a> Reader<'a> {
             Ok(file) => Box::new(file),
             Err(error) => return Err(Fault::Mistake(format!("{}: {error}", path.display()))),
         };
+        self.reporter.file_read(&path);
+        self.quiet = false;
         let (file, line) = (self.file.clone(), self.line);
         self.files.push(identity);
         self.file = path.to_string_lossy().as_ref().into();
@@ -670,7 +718,10 @@ impl<'a> Reader<'a> {
         }
         let text = format!("unknown request {}", request.name);
         if self.said.len() < 10_000 && self.said.insert(text.clone()) {
-            self.error(format!("{text}: it is left out"));
+            let known = crate::names::REQUESTS;
+            let hint = granita_scene::suggestion(&request.name, known);
+            let hint = hint.map(|name| format!("; did you mean \"{name}\"?")).unwrap_or_default();
+            self.error(format!("{text}{hint}: it is left out"));
         }
         Ok(())
     }

@@ -7,6 +7,8 @@ use std::sync::Arc;
 /// Most values of one request.
 const MAX_VALUES: usize = 1 << 27;
 
+const UNCLOSED: &str = "a string without its end";
+
 /// One argument.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Arg {
@@ -177,6 +179,10 @@ impl Requests {
                     request.mistake.get_or_insert_with(|| format!("unexpected {what}"));
                     continue;
                 }
+                Token::Unclosed => {
+                    request.mistake.get_or_insert_with(|| UNCLOSED.to_owned());
+                    continue;
+                }
             };
             request.args.push(arg);
         }
@@ -224,6 +230,7 @@ impl Requests {
                 }
                 Token::Open => wrong("\"[\" inside of \"[\"".to_owned()),
                 Token::Garbage(what) => wrong(format!("unexpected {what}")),
+                Token::Unclosed => wrong(UNCLOSED.to_owned()),
                 value => {
                     if !array.push(&value) {
                         wrong("numbers and strings in one array".to_owned());

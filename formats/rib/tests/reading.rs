@@ -490,8 +490,89 @@ fn mistakes_cost_one_request() {
     let (_, said) = run(b"WorldBegin\nAttributeBegin\nSphere 1 -1 1 360", &mut sink);
     assert!(!sink.rendered && said.len() == 2, "{said:?}");
     assert!(said[1].contains("t.rib:1: error: WorldBegin without WorldEnd: the frame is not rendered"));
-    let (result, _) = run(b"WorldBegin \"no end", &mut Recorder::default());
-    assert!(result.unwrap_err().to_string().starts_with("t.rib:1: a string without an end"));
+    let (result, said) = run(b"WorldBegin \"no end", &mut Recorder::default());
+    assert!(result.is_ok());
+    assert!(said[0].starts_with("t.rib:1: error: WorldBegin: a string without its end"), "{said:?}");
+    // A string without its end costs its request, and is told where it begins; one with a line in it is a string.
+    let text = "\nSurface \"plastic\n  Translate 1 2 3\nAttribute \"identifier\" \"name\" [\"a\nSurface, b\"]\nSpere 1 2";
+    let (calls, said) = world(text);
+    assert!(calls.contains(&Call::Translate([1.0, 2.0, 3.0])));
+    assert_eq!(attribute(&calls, "name").unwrap().data, ParamData::from("a\nSurface, b"));
+    let told: Vec<&str> = said.iter().map(String::as_str).collect();
+    let unclosed = "t.rib:3: error: Surface: a string without its end: the request is left out";
+    let unknown = "t.rib:7: error: unknown request Spere; did you mean \"Sphere\"?: it is left out";
+    assert_eq!(told, [unclosed, unknown]);
+}
+
+#[test]
+fn conditionals() {
+    let text = "\
+Option \"user\" \"string pass\" [\"shadow\"]
+IfBegin \"$user:pass == 'shadow'\"
+  Translate 1 0 0
+  IfBegin \"0\"
+    Translate 2 0 0
+  ElseIf \"$user:pass =~ 'sh*'\"
+    Translate 3 0 0
+  Else
+    Translate 4 0 0
+  IfEnd
+ElseIf \"1\"
+  Translate 5 0 0
+  IfBegin \"1\"
+    Translate 6 0 0
+  Else
+    Translate 6.5 0 0
+  IfEnd
+Else
+  Translate 7 0 0
+IfEnd
+Attribute \"user\" \"uniform float n\" [3]
+IfBegin \"defined(user:other)\"
+  Sphere 1 2
+Else
+  Translate 8 0 0
+IfEnd";
+    let moves = |calls: &[Call]| -> Vec<f32> {
+        let x = calls.iter().filter_map(|c| if let Call::Translate([x, ..]) = c { Some(*x) } else { None });
+        x.collect()
+    };
+    assert_eq!(moves(&clean(text)), [1.0, 3.0, 8.0]);
+    for (text, expected, wanted) in [
+        ("IfEnd Translate 1 0 0", "IfEnd: without IfBegin", vec![1.0]),
+        ("Else Translate 1 0 0", "Else: without IfBegin", vec![1.0]),
+        ("IfBegin \"1 +\" Translate 2 0 0 IfEnd Translate 1 0 0", "the condition ends early", vec![1.0]),
+        ("IfBegin \"0\" Else Translate 1 0 0 Else Translate 2 0 0 IfEnd", "behind Else", vec![1.0]),
+    ] {
+        let (calls, said) = world(text);
+        assert!(said.len() == 1 && said[0].contains(expected), "{text}: {said:?}");
+        assert_eq!(moves(&calls), wanted, "{text}");
+    }
+    let (_, said) = run(b"WorldBegin\nIfBegin \"1\"\nWorldEnd", &mut Recorder::default());
+    assert_eq!(said, ["t.rib:2: error: IfBegin without IfEnd"]);
+}
+
+#[test]
+fn the_finest_level_of_detail_is_shown() {
+    let text = "\
+AttributeBegin
+Detail [-1 1 -1 1 -1 1]
+DetailRange [0 0 100 200]
+Sphere 1 -1 1 360
+DetailRange [100 200 1e38 1e38]
+Sphere 2 -2 2 360
+AttributeEnd
+Sphere 3 -3 3 360";
+    let (calls, said) = world(text);
+    let radii = calls.iter().filter_map(|c| match c {
+        Call::Shape { shape, .. } => match **shape {
+            ShapeDesc::Sphere { radius, .. } => Some(radius),
+            _ => None,
+        },
+        _ => None,
+    });
+    assert_eq!(radii.collect::<Vec<_>>(), [2.0, 3.0]);
+    assert_eq!(said.len(), 1);
 }
 
 /// Requests and pieces of them.

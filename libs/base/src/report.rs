@@ -321,8 +321,9 @@ impl Reporter {
         }
     }
 
-    /// Notes that a file was read.
+    /// Notes that a file was read; `./a` is the same as `a`.
     pub fn file_read(&self, path: &Path) {
+        let path = path.strip_prefix(".").unwrap_or(path);
         let mut files = lock(&self.0.files);
         if !files.contains(path) {
             files.insert(path.to_owned());
@@ -430,7 +431,7 @@ mod tests {
     #[test]
     fn files_are_listed_once_in_order() {
         let r = Reporter::silent();
-        ["b.tx", "a.pyg", "b.tx"].iter().for_each(|f| r.file_read(Path::new(f)));
+        ["b.tx", "a.pyg", "b.tx", "./a.pyg"].iter().for_each(|f| r.file_read(Path::new(f)));
         assert_eq!(r.files_read(), [PathBuf::from("a.pyg"), PathBuf::from("b.tx")]);
     }
 }

@@ -12,7 +12,7 @@ mod args;
 mod progress;
 
 pub use args::parse;
-pub use progress::{Bar, console_reporter, reporter_with};
+pub use progress::{Bar, console_reporter, reporter_with, time_left};
 
 use std::process::ExitCode;
 

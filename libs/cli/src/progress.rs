@@ -1,8 +1,30 @@
 //! A progress bar, and messages that do not tear it apart.
 
 use granita_base::Reporter;
-use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use std::fmt;
 use std::time::Duration;
+
+/// How long the rest will take if it goes on as it did so far, as "1 min 20 s"; `None` while there is too little to
+/// tell by, and at the end.
+pub fn time_left(elapsed: Duration, done: u64, total: u64) -> Option<String> {
+    if done == 0 || done >= total || elapsed < Duration::from_millis(500) {
+        return None;
+    }
+    let seconds = elapsed.as_secs_f64() * (total - done) as f64 / done as f64;
+    Some(match seconds {
+        s if s < 99.5 => format!("{:.0} s", s.max(1.0)),
+        s if s < 3600.0 => {
+            // Nobody can tell to the second.
+            let s = (s / 10.0).round() as u64 * 10;
+            format!("{} min {} s", s / 60, s % 60)
+        }
+        s => {
+            let minutes = (s / 60.0).round() as u64;
+            format!("{} h {} min", minutes / 60, minutes % 60)
+        }
+    })
+}
 
 /// The bars of one tool. Draws nothing when standard error is not a terminal.
 #[derive(Clone, Debug)]
@@ -27,13 +49,23 @@ impl Bar {
 
     /// Starts to show `total` steps of `what`.
     pub fn begin(&mut self, what: &str, total: u64) {
-        let style =
-            ProgressStyle::with_template("{msg} [{bar:40}] {percent:>3}% {elapsed} (about {eta} left)")
-                .unwrap_or_else(|_| ProgressStyle::default_bar());
+        let style = ProgressStyle::with_template("{msg} [{bar:40}] {percent:>3} % {elapsed}{left}")
+            .unwrap_or_else(|_| ProgressStyle::default_bar())
+            .with_key("left", |state: &ProgressState, out: &mut dyn fmt::Write| {
+                if let Some(left) = time_left(state.elapsed(), state.pos(), state.len().unwrap_or(0)) {
+                    // A terminal that takes no text is nobody to tell.
+                    let _ = write!(out, ", about {left} left");
+                }
+            });
         self.bar = self.all.add(
             ProgressBar::new(total).with_style(style.progress_chars("=> ")).with_message(what.to_owned()),
         );
         self.bar.enable_steady_tick(Duration::from_millis(250));
+    }
+
+    /// Whether it is ever seen: not where standard error is no terminal.
+    pub fn is_shown(&self) -> bool {
+        !self.all.is_hidden()
     }
 
     /// So many steps are done.
@@ -74,4 +106,23 @@ pub fn reporter_with(tool: &'static str, bar: &Bar, say: impl Fn(&str) + Send + 
             bar.line(&format!("{tool}: {message}"));
         }
     }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn estimates() {
+        let left = |ms: u64, done, total| time_left(Duration::from_millis(ms), done, total);
+        assert_eq!(left(1000, 0, 10), None);
+        assert_eq!(left(100, 1, 10), None);
+        assert_eq!(left(1000, 10, 10), None);
+        assert_eq!(left(1000, 1, 0), None);
+        assert_eq!(left(1000, 1, 11).as_deref(), Some("10 s"));
+        assert_eq!(left(1000, 1000, 1001).as_deref(), Some("1 s"));
+        assert_eq!(left(10_000, 1, 13).as_deref(), Some("2 min 0 s"));
+        assert_eq!(left(60_000, 1, 126).as_deref(), Some("2 h 5 min"));
+        assert!(left(u64::MAX, 1, u64::MAX).is_some());
+    }
 }

@@ -51,23 +51,24 @@ pub(crate) fn check(
     for (index, &count) in nverts.iter().enumerate() {
         let count = usize::try_from(count).unwrap_or(0);
         let Some(end) = start.checked_add(count).filter(|&end| end <= verts.len()) else {
-            mistakes.note(index, "more corners than vertex indices");
+            mistakes.note(index, || {
+                format!("it has {count} corners, and there are {} vertex indices left", verts.len() - start)
+            });
             break;
         };
         let corners = start..end;
         start = end;
         if count < 3 {
-            mistakes.note(index, "fewer than 3 corners");
+            mistakes.note(index, || format!("{} corners, where 3 are the least", nverts[index]));
             continue;
         }
-        let most = verts[corners.clone()].iter().map(|&v| usize::try_from(v).unwrap_or(usize::MAX)).max();
-        match most {
-            Some(most) if most < n => used = used.max(most + 1),
-            _ => {
-                mistakes.note(index, "a vertex index out of range");
-                continue;
-            }
+        let in_range = |v: i32| usize::try_from(v).is_ok_and(|v| v < n);
+        if let Some(bad) = verts[corners.clone()].iter().find(|v| !in_range(**v)) {
+            mistakes.note(index, || format!("vertex index {bad} is out of range, there are {n} vertices"));
+            continue;
         }
+        let most = verts[corners.clone()].iter().max().map_or(0, |v| *v as usize);
+        used = used.max(most + 1);
         faces.push(Face { index: index as u32, corners });
     }
     if start < verts.len() && mistakes.count == 0 {
@@ -81,7 +82,7 @@ pub(crate) fn check(
     faces.retain(|face| {
         let good = verts[face.corners.clone()].iter().all(|&v| finite[v as usize]);
         if !good {
-            mistakes.note(face.index as usize, "a vertex that is not finite");
+            mistakes.note(face.index as usize, || "a vertex of it is not finite".to_owned());
         }
         good
     });
@@ -106,19 +107,21 @@ fn holes(params: &Params, nfaces: usize, report: Report<'_>) -> Vec<u32> {
 #[derive(Default)]
 struct Mistakes {
     count: usize,
-    first: Option<(usize, &'static str)>,
+    first: Option<(usize, String)>,
 }
 
 impl Mistakes {
-    fn note(&mut self, face: usize, what: &'static str) {
+    fn note(&mut self, face: usize, what: impl FnOnce() -> String) {
         self.count += 1;
-        self.first.get_or_insert((face, what));
+        self.first.get_or_insert_with(|| (face, what()));
     }
 
     fn tell(&self, nfaces: usize, report: Report<'_>) {
-        if let Some((face, what)) = self.first {
-            let text =
-                format!("{CALL}: {} of {nfaces} faces left out, the first is {face}: {what}", self.count);
+        if let Some((face, what)) = &self.first {
+            let text = match self.count {
+                1 => format!("{CALL}: face {face} of {nfaces} left out: {what}"),
+                n => format!("{CALL}: {n} of {nfaces} faces left out, the first is face {face}: {what}"),
+            };
             report(Severity::Warning, text);
         }
     }

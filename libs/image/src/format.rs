@@ -1,6 +1,6 @@
 //! The contract between files and everybody else: input, output, format, registry.
 
-use crate::{ImageError, ImageSpec, PixelType, Pixels, Result};
+use crate::{ImageError, ImageSpec, PixelType, Pixels, Result, one};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -173,6 +173,16 @@ pub trait Format: Send + Sync {
     /// Opens a file for reading.
     fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>>;
 
+    /// Opens a picture that lies in memory, as those inside of other files do; `path` stands for it in errors.
+    ///
+    /// # Errors
+    /// [`ImageError::Unsupported`] for formats that are only read from files of their own, as by default.
+    fn open_bytes(&self, path: &Path, bytes: Arc<[u8]>, limits: &Limits) -> Result<Box<dyn ImageInput>> {
+        let _ = (bytes, limits);
+        let what = format!("{} pictures are not read from inside of other files", self.name());
+        Err(ImageError::Unsupported { path: path.to_owned(), what })
+    }
+
     /// Whether it can write: "tiles", "levels", "half", "float", "u16", "channels" (more than 4), "alpha"
     /// (without it, a fourth channel is left out), "write".
     fn supports(&self, feature: &str) -> bool;
@@ -241,8 +251,39 @@ impl FormatRegistry {
         self.formats.iter().map(|f| f.name()).collect()
     }
 
-    /// Opens a file: formats that recognise its first bytes are tried first, then those of its extension.
+    /// Opens a file, or one of its images: `parts.exr#2` is the third image of `parts.exr`, unless there is a file of
+    /// that very name. Formats that recognise its first bytes are tried first, then those of its extension.
+    ///
+    /// # Errors
+    /// What the system says; [`ImageError::Unsupported`] when no format knows it or it has no such image; the format's
+    /// own.
     pub fn open(&self, path: &Path) -> Result<Box<dyn ImageInput>> {
+        match one::split_path(path) {
+            Some((file, image)) if !path.exists() => one::one_image(self.open_file(&file)?, path, image),
+            _ => self.open_file(path),
+        }
+    }
+
+    /// Opens a picture that lies in memory by its first bytes; `path` stands for it in errors.
+    ///
+    /// # Errors
+    /// [`ImageError::Unsupported`] when no format knows it; the format's own.
+    pub fn open_bytes(&self, path: &Path, bytes: Arc<[u8]>) -> Result<Box<dyn ImageInput>> {
+        let head = &bytes[..bytes.len().min(64)];
+        match self.formats.iter().find(|f| f.recognizes(head)) {
+            Some(format) => format.open_bytes(path, bytes, &self.limits),
+            None => Err(self.unknown(path)),
+        }
+    }
+
+    fn unknown(&self, path: &Path) -> ImageError {
+        ImageError::Unsupported {
+            path: path.to_owned(),
+            what: format!("not an image of a known format ({})", self.names().join(", ")),
+        }
+    }
+
+    fn open_file(&self, path: &Path) -> Result<Box<dyn ImageInput>> {
         use std::io::Read;
         let io = |source| ImageError::Io { path: path.to_owned(), source };
         let mut head = Vec::with_capacity(64);
@@ -258,10 +299,7 @@ impl FormatRegistry {
             .or_else(|| self.formats.iter().find(|f| f.extensions().contains(&extension.as_str())));
         match format {
             Some(format) => format.open(path, &self.limits),
-            None => Err(ImageError::Unsupported {
-                path: path.to_owned(),
-                what: format!("not an image of a known format ({})", self.names().join(", ")),
-            }),
+            None => Err(self.unknown(path)),
         }
     }
 

@@ -13,7 +13,8 @@ use granita_image::{FormatRegistry, Limits};
 use granita_scene::GeneratorRegistry;
 use std::sync::Arc;
 
-/// All bundled formats: "tiff", "shadow", "exr" ("OpenEXR") and those of `granita-raster`.
+/// All bundled formats: "tiff", "shadow", "exr" ("OpenEXR") and those of `granita-raster`; "gltf" for the
+/// pictures in such files.
 ///
 /// `limits` bound what their readers take in.
 pub fn bundled_formats(limits: Limits) -> FormatRegistry {
@@ -24,6 +25,8 @@ pub fn bundled_formats(limits: Limits) -> FormatRegistry {
     for format in granita_raster::formats() {
         registry.register(format);
     }
+    // Its pictures are in the formats above.
+    registry.register(Arc::new(granita_mesh::GltfPictures::new(registry.clone())));
     registry
 }
 

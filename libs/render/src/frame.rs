@@ -19,7 +19,7 @@ use granita_scene::{Primitive, Scene};
 use granita_shade::Grid;
 use job::Job;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
@@ -167,7 +167,7 @@ pub(crate) fn render<S: FrameShader>(
         (0, Vec::new())
     } else {
         let jobs = frame.jobs(scene, threads);
-        progress.begin(frame.buckets.order.len() as u64);
+        progress.begin((0..frame.buckets.order.len()).map(|index| jobs.cost(index)).sum());
         let result = frame.run(&jobs, threads);
         progress.end();
         result
@@ -252,7 +252,7 @@ impl<S: FrameShader> Frame<'_, S> {
     /// Renders all buckets; returns how many failed, and the pixels of the others.
     fn run(&self, jobs: &Jobs<S::Object>, threads: usize) -> (usize, Filled) {
         let total = self.buckets.order.len();
-        let (next, done, failed) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicUsize::new(0));
+        let (next, done, failed) = (AtomicUsize::new(0), AtomicU64::new(0), AtomicUsize::new(0));
         let filled: Mutex<Filled> = Mutex::new(Vec::with_capacity(total));
         std::thread::scope(|scope| {
             for _ in 0..threads.min(total) {
@@ -275,8 +275,8 @@ impl<S: FrameShader> Frame<'_, S> {
                                 thread = self.shader.thread();
                             }
                         }
-                        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                        self.options.progress.done(done as u64);
+                        let cost = jobs.cost(index);
+                        self.options.progress.done(done.fetch_add(cost, Ordering::Relaxed) + cost);
                     }
                 });
             }
@@ -317,6 +317,14 @@ struct Jobs<O> {
     list: Vec<Job<O>>,
     /// Indices into `list` of what a bucket may see.
     of_bucket: Vec<Vec<usize>>,
+}
+
+impl<O> Jobs<O> {
+    /// Steps of progress that a bucket counts for: one where nothing is to be seen takes next to no time. What it really
+    /// costs is known afterwards only.
+    fn cost(&self, index: usize) -> u64 {
+        1 + 4 * self.of_bucket.get(index).map_or(0, |jobs| jobs.len().min(16)) as u64
+    }
 }
 
 /// What a panic said.

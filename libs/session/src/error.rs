@@ -24,6 +24,14 @@ pub enum SessionError {
     /// The scene asked to stop: `Command ("exit")`.
     #[error("stopped by the scene's own request")]
     Exit,
+    /// A scene that cannot be read on.
+    #[error("{at}: {what}")]
+    Scene {
+        /// What is wrong.
+        what: String,
+        /// Where.
+        at: granita_base::Location,
+    },
     /// Anything else that ended reading.
     #[error("{0}")]
     Failed(String),

@@ -1,7 +1,7 @@
 //! What `Input` names (reference 2.9): scene files, generators, programs, strings.
 
 use crate::{SessionOptions, commands};
-use granita_base::{Reporter, SearchPath};
+use granita_base::{Location, Reporter, SearchPath, Severity};
 use granita_pyg::{PygError, PygOptions, PygSource};
 use granita_scene::{
     FoundInput, Generator, GeneratorError, GeneratorRegistry, GeneratorSource, InputPaths, SceneSink, Stop,
@@ -43,6 +43,14 @@ pub enum InputError {
     /// It is not what it claims to be; with its place.
     #[error("{0}")]
     Malformed(String),
+    /// A scene that cannot be read on.
+    #[error("{at}: {what}")]
+    Scene {
+        /// What is wrong.
+        what: String,
+        /// Where.
+        at: Location,
+    },
     /// The receiver of the calls wants no more.
     #[error(transparent)]
     Stopped(#[from] Stop),
@@ -306,8 +314,9 @@ impl Input {
     }
 
     /// For the graphics state: what keeps it from being read is reported when it is read.
-    pub(crate) fn found(self) -> FoundInput {
+    pub(crate) fn found(self, command: &str, at: &Location) -> FoundInput {
         let reporter = self.inputs.reporter.clone();
+        let (command, at) = (command.to_owned(), at.clone());
         FoundInput {
             identity: self.identity.clone(),
             bound: self.bound(),
@@ -315,7 +324,12 @@ impl Input {
                 Ok(()) => Ok(()),
                 Err(InputError::Stopped(stop)) => Err(stop),
                 Err(error) => {
-                    reporter.error(error.to_string());
+                    match error {
+                        InputError::Scene { what, at } => reporter.say(Severity::Error, &at, what),
+                        other => {
+                            reporter.say(Severity::Error, &at, format!("Input \"{command}\": {other}"));
+                        }
+                    }
                     Ok(())
                 }
             }),
@@ -365,7 +379,7 @@ pub(crate) fn pyg_error(error: PygError) -> InputError {
         PygError::Io { path, source } => InputError::Io { path, source },
         PygError::Stopped(stop) => InputError::Stopped(stop),
         PygError::Unsupported(text) => InputError::Unsupported(text),
-        other @ PygError::Malformed { .. } => InputError::Malformed(other.to_string()),
+        PygError::Malformed { what, at } => InputError::Scene { what, at },
     }
 }
 

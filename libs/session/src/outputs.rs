@@ -108,10 +108,12 @@ fn extra_outputs(
         None => match registry.by_name(extension) {
             Some(format) => format.name().to_owned(),
             None => {
+                let known = registry.formats().iter().filter(|f| f.supports("write"));
+                let known: Vec<&str> = known.map(|f| f.name()).collect();
                 reporter.error(format!(
                     "{}: the extension \"{extension}\" is of no known image format (known: {})",
                     extra.name,
-                    registry.names().join(", ")
+                    known.join(", ")
                 ));
                 return Vec::new();
             }

@@ -204,7 +204,7 @@ impl FrameRenderer for SessionRenderer {
         at: &Location,
     ) -> Result<Option<FoundInput>, Stop> {
         match self.inputs.find(command, paths) {
-            Ok(input) => Ok(Some(input.found())),
+            Ok(input) => Ok(Some(input.found(command, at))),
             Err(error) => {
                 let text = error.to_string();
                 self.reporter.once(&format!("input {text}"), Severity::Error, at, text);

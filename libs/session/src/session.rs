@@ -210,6 +210,7 @@ fn failed(error: InputError) -> SessionError {
         InputError::Missing { command, places } => SessionError::Missing { name: command, places },
         InputError::Io { path, source } => SessionError::Io { path: path.into(), source },
         InputError::Stopped(stop) => stopped(stop),
+        InputError::Scene { what, at } => SessionError::Scene { what, at },
         other => SessionError::Failed(other.to_string()),
     }
 }

@@ -75,7 +75,13 @@ impl Shared {
             self.reporter.say(severity, &Location::default(), text);
             None
         };
-        let Some(path) = self.search.find(name) else {
+        // One image of a file that holds several: `file#2`.
+        let part = || {
+            let (file, image) = granita_image::split_image_name(name)?;
+            let found = self.search.find(file)?;
+            Some((format!("{}#{image}", found.display()).into(), found))
+        };
+        let Some((path, read)) = self.search.find(name).map(|p| (p.clone(), p)).or_else(part) else {
             let folders: Vec<String> =
                 self.search.folders().iter().map(|f| f.display().to_string()).collect();
             let text = format!("texture \"{name}\" not found (searched {})", folders.join(":"));
@@ -86,7 +92,7 @@ impl Shared {
             Err(error) => return refuse(Severity::Warning, format!("texture \"{name}\": {error}")),
         };
         add(&self.counters.files_opened, 1);
-        self.reporter.file_read(&path);
+        self.reporter.file_read(&read);
         let (file, lack) = match TextureFile::open(index, path, input) {
             Ok(opened) => opened,
             Err(what) => return refuse(Severity::Warning, format!("texture \"{name}\": {what}")),

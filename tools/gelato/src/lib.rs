@@ -2,14 +2,16 @@
 
 #![forbid(unsafe_code)]
 
+mod progress;
 mod statistics;
 
 use clap::Parser;
+use granita_base::Severity;
 use granita_cli::{Bar, Status, console_reporter, environment, parse, reporter_with};
-use granita_render::Progress;
 use granita_session::{
     ExtraOutput, Outcome, OwnTools, Session, SessionError, SessionOptions, SharedProgress,
 };
+use progress::ShownProgress;
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -128,23 +130,6 @@ impl Write for Answers {
     }
 }
 
-/// Shows the frame's progress as a bar.
-struct ShownProgress(Mutex<Bar>);
-
-impl Progress for ShownProgress {
-    fn begin(&self, total: u64) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).begin("rendering", total);
-    }
-
-    fn done(&self, steps: u64) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).done(steps);
-    }
-
-    fn end(&self) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).end();
-    }
-}
-
 /// Runs the tool; `words` begins with the name it was called by, `tools` names the tools that this very program runs
 /// as `--as NAME`.
 pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
@@ -217,7 +202,7 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
         safe: options.safe,
         scene_files: options.files.clone(),
     };
-    let progress = SharedProgress(Arc::new(ShownProgress(Mutex::new(bar))));
+    let progress = SharedProgress(Arc::new(ShownProgress::new(bar, reporter.clone())));
     let mut session = Session::new(session_options, reporter.clone(), progress);
     let mut failed = false;
     for file in &options.files {
@@ -230,7 +215,10 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
             Ok(()) => (),
             Err(SessionError::Exit) => break,
             Err(error) => {
-                reporter.error(error.to_string());
+                match error {
+                    SessionError::Scene { what, at } => reporter.say(Severity::Error, &at, what),
+                    other => reporter.error(other.to_string()),
+                }
                 failed = true;
                 break;
             }

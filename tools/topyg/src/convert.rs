@@ -39,7 +39,7 @@ pub(crate) fn run(job: &Job, output: Output, reporter: &Reporter) -> Status {
             Ok(()) => {}
             Err(error) if is_broken_pipe(&error) => return Status::Done,
             Err(error) => {
-                reporter.error(error.to_string());
+                echo.report(error, &Location::default());
                 return Status::Failed;
             }
         }
@@ -79,6 +79,14 @@ impl Echo<'_> {
         let result = input.read(self);
         self.chain.pop();
         result
+    }
+
+    /// What keeps an input from being read, or read on; `at` is where it is asked for.
+    fn report(&self, error: InputError, at: &Location) {
+        match error {
+            InputError::Scene { what, at } => self.reporter.say(Severity::Error, &at, what),
+            other => self.reporter.say(Severity::Error, at, other.to_string()),
+        }
     }
 
     /// A file of that name, then what `Input` finds.
@@ -125,7 +133,8 @@ impl Echo<'_> {
         match result {
             Ok(()) => {}
             Err(InputError::Stopped(stop)) => return Err(stop),
-            Err(error) => return Err(Stop::Failed(error.to_string())),
+            // As far as it could be read.
+            Err(error) => self.report(error, at),
         }
         if bound.is_some() {
             self.call(Call::PopAttributes, at)?;

@@ -4,6 +4,7 @@ use super::document::{Document, item};
 use crate::source::{Stream, open_file};
 use base64::Engine;
 use base64::engine::general_purpose::{STANDARD, STANDARD_NO_PAD};
+use granita_base::Reporter;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -15,6 +16,8 @@ pub(super) struct Buffers {
     /// Offset and length of the binary chunk.
     chunk: Option<(u64, u64)>,
     folder: Option<PathBuf>,
+    /// Hears of the files that are read.
+    reporter: Reporter,
     open: BTreeMap<usize, Result<Data, String>>,
 }
 
@@ -25,8 +28,13 @@ enum Data {
 }
 
 impl Buffers {
-    pub(super) fn new(stream: Box<dyn Stream>, chunk: Option<(u64, u64)>, folder: Option<PathBuf>) -> Self {
-        Self { stream, chunk, folder, open: BTreeMap::new() }
+    pub(super) fn new(
+        stream: Box<dyn Stream>,
+        chunk: Option<(u64, u64)>,
+        folder: Option<PathBuf>,
+        reporter: Reporter,
+    ) -> Self {
+        Self { stream, chunk, folder, reporter, open: BTreeMap::new() }
     }
 
     /// Reads `length` bytes from `offset` of a buffer.
@@ -40,8 +48,9 @@ impl Buffers {
         offset: u64,
         length: usize,
     ) -> Result<Vec<u8>, String> {
-        let (chunk, folder) = (self.chunk, &self.folder);
-        let data = self.open.entry(buffer).or_insert_with(|| open(document, buffer, chunk, folder.as_ref()));
+        let (chunk, folder, reporter) = (self.chunk, &self.folder, &self.reporter);
+        let data = self.open.entry(buffer);
+        let data = data.or_insert_with(|| open(document, buffer, chunk, folder.as_ref(), reporter));
         let data = data.as_mut().map_err(|e| e.clone())?;
         let all = match data {
             Data::Chunk { length, .. } | Data::File { length, .. } => *length,
@@ -76,6 +85,7 @@ fn open(
     buffer: usize,
     chunk: Option<(u64, u64)>,
     folder: Option<&PathBuf>,
+    reporter: &Reporter,
 ) -> Result<Data, String> {
     let Some(described) = item(&document.buffers, buffer) else {
         return Err(format!("there is no buffer {buffer}"));
@@ -88,6 +98,7 @@ fn open(
             None => {
                 let path = path_of_uri(uri, folder).map_err(|e| format!("buffer {buffer}: {e}"))?;
                 let (file, length) = open_file(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+                reporter.file_read(&path);
                 Ok(Data::File { file, length })
             }
         },
@@ -95,7 +106,7 @@ fn open(
 }
 
 /// The bytes of a `data:` URI; `None` for another one.
-fn data_of_uri(uri: &str) -> Option<Result<Vec<u8>, String>> {
+pub(super) fn data_of_uri(uri: &str) -> Option<Result<Vec<u8>, String>> {
     let (kind, text) = uri.strip_prefix("data:")?.split_once(',')?;
     if !kind.ends_with(";base64") {
         return Some(Err("a data URI that is not base64".into()));

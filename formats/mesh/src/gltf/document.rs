@@ -110,9 +110,10 @@ pub(super) struct Orthographic {
 }
 
 #[derive(Debug, Default, Deserialize)]
-#[serde(default)]
+#[serde(default, rename_all = "camelCase")]
 pub(super) struct Image {
     pub(super) uri: Option<String>,
+    pub(super) buffer_view: Option<usize>,
 }
 
 /// Of the extension `KHR_lights_punctual`.

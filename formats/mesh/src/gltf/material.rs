@@ -30,10 +30,21 @@ pub(super) const PLAIN: Look = Look {
     blends: false,
 };
 
+/// The picture of a texture.
+struct Picture {
+    /// As the texture system finds it.
+    path: String,
+    /// Whether its colours are encoded for a screen.
+    screen: bool,
+    sampler: Sampler,
+}
+
 /// Materials of a document, on their way to calls.
 pub(super) struct Materials<'a> {
     pub(super) document: &'a Document,
     pub(super) folder: Option<PathBuf>,
+    /// The file itself, for the pictures in it.
+    pub(super) file: Option<PathBuf>,
 }
 
 impl Materials<'_> {
@@ -133,11 +144,13 @@ impl Materials<'_> {
                 });
                 continue;
             }
-            let Some((path, sampler)) = self.picture(texture, index, faults) else { continue };
-            if param == "texturename" && is_screen_picture(&path) {
+            let Some(Picture { path, screen, sampler }) = self.picture(texture, index, faults) else {
+                continue;
+            };
+            if param == "texturename" && screen {
                 params.push(float("texturesrgb", 1.0));
             }
-            if param == "emissionname" && is_screen_picture(&path) {
+            if param == "emissionname" && screen {
                 params.push(float("emissionsrgb", 1.0));
             }
             params.push(string(param, &path));
@@ -154,17 +167,13 @@ impl Materials<'_> {
         }
     }
 
-    /// File and sampler of a texture.
-    fn picture(
-        &self,
-        texture: &TextureRef,
-        material: usize,
-        faults: &mut Faults<'_>,
-    ) -> Option<(String, Sampler)> {
+    /// The picture and the sampler of a texture.
+    fn picture(&self, texture: &TextureRef, material: usize, faults: &mut Faults<'_>) -> Option<Picture> {
         let document = self.document;
         let source = item(&document.textures, texture.index);
-        let image = source.and_then(|t| item(&document.images, t.source?));
-        let (Some(source), Some(image)) = (source, image) else {
+        let number = source.and_then(|t| t.source);
+        let image = number.and_then(|i| Some((i, item(&document.images, i)?)));
+        let (Some(source), Some((number, image))) = (source, image) else {
             faults.error("texture", 0, || {
                 let number = texture.index;
                 format!("material {material}: texture {number} has no picture that can be read: left out")
@@ -174,22 +183,32 @@ impl Materials<'_> {
         let sampler = source.sampler.and_then(|s| copy(&document.samplers, s)).unwrap_or_default();
         match &image.uri {
             Some(uri) if !uri.starts_with("data:") => match path_of_uri(uri, self.folder.as_ref()) {
-                Ok(path) => Some((emit::texture_path(&path), sampler)),
+                Ok(path) => {
+                    let path = emit::texture_path(&path);
+                    let screen = is_screen_picture(&path);
+                    Some(Picture { path, screen, sampler })
+                }
                 Err(why) => {
                     faults
                         .error("picture", 0, || format!("material {material}: the picture {why}: left out"));
                     None
                 }
             },
-            _ => {
-                faults.warning("embedded", 0, || {
-                    format!(
-                        "material {material}: its picture is embedded in the file, and textures are read from files of \
-                         their own: left out; save the file with separate pictures (\"glTF separate\")"
-                    )
-                });
-                None
-            }
+            // Inside of the file, in one of the formats for screens.
+            _ => match &self.file {
+                Some(file) => {
+                    let path = format!("{}#{number}", emit::texture_path(file));
+                    Some(Picture { path, screen: true, sampler })
+                }
+                None => {
+                    faults.warning("embedded", 0, || {
+                        format!(
+                            "material {material}: its picture is inside of the file, which is no file on the disk: left out"
+                        )
+                    });
+                    None
+                }
+            },
         }
     }
 }

@@ -7,6 +7,7 @@ mod accessor;
 mod buffers;
 mod document;
 mod material;
+mod pictures;
 mod primitive;
 mod scene;
 mod skin;
@@ -20,6 +21,7 @@ use document::{Document, item};
 use granita_base::{BaseType, Param, ParamData, ParamType, Params, Reporter, Severity};
 use granita_scene::{Call, Generator, GeneratorError, GeneratorSource, SceneSink};
 use material::Materials;
+pub use pictures::GltfPictures;
 use primitive::Built;
 use scene::Placed;
 use std::collections::BTreeMap;
@@ -110,6 +112,10 @@ impl Generator for Gltf {
         let document = document.map_err(|what| GeneratorError::Malformed(format!("{name}: {what}")))?;
         drop(json);
         let folder = source.folder().map(Path::to_path_buf);
+        let file = match source {
+            GeneratorSource::File(path) => Some(path.clone()),
+            GeneratorSource::Bytes { .. } => None,
+        };
         let nodes = scene::nodes(&document, &mut faults);
         let stem =
             Path::new(&*name).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
@@ -118,8 +124,11 @@ impl Generator for Gltf {
             emit: Emit::new(sink, name.clone()),
             faults,
             stem,
-            reader: Reader { document: &document, buffers: Buffers::new(stream, chunk, folder.clone()) },
-            materials: Materials { document: &document, folder },
+            reader: Reader {
+                document: &document,
+                buffers: Buffers::new(stream, chunk, folder.clone(), reporter.clone()),
+            },
+            materials: Materials { document: &document, folder, file },
             shared: BTreeMap::new(),
         };
         run.check();
@@ -150,11 +159,12 @@ fn container(
     let fail = |e| io_error(name, e);
     let malformed = |what: String| GeneratorError::Malformed(format!("{name}: {what}"));
     let mut header = [0; 20];
-    let binary = size >= 20 && {
-        stream.read_exact(&mut header).map_err(fail)?;
-        stream.seek(SeekFrom::Start(0)).map_err(fail)?;
-        &header[..4] == b"glTF"
-    };
+    stream.read_exact(&mut header[..size.min(20) as usize]).map_err(fail)?;
+    stream.seek(SeekFrom::Start(0)).map_err(fail)?;
+    let binary = &header[..4] == b"glTF";
+    if binary && size < 20 {
+        return Err(malformed(format!("the file ends in its header, after {size} bytes")));
+    }
     let word = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
     let length = if binary { u64::from(word(12)) } else { size };
     if length > MOST_JSON {
@@ -326,7 +336,8 @@ impl Run<'_> {
     fn meshes(&mut self, nodes: &[Placed<'_>]) -> Result<(), GeneratorError> {
         let wants_materials = self.emit.wants("materials");
         let mut left: BTreeMap<(usize, Option<usize>), usize> = BTreeMap::new();
-        for (mesh, skin) in nodes.iter().filter_map(|n| Some((n.node.mesh?, n.node.skin))) {
+        let plain = nodes.iter().filter(|n| n.node.weights.is_empty());
+        for (mesh, skin) in plain.filter_map(|n| Some((n.node.mesh?, n.node.skin))) {
             *left.entry((mesh, skin)).or_default() += 1;
         }
         let mut places = vec![None; self.document.nodes.len()];
@@ -335,7 +346,9 @@ impl Run<'_> {
         for placed in nodes {
             let Some(index) = placed.node.mesh else { continue };
             let key = (index, placed.node.skin);
-            let more = left.get_mut(&key).map_or(0, |n| {
+            // Nodes with weights of their own have shapes of their own.
+            let own = !placed.node.weights.is_empty();
+            let more = left.get_mut(&key).filter(|_| !own).map_or(0, |n| {
                 *n -= 1;
                 *n
             });
@@ -345,13 +358,6 @@ impl Run<'_> {
             };
             let name = [&placed.node.name, &mesh.name].into_iter().find(|n| !n.is_empty());
             let name = name.cloned().unwrap_or_else(|| format!("mesh{index}"));
-            let weights = placed.node.weights.iter().chain(&mesh.weights);
-            if mesh.primitives.iter().any(|p| !p.targets.is_empty()) && weights.into_iter().any(|w| *w != 0.0)
-            {
-                self.faults.warning("morph", 0, || {
-                    format!("morph targets are not supported: \"{name}\" stands as it was modelled")
-                });
-            }
             let joints = match placed.node.skin {
                 Some(skin) => match &*skins
                     .entry(skin)
@@ -376,8 +382,12 @@ impl Run<'_> {
                 continue;
             };
             let built = match self.shared.remove(&key) {
-                Some(built) => built,
-                None => self.build(index, joints, &name),
+                Some(built) if !own => built,
+                kept => {
+                    kept.map(|built| self.shared.insert(key, built));
+                    let weights = if own { &placed.node.weights } else { &mesh.weights };
+                    self.build(index, joints, weights, &name)
+                }
             };
             if more > 0 {
                 self.shared.insert(key, built.clone());
@@ -396,13 +406,19 @@ impl Run<'_> {
         Ok(())
     }
 
-    fn build(&mut self, index: usize, joints: Option<&[scene::Matrix]>, name: &str) -> Rc<Vec<Built>> {
+    fn build(
+        &mut self,
+        index: usize,
+        joints: Option<&[scene::Matrix]>,
+        weights: &[f32],
+        name: &str,
+    ) -> Rc<Vec<Built>> {
         let mut all = Vec::new();
         let primitives = item(&self.document.meshes, index).map_or(&[][..], |m| &m.primitives[..]);
         for (i, primitive) in primitives.iter().enumerate() {
             let what = format!("mesh {index} (\"{name}\"), primitive {i}");
             let look = self.materials.look(primitive.material);
-            let source = primitive::Source { primitive, look, joints, what };
+            let source = primitive::Source { primitive, look, joints, weights, what };
             match source.build(&mut self.reader, &mut self.faults) {
                 Ok(built) => all.extend(built),
                 Err(why) => {

@@ -23,6 +23,8 @@ pub(super) struct Source<'a> {
     pub(super) look: Look,
     /// Matrices of the joints, for a mesh with a skin.
     pub(super) joints: Option<&'a [Matrix]>,
+    /// Weights of the morph targets at rest.
+    pub(super) weights: &'a [f32],
     pub(super) what: String,
 }
 
@@ -64,6 +66,7 @@ impl Source<'_> {
             }
         };
         let (mut p, _) = reader.floats(position, &[3], range.clone())?;
+        self.morph("POSITION", &mut p, reader, &range)?;
         let blend = match self.joints {
             Some(joints) => Some(skin::blend(primitive, joints, &range, reader)?),
             None => None,
@@ -115,6 +118,28 @@ impl Source<'_> {
         Ok(Some(Built { shape, params, material: primitive.material }))
     }
 
+    /// Adds what the morph targets say at their weights to the values of an attribute, three for each vertex of `range`.
+    /// Whether there was anything to add.
+    fn morph(
+        &self,
+        name: &str,
+        values: &mut [f32],
+        reader: &mut Reader<'_>,
+        range: &std::ops::Range<u64>,
+    ) -> Result<bool, String> {
+        let mut added = false;
+        for (i, (target, weight)) in self.primitive.targets.iter().zip(self.weights).enumerate() {
+            let Some(accessor) = target.get(name).filter(|_| *weight != 0.0 && weight.is_finite()) else {
+                continue;
+            };
+            let read = reader.floats(*accessor, &[3], range.clone());
+            let (differences, _) = read.map_err(|why| format!("morph target {i}: {name}: {why}"))?;
+            values.iter_mut().zip(&differences).for_each(|(v, d)| *v += weight * d);
+            added = true;
+        }
+        Ok(added)
+    }
+
     fn check_compression(&self, reader: &Reader<'_>, position: usize) -> Result<(), String> {
         let compressed = self.primitive.extensions.keys().find(|k| k.contains("compression"));
         let Some(name) = compressed else { return Ok(()) };
@@ -146,7 +171,13 @@ impl Source<'_> {
         let mut columns = Vec::new();
         let mut read = |name: &str, widths: &[usize]| {
             let index = *self.primitive.attributes.get(name)?;
-            match reader.floats(index, widths, range.clone()) {
+            let values = reader.floats(index, widths, range.clone()).and_then(|(mut values, n)| {
+                if name == "NORMAL" && self.morph(name, &mut values, reader, range)? {
+                    values.chunks_exact_mut(3).for_each(normalize);
+                }
+                Ok((values, n))
+            });
+            match values {
                 Ok((values, n)) => Some((pick(&values, n, used), n)),
                 Err(why) => {
                     faults.error("attribute", 0, || format!("{}: {name}: {why}: left out", self.what));
@@ -180,6 +211,13 @@ impl Source<'_> {
             }
         }
         columns
+    }
+}
+
+fn normalize(v: &mut [f32]) {
+    let length = v.iter().map(|x| x * x).sum::<f32>().sqrt();
+    if length > 0.0 && length.is_finite() {
+        v.iter_mut().for_each(|x| *x /= length);
     }
 }
 

@@ -392,13 +392,58 @@ fn compressed_geometry_is_named() {
 }
 
 #[test]
-fn embedded_pictures_are_told_of_once() {
+fn pictures_inside_of_the_file_have_its_name() {
     let material = json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}});
     let rest = json!({"materials": [material], "textures": [{"source": 0}], "images": [{"bufferView": 0}]});
     let trial = run(&Gltf, triangle(rest));
+    // From a stream there is no file to name.
     assert_eq!(trial.messages.len(), 1);
-    assert!(trial.messages[0].contains("embedded"), "{:?}", trial.messages);
+    assert!(trial.messages[0].contains("which is no file on the disk"), "{:?}", trial.messages);
     assert!(trial.pyg.contains("gltfsurface") && !trial.pyg.contains("texturename"));
+    let emissive = json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 1}});
+    let rest = json!({
+        "materials": [emissive], "textures": [{"source": 0}, {"source": 1}],
+        "images": [{"bufferView": 0}, {"uri": "data:image/png;base64,AAAA"}],
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a b.glb");
+    std::fs::write(&path, triangle(rest)).unwrap();
+    let got = flat(&run_source(&Gltf, &GeneratorSource::File(path.clone())).clean());
+    let want = format!("\"string emissionname\", \"{}#1\"", path.display());
+    assert!(got.contains(&want), "{got}");
+}
+
+#[test]
+fn morph_targets_stand_at_rest() {
+    let mut bin = le(&TRIANGLE);
+    bin.extend(le(&[0., 0., 2., 0., 0., 4., 0., 8., 0.]));
+    bin.extend(le(&[0., 0., 1., 0., 0., 1., 0., 0., 1.]));
+    bin.extend(le(&[3., 0., 0., 0., 0., 0., 0., 3., 3.]));
+    let views = [(0, 36), (36, 36), (72, 36), (108, 36)];
+    let accessors = json!([floats3(0, 3), floats3(1, 3), floats3(2, 3), floats3(3, 3)]);
+    let primitives = json!([{
+        "attributes": {"POSITION": 0, "NORMAL": 2},
+        "targets": [{"POSITION": 1}, {"POSITION": 1, "NORMAL": 3}],
+    }]);
+    let file = |weights: Value, nodes: Value| {
+        let mut all = document(&views, accessors.clone(), primitives.clone(), json!({ "nodes": nodes }));
+        all["meshes"][0]["weights"] = weights;
+        flat(&run(&Gltf, glb(&all, &bin)).clean())
+    };
+    let plain = json!([{"mesh": 0, "name": "n"}]);
+    assert!(file(json!([]), plain.clone()).contains(P));
+    assert!(file(json!([0, 0]), plain.clone()).contains(P));
+    let half = "\"vertex point P\", (0, 0, 1, 1, 0, 2, 0, 5, 0)";
+    assert!(file(json!([0.5]), plain.clone()).contains(half));
+    let both = file(json!([0.25, 0.25]), plain);
+    assert!(
+        both.contains(half) && both.contains("\"vertex normal N\", (0.6, 0, 0.8, 0, 0, 1, 0, 0."),
+        "{both}"
+    );
+    // A node's weights come before the mesh's, and others of the mesh keep theirs.
+    let nodes = json!([{"mesh": 0, "name": "n"}, {"mesh": 0, "name": "n", "weights": [0, 0]}, {"mesh": 0, "name": "n"}]);
+    let three = file(json!([0.5]), nodes);
+    assert_eq!((three.matches(half).count(), three.matches(P).count()), (2, 1), "{three}");
 }
 
 #[test]

@@ -79,6 +79,7 @@ pub(super) fn read(
     reporter: &granita_base::Reporter,
 ) -> io::Result<()> {
     let (file, _) = open_file(path)?;
+    reporter.file_read(path);
     let name: Arc<str> = path.to_string_lossy().into();
     let mut faults = Faults::new(reporter, name);
     let mut lines = Lines::new(file, true);

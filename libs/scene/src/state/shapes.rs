@@ -35,7 +35,13 @@ impl State {
         if self.group.is_some() {
             return self.out_of_place(at, shape.call_name(), "inside a shader group");
         }
+        let places = |params: &Params| params.get("P").or(params.get("Pw")).is_some();
+        let placed = places(&params);
         let params = self.shape_params(&shape, params, at);
+        if placed && !places(&params) {
+            // Told with its positions.
+            return;
+        }
         if self.motion.is_some() {
             // A primitive that does not fit the block stands for itself.
             if let Some((shape, params)) = self.motion_shape(shape, params, at) {
@@ -113,7 +119,8 @@ impl State {
             match typed(&param) {
                 Ok(param) => good.push(param),
                 Err(text) => {
-                    let text = format!("{call}: {text}");
+                    let rest = if matches!(&*param.name, "P" | "Pw") { ": the call is ignored" } else { "" };
+                    let text = format!("{call}: {text}{rest}");
                     self.report_object(Severity::Error, at, "shape parameter", text);
                 }
             }

@@ -1,0 +1,139 @@
+//! Names of requests.
+
+/// Those of the interface 3.2, and the few of later versions that are read.
+pub(crate) const REQUESTS: [&str; 108] = [
+    "ArchiveRecord",
+    "AreaLightSource",
+    "Atmosphere",
+    "Attribute",
+    "AttributeBegin",
+    "AttributeEnd",
+    "Basis",
+    "Blobby",
+    "Bound",
+    "Clipping",
+    "Color",
+    "ColorSamples",
+    "ConcatTransform",
+    "Cone",
+    "CoordSysTransform",
+    "CoordinateSystem",
+    "CropWindow",
+    "Curves",
+    "Cylinder",
+    "Declare",
+    "DepthOfField",
+    "Detail",
+    "DetailRange",
+    "Disk",
+    "Displacement",
+    "Display",
+    "Else",
+    "ElseIf",
+    "ErrorHandler",
+    "Exposure",
+    "Exterior",
+    "Format",
+    "FrameAspectRatio",
+    "FrameBegin",
+    "FrameEnd",
+    "GeneralPolygon",
+    "GeometricApproximation",
+    "GeometricRepresentation",
+    "Geometry",
+    "Hider",
+    "HierarchicalSubdivisionMesh",
+    "Hyperboloid",
+    "Identity",
+    "IfBegin",
+    "IfEnd",
+    "Illuminate",
+    "Imager",
+    "ImplicitSurface",
+    "Interior",
+    "LightSource",
+    "MakeBump",
+    "MakeCubeFaceEnvironment",
+    "MakeCubeFaceShadow",
+    "MakeLatLongEnvironment",
+    "MakeShadow",
+    "MakeTexture",
+    "Matte",
+    "MotionBegin",
+    "MotionEnd",
+    "NuPatch",
+    "ObjectBegin",
+    "ObjectEnd",
+    "ObjectInstance",
+    "Opacity",
+    "Option",
+    "Orientation",
+    "Paraboloid",
+    "Patch",
+    "PatchMesh",
+    "Perspective",
+    "PixelFilter",
+    "PixelSamples",
+    "PixelVariance",
+    "Points",
+    "PointsGeneralPolygons",
+    "PointsPolygons",
+    "Polygon",
+    "Procedural",
+    "Projection",
+    "Quantize",
+    "ReadArchive",
+    "RelativeDetail",
+    "ReverseOrientation",
+    "Rotate",
+    "Scale",
+    "ScopedCoordinateSystem",
+    "ScreenWindow",
+    "ShadingInterpolation",
+    "ShadingRate",
+    "Shutter",
+    "Sides",
+    "Skew",
+    "SolidBegin",
+    "SolidEnd",
+    "Sphere",
+    "SubdivisionMesh",
+    "Surface",
+    "TextureCoordinates",
+    "Torus",
+    "Transform",
+    "TransformBegin",
+    "TransformEnd",
+    "Translate",
+    "TrimCurve",
+    "Volume",
+    "WorldBegin",
+    "WorldEnd",
+    "version",
+];
+
+/// Whether a line that begins with these bytes begins with a request.
+pub(crate) fn begins_request(line: &[u8]) -> bool {
+    let start = line.iter().position(|b| !matches!(b, b' ' | b'\t' | b'\r')).unwrap_or(line.len());
+    let line = &line[start..];
+    let end = line.iter().position(|b| !b.is_ascii_alphanumeric()).unwrap_or(line.len());
+    let word = std::str::from_utf8(&line[..end]).unwrap_or_default();
+    let follows = line.get(end).is_none_or(|b| b.is_ascii_whitespace() || matches!(b, b'"' | b'[' | b'#'));
+    follows && REQUESTS.contains(&word)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sorted_and_found() {
+        assert!(REQUESTS.windows(2).all(|w| w[0] < w[1]));
+        for good in ["  Sphere 1", "WorldEnd", "WorldEnd\n", "\tColor[1 1 1]", "Surface\"a\""] {
+            assert!(begins_request(good.as_bytes()), "{good}");
+        }
+        for bad in ["", "sphere 1", "Spheres of", "Sphere, a", "3", "\"Sphere"] {
+            assert!(!begins_request(bad.as_bytes()), "{bad}");
+        }
+    }
+}

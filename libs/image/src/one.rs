@@ -1,0 +1,94 @@
+//! One image of a file that holds several, by its name: `parts.exr#2`.
+
+use crate::{ImageError, ImageInput, ImageSpec, Pixels, Result};
+use std::path::{Path, PathBuf};
+
+/// The file and the number of the image in a name of the form `file#2`; images count from 0. `None` for other names.
+/// A file may have such a name of its own, and is meant then.
+pub fn split_image_name(name: &str) -> Option<(&str, usize)> {
+    let (file, number) = name.rsplit_once('#')?;
+    let digits = (1..=6).contains(&number.len()) && number.bytes().all(|b| b.is_ascii_digit());
+    if file.is_empty() || !digits {
+        return None;
+    }
+    Some((file, number.parse().ok()?))
+}
+
+/// As [`split_image_name`], of a path.
+pub(crate) fn split_path(path: &Path) -> Option<(PathBuf, usize)> {
+    let (file, image) = split_image_name(path.to_str()?)?;
+    Some((file.into(), image))
+}
+
+/// Makes image `image` of a file its only one.
+///
+/// # Errors
+/// [`ImageError::Unsupported`] when there is no such image, or what keeps it from being read.
+pub(crate) fn one_image(
+    input: Box<dyn ImageInput>,
+    path: &Path,
+    image: usize,
+) -> Result<Box<dyn ImageInput>> {
+    let n = input.images();
+    if image < n && input.spec(image, 0).is_some() {
+        return Ok(if n == 1 { input } else { Box::new(OneImage { input, image }) });
+    }
+    if image < n {
+        // Formats that open their images one by one say now what is wrong with it.
+        input.read_rows(image, 0, 0, 0)?;
+    }
+    let what = format!("there is no image {image}, the file has {n}, counted from 0");
+    Err(ImageError::Unsupported { path: path.to_owned(), what })
+}
+
+struct OneImage {
+    input: Box<dyn ImageInput>,
+    image: usize,
+}
+
+impl OneImage {
+    /// The number in the file; one that no file has for all but the first.
+    fn of(&self, image: usize) -> usize {
+        if image == 0 { self.image } else { usize::MAX }
+    }
+}
+
+impl ImageInput for OneImage {
+    fn format_name(&self) -> &'static str {
+        self.input.format_name()
+    }
+
+    fn levels(&self, image: usize) -> usize {
+        if image == 0 { self.input.levels(self.image) } else { 0 }
+    }
+
+    fn spec(&self, image: usize, level: usize) -> Option<&ImageSpec> {
+        if image == 0 { self.input.spec(self.image, level) } else { None }
+    }
+
+    fn read_rows(&self, image: usize, level: usize, y0: u32, y1: u32) -> Result<Pixels> {
+        self.input.read_rows(self.of(image), level, y0, y1)
+    }
+
+    fn read_tile(&self, image: usize, level: usize, tx: u32, ty: u32) -> Result<Pixels> {
+        self.input.read_tile(self.of(image), level, tx, ty)
+    }
+
+    fn bytes_read(&self) -> u64 {
+        self.input.bytes_read()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names() {
+        assert_eq!(split_image_name("./a b.glb#12"), Some(("./a b.glb", 12)));
+        assert_eq!(split_image_name("a#1#0"), Some(("a#1", 0)));
+        for name in ["a.tif", "a#", "#1", "a#x1", "a#-1", "a#1 ", "a#1234567"] {
+            assert_eq!(split_image_name(name), None, "{name}");
+        }
+    }
+}

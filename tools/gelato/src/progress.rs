@@ -1,0 +1,70 @@
+//! How far a frame is: a bar on a terminal, or lines of information (`-verbosity 2`) where there is none.
+
+use granita_base::Reporter;
+use granita_cli::{Bar, time_left};
+use granita_render::Progress;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// Lines are this many percent apart.
+const STEP_PERCENT: u64 = 10;
+
+/// Shows a frame's progress with an estimate of the time that is left.
+pub(crate) struct ShownProgress {
+    reporter: Reporter,
+    shown: Mutex<Shown>,
+}
+
+struct Shown {
+    bar: Bar,
+    begin: Instant,
+    total: u64,
+    done: u64,
+    /// Percent of the last line.
+    told: u64,
+}
+
+impl ShownProgress {
+    pub(crate) fn new(bar: Bar, reporter: Reporter) -> Self {
+        let shown = Shown { bar, begin: Instant::now(), total: 0, done: 0, told: 0 };
+        Self { reporter, shown: Mutex::new(shown) }
+    }
+
+    fn shown(&self) -> MutexGuard<'_, Shown> {
+        self.shown.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Progress for ShownProgress {
+    fn begin(&self, total: u64) {
+        let mut shown = self.shown();
+        (shown.begin, shown.total, shown.done, shown.told) = (Instant::now(), total, 0, 0);
+        shown.bar.begin("rendering", total);
+    }
+
+    fn done(&self, steps: u64) {
+        let mut shown = self.shown();
+        // Threads do not come here in the order in which they counted.
+        shown.done = shown.done.max(steps);
+        shown.bar.done(shown.done);
+        let percent = (u128::from(shown.done) * 100 / u128::from(shown.total.max(1))) as u64;
+        if shown.bar.is_shown()
+            || percent < shown.told + STEP_PERCENT
+            || percent == 100
+            || self.reporter.verbosity() < granita_base::report::VERBOSITY_INFO
+        {
+            return;
+        }
+        shown.told = percent / STEP_PERCENT * STEP_PERCENT;
+        let left = time_left(shown.begin.elapsed(), shown.done, shown.total);
+        let left = left.map(|left| format!(", about {left} left")).unwrap_or_default();
+        self.reporter.info(format!("{percent} % rendered{left}"));
+    }
+
+    fn end(&self) {
+        let shown = self.shown();
+        shown.bar.end();
+        let seconds = shown.begin.elapsed().as_secs_f64();
+        self.reporter.info(format!("rendered in {seconds:.1} s"));
+    }
+}
