@@ -1,6 +1,6 @@
 //! What `topyg` makes of a scene renders to the same bits as the scene: every scene of the suite and the examples.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test that cannot go on fails, and says why")]
 
 use granita_tests::{Tools, repository};
 use std::collections::BTreeMap;
@@ -47,12 +47,28 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 
 #[test]
 fn what_topyg_makes_renders_to_the_same_bits() {
-    let tools = Tools::build().unwrap();
     let mut all = Vec::new();
     for top in ["tests/suite", "examples"] {
         scenes(&repository().join(top), &mut all);
     }
     assert!(all.len() > 10, "{}", all.len());
+    check(&all);
+}
+
+/// Other people's scenes, in the folder that the variable names.
+#[test]
+fn scenes_from_elsewhere_do_too() {
+    let Some(top) = std::env::var_os("GRANITA_SCENES") else {
+        return eprintln!("GRANITA_SCENES names no folder of scenes: none but those of the tree are tested");
+    };
+    let mut all = Vec::new();
+    scenes(Path::new(&top), &mut all);
+    assert!(!all.is_empty(), "no scene in {}", Path::new(&top).display());
+    check(&all);
+}
+
+fn check(all: &[(PathBuf, Vec<String>)]) {
+    let tools = Tools::build().unwrap();
     let scratch = tempfile::tempdir().unwrap();
     for (n, (folder, names)) in all.iter().enumerate() {
         let mut first: Option<(BTreeMap<String, Vec<u8>>, String)> = None;
@@ -72,7 +88,7 @@ fn what_topyg_makes_renders_to_the_same_bits() {
                     }
                 }
                 // A part is enough: the middle, where something is to be seen.
-                let words = ["-crop", "0.4", "0.6", "0.45", "0.6", name];
+                let words = ["-threads", "2", "-crop", "0.4", "0.6", "0.45", "0.6", name];
                 let ran = tools.run(&place, "gelato", &words).unwrap();
                 said += &format!("{name}: {}\n", ran.status);
             }

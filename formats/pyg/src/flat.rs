@@ -175,11 +175,12 @@ impl Parser {
                 "assert", "class", "def", "del", "for", "global", "if", "lambda", "raise", "try", "while",
                 "with",
             ];
-            return self.fail(match self.bytes.peek()? {
+            let what = match self.bytes.peek()? {
                 Some(b'=') => format!("an assignment to \"{name}\""),
                 _ if WORDS.contains(&name.as_str()) => format!("\"{name}\""),
                 _ => format!("\"{name}\" without arguments"),
-            });
+            };
+            return self.fail(what);
         }
         if !is_flat(&name) {
             return self.fail(format!("\"{name}\""));

@@ -327,7 +327,11 @@ impl Input {
                     match error {
                         InputError::Scene { what, at } => reporter.say(Severity::Error, &at, what),
                         other => {
-                            reporter.say(Severity::Error, &at, format!("Input \"{command}\": {other}"));
+                            // Most errors begin with the name of what is read.
+                            let text = other.to_string();
+                            let named = text.starts_with(&command);
+                            let text = if named { text } else { format!("Input \"{command}\": {text}") };
+                            reporter.say(Severity::Error, &at, text);
                         }
                     }
                     Ok(())
