@@ -144,6 +144,7 @@ impl Reader<'_> {
     fn subdivision_mesh(&mut self, request: &Request) -> Done {
         let scheme = crate::options::string(request, 0)?;
         let (nverts, verts) = (ints(request, 1)?, ints(request, 2)?);
+        let hierarchical = request.name.starts_with('H');
         // Tags come with counts, integers and floats (and strings in the hierarchical form).
         let tags = request.args.get(3).and_then(|a| match a {
             Arg::Strings(tags) => Some(tags.clone()),
@@ -151,13 +152,14 @@ impl Reader<'_> {
             _ => None,
         });
         let (from, tags) = match tags {
-            Some(tags) => (7 + usize::from(request.name.starts_with('H')), tags),
+            Some(tags) => (7 + usize::from(hierarchical), tags),
             None => (3, Arc::from([])),
         };
         let mut extra = Params::new();
         if !tags.is_empty() {
             let (counts, values) = (ints(request, 4)?, ints(request, 5)?);
-            self.tags(&tags, &counts, &values, from - 5, &mut extra)?;
+            let floats = request.args.get(6).and_then(Arg::floats).unwrap_or_else(|| [].into());
+            self.tags(&tags, &counts, (&values, &floats), if hierarchical { 3 } else { 2 }, &mut extra)?;
         }
         let subdivide = match &*scheme {
             "bilinear" => false,
@@ -194,19 +196,57 @@ impl Reader<'_> {
         &mut self,
         tags: &[Arc<str>],
         counts: &[i32],
-        values: &[i32],
+        (values, numbers): (&[i32], &[f32]),
         kinds: usize,
         extra: &mut Params,
     ) -> Result<(), Fault> {
-        let mut holes: Vec<i32> = Vec::new();
-        let mut next = 0_usize;
+        let (mut holes, mut lengths, mut chains, mut corners) =
+            (Vec::<i32>::new(), Vec::<i32>::new(), Vec::<i32>::new(), Vec::<i32>::new());
+        let (mut chain_sharpness, mut corner_sharpness) = (Vec::<f32>::new(), Vec::<f32>::new());
+        let (mut next, mut next_float) = (0_usize, 0_usize);
         for (k, tag) in tags.iter().enumerate() {
             let n = counts.get(kinds * k).and_then(|n| usize::try_from(*n).ok()).unwrap_or(0);
             let Some(own) = values.get(next..next.saturating_add(n)) else {
                 return Err(Fault::Mistake(format!("tag \"{tag}\" has fewer integers than it says")));
             };
             next += n;
+            let n = counts.get(kinds * k + 1).and_then(|n| usize::try_from(*n).ok()).unwrap_or(0);
+            let Some(floats) = numbers.get(next_float..next_float.saturating_add(n)) else {
+                return Err(Fault::Mistake(format!("tag \"{tag}\" has fewer numbers than it says")));
+            };
+            next_float += n;
+            // One number for all, or one for each.
+            let spread = |count: usize| match floats {
+                [one] => Some(vec![*one; count]),
+                many => (many.len() == count).then(|| many.to_vec()),
+            };
             match &**tag {
+                "crease" if own.len() > 1 => {
+                    let Some(sharp) = spread(own.len() - 1) else {
+                        return Err(Fault::Mistake(format!(
+                            "a crease of {} edges with {} numbers",
+                            own.len() - 1,
+                            floats.len()
+                        )));
+                    };
+                    // Edges one by one: each may be as sharp as it likes.
+                    for (pair, sharp) in own.windows(2).zip(sharp) {
+                        lengths.push(2);
+                        chains.extend(pair);
+                        chain_sharpness.push(sharp);
+                    }
+                }
+                "corner" => {
+                    let Some(sharp) = spread(own.len()) else {
+                        return Err(Fault::Mistake(format!(
+                            "{} corners with {} numbers",
+                            own.len(),
+                            floats.len()
+                        )));
+                    };
+                    corners.extend(own);
+                    corner_sharpness.extend(sharp);
+                }
                 "hole" => holes.extend(own),
                 "interpolateboundary" => {
                     let border = own.first().copied().unwrap_or(1);
@@ -216,9 +256,20 @@ impl Reader<'_> {
                 other => self.once(format!("SubdivisionMesh: the tag \"{other}\" is not supported")),
             }
         }
-        if !holes.is_empty() {
-            let ty = ParamType::array(BaseType::Int, holes.len() as u32);
-            extra.set(Param { name: "holes".into(), ty, data: ParamData::Int(holes.into()) });
+        let lists = [
+            ("holes", holes),
+            ("creaselengths", lengths),
+            ("creaseindices", chains),
+            ("cornerindices", corners),
+        ];
+        for (name, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
+            let ty = ParamType::array(BaseType::Int, list.len() as u32);
+            extra.set(Param { name: name.into(), ty, data: ParamData::Int(list.into()) });
+        }
+        let lists = [("creasesharpnesses", chain_sharpness), ("cornersharpnesses", corner_sharpness)];
+        for (name, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
+            let ty = ParamType::array(BaseType::Float, list.len() as u32);
+            extra.set(Param { name: name.into(), ty, data: ParamData::Float(list.into()) });
         }
         Ok(())
     }

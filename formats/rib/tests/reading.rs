@@ -575,6 +575,29 @@ Sphere 3 -3 3 360";
     assert_eq!(said.len(), 1);
 }
 
+#[test]
+fn creases_and_corners() {
+    let points = "\"P\" [0 0 0 1 0 0 1 1 0 0 1 0]";
+    let text = format!(
+        "SubdivisionMesh \"catmull-clark\" [4] [0 1 2 3] [\"crease\" \"corner\" \"crease\" \"hole\"] \
+         [3 1 2 1 2 2 1 0] [0 1 2 3 0 2 3 0] [2.5 3 10 20] {points}"
+    );
+    let said = world(&text).1;
+    assert!(said.iter().any(|s| s.contains("a crease of 1 edges with 2 numbers")), "{said:?}");
+    let text = format!(
+        "SubdivisionMesh \"catmull-clark\" [4] [0 1 2 3] [\"crease\" \"corner\" \"crease\"] [3 1 2 2 3 2] \
+         [0 1 2 3 0 1 2 3] [2.5 3 10 1 20] {points}"
+    );
+    let calls = clean(&text);
+    let (_, params) = only(&calls);
+    let ints = |name: &str| params.get(name).unwrap().data.to_ints().unwrap().to_vec();
+    assert_eq!(ints("creaselengths"), [2, 2, 2, 2]);
+    assert_eq!(ints("creaseindices"), [0, 1, 1, 2, 1, 2, 2, 3]);
+    assert_eq!(floats(params.get("creasesharpnesses")), [2.5, 2.5, 1.0, 20.0]);
+    assert_eq!(ints("cornerindices"), [3, 0]);
+    assert_eq!(floats(params.get("cornersharpnesses")), [3.0, 10.0]);
+}
+
 /// Requests and pieces of them.
 const PIECES: [&str; 34] = [
     "WorldBegin",

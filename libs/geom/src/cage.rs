@@ -1,23 +1,27 @@
 //! Control cages of Catmull-Clark surfaces: topology and refinement.
 //!
 //! Rules: Catmull and Clark, "Recursively generated B-spline surfaces on arbitrary topological meshes",
-//! Computer-Aided Design 10(6), 1978; along borders the cubic B-spline curve of the border's vertices.
+//! Computer-Aided Design 10(6), 1978; along borders the cubic B-spline curve of the border's vertices. Creases follow the
+//! same curve for as many steps as they are sharp (DeRose, Kass and Truong, "Subdivision Surfaces in Character
+//! Animation", SIGGRAPH 1998).
 
 /// An edge with the faces on its sides.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Edge {
+    /// How many steps of subdivision it stays sharp; infinite at borders and where more than two faces meet.
+    pub(crate) sharpness: f32,
     /// Its ends, the smaller index first.
     pub(crate) ends: [u32; 2],
     /// Up to two faces.
     pub(crate) faces: [u32; 2],
-    /// How many faces there are. Edges with other than two are sharp: borders, and where more faces meet.
+    /// How many faces there are. Edges with other than two are always sharp: borders, and where more faces meet.
     pub(crate) count: u32,
 }
 
 impl Edge {
     /// Whether the surface does not pass smoothly.
     pub(crate) fn is_sharp(&self) -> bool {
-        self.count != 2
+        self.sharpness > 0.0
     }
 
     /// Which of its ends a vertex is.
@@ -26,12 +30,21 @@ impl Edge {
     }
 }
 
+/// Sharp edges and vertices that the surface would pass smoothly.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Creases {
+    /// Ends of edges, and how sharp each is.
+    pub(crate) edges: Vec<([u32; 2], f32)>,
+    /// Vertices, and how sharp each is.
+    pub(crate) vertices: Vec<(u32, f32)>,
+}
+
 /// What the surface does at a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Corner {
     /// Smooth all around.
     Smooth,
-    /// On a border curve with these two neighbours.
+    /// On a border curve or a crease with these two neighbours.
     Crease([u32; 2]),
     /// It goes through the vertex.
     Sharp,
@@ -61,6 +74,10 @@ pub(crate) struct Cage {
     vertex_edges: Vec<u32>,
     /// Whether vertices with one face are sharp ("border" 1).
     sharp_corners: bool,
+    /// How sharp each vertex is of itself; empty when none is.
+    vertex_sharpness: Vec<f32>,
+    /// Whether any edge of two faces is sharp.
+    creased: bool,
 }
 
 /// Lists by vertex: where each starts, and all entries in order.
@@ -111,8 +128,11 @@ impl Cage {
                         edge.faces[edge.count as usize] = face;
                     }
                     edge.count += 1;
+                    edge.sharpness = if edge.count == 2 { 0.0 } else { f32::INFINITY };
                 }
-                _ => edges.push(Edge { ends: [a, b], faces: [face, face], count: 1 }),
+                _ => {
+                    edges.push(Edge { sharpness: f32::INFINITY, ends: [a, b], faces: [face, face], count: 1 })
+                }
             }
             corner_edges[corner as usize] = edges.len() as u32 - 1;
         }
@@ -132,7 +152,42 @@ impl Cage {
             edge_starts,
             vertex_edges,
             sharp_corners,
+            vertex_sharpness: Vec::new(),
+            creased: false,
         }
+    }
+
+    /// Makes edges and vertices sharp; how many of each are not there.
+    pub(crate) fn crease(&mut self, creases: &Creases) -> [usize; 2] {
+        let mut missing = [0; 2];
+        for &([a, b], sharpness) in &creases.edges {
+            match self.edges.binary_search_by_key(&[a.min(b), a.max(b)], |e| e.ends) {
+                Ok(found) => {
+                    let edge = &mut self.edges[found];
+                    edge.sharpness = edge.sharpness.max(sharpness);
+                    self.creased |= sharpness > 0.0;
+                }
+                Err(_) => missing[0] += 1,
+            }
+        }
+        for &(v, sharpness) in &creases.vertices {
+            if v as usize >= self.vertices() {
+                missing[1] += 1;
+                continue;
+            }
+            if sharpness > 0.0 {
+                self.vertex_sharpness.resize(self.vertices(), 0.0);
+                self.vertex_sharpness[v as usize] = sharpness.max(self.vertex_sharpness[v as usize]);
+            }
+        }
+        missing
+    }
+
+    /// The sharpest that an edge of two faces or a vertex is; infinite ones do not count.
+    pub(crate) fn passing_sharpness(&self) -> f32 {
+        let edges = self.edges.iter().map(|e| e.sharpness);
+        let all = edges.chain(self.vertex_sharpness.iter().copied());
+        all.filter(|s| s.is_finite()).fold(0.0, f32::max)
     }
 
     /// Number of vertices.
@@ -156,7 +211,8 @@ impl Cage {
         &self.vertex_corners[self.vertex_starts[v] as usize..self.vertex_starts[v + 1] as usize]
     }
 
-    fn edges_at(&self, vertex: u32) -> &[u32] {
+    /// The edges that end at a vertex.
+    pub(crate) fn edges_at(&self, vertex: u32) -> &[u32] {
         let v = vertex as usize;
         &self.vertex_edges[self.edge_starts[v] as usize..self.edge_starts[v + 1] as usize]
     }
@@ -168,11 +224,23 @@ impl Cage {
 
     /// What the surface does at a vertex.
     pub(crate) fn corner(&self, vertex: u32) -> Corner {
+        self.corner_after(vertex, 0.0)
+    }
+
+    fn own_sharpness(&self, vertex: u32) -> f32 {
+        self.vertex_sharpness.get(vertex as usize).copied().unwrap_or(0.0)
+    }
+
+    /// What the surface does at a vertex when all is less sharp by so much.
+    fn corner_after(&self, vertex: u32, less: f32) -> Corner {
+        if self.own_sharpness(vertex) > less {
+            return Corner::Sharp;
+        }
         let mut neighbours = [0; 2];
         let mut sharp = 0;
         for &e in self.edges_at(vertex) {
             let edge = &self.edges[e as usize];
-            if edge.is_sharp() {
+            if edge.sharpness > less {
                 if sharp < 2 {
                     neighbours[sharp] = edge.ends[1 - edge.end(vertex)];
                 }
@@ -184,6 +252,46 @@ impl Cage {
             2 if !(self.sharp_corners && self.corners_at(vertex).len() == 1) => Corner::Crease(neighbours),
             _ => Corner::Sharp,
         }
+    }
+
+    /// Faces around a vertex between two sharp edges, among them that of corner `k`; all faces are quadrilaterals. Of a
+    /// mesh without creases, all around the vertex.
+    pub(crate) fn sector(&self, k: u32) -> usize {
+        /// Beyond this nobody sees how they are divided.
+        const MOST: usize = 64;
+        let vertex = self.corners[k as usize];
+        let corners = self.corners_at(vertex);
+        if !self.creased || corners.len() > MOST {
+            return corners.len();
+        }
+        let before = |k: u32| if k.is_multiple_of(4) { k + 3 } else { k - 1 };
+        // Over the edge behind each corner, then over the one before it.
+        let (mut n, mut ends) = (1, 0);
+        for forward in [true, false] {
+            let mut here = k;
+            while n <= corners.len() {
+                let over = self.corner_edges[(if forward { here } else { before(here) }) as usize];
+                if self.edges[over as usize].is_sharp() {
+                    ends += 1;
+                    break;
+                }
+                let across = corners.iter().copied().find(|&c| {
+                    let edge = self.corner_edges[(if forward { before(c) } else { c }) as usize];
+                    edge == over && c != here
+                });
+                match across {
+                    Some(next) if next != k => {
+                        here = next;
+                        n += 1;
+                    }
+                    _ => break,
+                }
+            }
+            if ends == 0 {
+                break;
+            }
+        }
+        n.min(corners.len())
     }
 
     /// Replaces `out` by the quadrilaterals around a vertex in winding order: the edge to the vertex that follows it in
@@ -244,17 +352,23 @@ impl Cage {
             } else {
                 average(out, [a, b, face_point(edge.faces[0]), face_point(edge.faces[1])].into_iter());
             }
+            if edge.sharpness > 0.0 && edge.sharpness < 1.0 {
+                let smooth = [a, b, face_point(edge.faces[0]), face_point(edge.faces[1])];
+                let part = f64::from(edge.sharpness);
+                for (k, out) in out.iter_mut().enumerate() {
+                    *out = *out * part + smooth.iter().map(|p| p[k]).sum::<f64>() * 0.25 * (1.0 - part);
+                }
+            }
         }
         let mut of_corner = vec![0_u32; self.corners.len()];
         for f in 0..nf {
             of_corner[self.face(f)].fill(f as u32);
         }
         let (mut ring, mut middle) = (vec![0.0; c], vec![0.0; c]);
-        for (v, out) in of_vertices.chunks_exact_mut(c).enumerate() {
-            let v = v as u32;
+        let mut place = |v: u32, kind: Corner, out: &mut [f64]| {
             let p = self.point(v);
             let corners = self.corners_at(v);
-            match self.corner(v) {
+            match kind {
                 Corner::Smooth if !corners.is_empty() => {
                     let n = self.edges_at(v).len() as f64;
                     average(&mut middle, corners.iter().map(|&k| face_point(of_corner[k as usize])));
@@ -276,6 +390,18 @@ impl Cage {
                 }
                 _ => out.copy_from_slice(p),
             }
+        };
+        let mut later = vec![0.0; c];
+        for (v, out) in of_vertices.chunks_exact_mut(c).enumerate() {
+            let v = v as u32;
+            let (now, next) = (self.corner(v), self.corner_after(v, 1.0));
+            place(v, now, out);
+            if now != next {
+                // What ends within this step counts in part.
+                let part = self.passing(v);
+                place(v, next, &mut later);
+                out.iter_mut().zip(&later).for_each(|(o, l)| *o = *o * part + l * (1.0 - part));
+            }
         }
         let mut corners = Vec::with_capacity(self.corners.len() * 4);
         for f in 0..nf {
@@ -294,7 +420,23 @@ impl Cage {
             }
         }
         let starts = (0..=self.corners.len() as u32).map(|k| k * 4).collect();
-        Self::new(c, points, starts, corners, self.sharp_corners)
+        let mut refined = Self::new(c, points, starts, corners, self.sharp_corners);
+        let less = |s: f32| (s - 1.0).max(0.0);
+        let halves = self.edges.iter().enumerate().filter(|(_, e)| e.count == 2 && e.sharpness > 1.0);
+        let halves = halves.flat_map(|(i, e)| e.ends.map(|v| ([v, (nv + i) as u32], less(e.sharpness))));
+        let vertices = self.vertex_sharpness.iter().enumerate().filter(|(_, s)| **s > 1.0);
+        let vertices = vertices.map(|(v, s)| (v as u32, less(*s)));
+        refined.crease(&Creases { edges: halves.collect(), vertices: vertices.collect() });
+        refined
+    }
+
+    /// The mean sharpness of what is sharp at a vertex for less than one more step.
+    fn passing(&self, vertex: u32) -> f64 {
+        let own = std::iter::once(self.own_sharpness(vertex));
+        let edges = self.edges_at(vertex).iter().map(|&e| self.edges[e as usize].sharpness);
+        let passing = own.chain(edges).filter(|s| *s > 0.0 && *s <= 1.0);
+        let (sum, n) = passing.fold((0.0, 0.0), |(sum, n), s| (sum + f64::from(s), n + 1.0));
+        if n > 0.0 { sum / n } else { 1.0 }
     }
 }
 

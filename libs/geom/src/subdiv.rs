@@ -8,18 +8,21 @@
 
 use crate::GeomError;
 use crate::build::ShapeKey;
-use crate::cage::{Cage, Corner};
+use crate::cage::{Cage, Corner, Creases};
 use crate::mesh::{CALL, Faces, LATTICE, check};
 use crate::net::{Net, cross, net_bound, pieces};
 use crate::order::spatial_order;
 use crate::range::{Place, Range};
 use crate::surface::Piece;
 use crate::vars::{Report, Vars};
-use granita_base::{Bound, Severity, Vec3};
+use granita_base::{Bound, Params, Severity, Vec3};
 use std::sync::Arc;
 
 /// Most refined faces.
 const MOST_FACES: u64 = 1 << 26;
+
+/// Sharpness from which on edges and vertices are sharp at every step.
+const ALWAYS_SHARP: f32 = 10.0;
 
 /// A quadrilateral of the cage, or one of the quadrilaterals of another face.
 #[derive(Clone, Debug)]
@@ -80,16 +83,25 @@ pub(crate) fn build(
     }
     let mut cage = Cage::new(control.channels, control.values, starts, corners, border == 1);
     tell_of_folds(&cage, report);
+    let creases = creases(keys[0].params, report);
+    let [edges, vertices] = cage.crease(&creases);
+    if edges + vertices > 0 {
+        let text =
+            format!("{CALL}: {edges} creased edges and {vertices} corners that the mesh does not have");
+        report(Severity::Warning, text);
+    }
     let kinds = cage.kinds();
     // The usual rules do not define faces at a border.
     let all_borders = border == 1 || border == 2;
     let is_drawn = |index: &usize| {
-        let inside = || cage.corners[cage.face(*index)].iter().all(|&v| kinds[v as usize] == Corner::Smooth);
+        let at_border = |v: u32| cage.edges_at(v).iter().any(|&e| cage.edges[e as usize].count != 2);
+        let inside = || !cage.corners[cage.face(*index)].iter().any(|&v| at_border(v));
         holes.binary_search(&faces[*index].index).is_err() && (all_borders || inside())
     };
     let drawn: Vec<usize> = (0..faces.len()).filter(is_drawn).collect();
+    let passing = cage.passing_sharpness() > 0.0;
     let levels = match cage.corners.len() {
-        _ if cage.is_regular(&kinds, drawn.iter().copied()) => 0,
+        _ if !passing && cage.is_regular(&kinds, drawn.iter().copied()) => 0,
         0..=16_000 => 3,
         16_001..=200_000 => 2,
         _ => 1,
@@ -133,6 +145,54 @@ pub(crate) fn build(
     Ok(pieces(Arc::new(surface), n))
 }
 
+/// What the parameters say is sharp: "creaselengths", "creaseindices" and "creasesharpnesses" (chains of vertices, how sharp
+/// each is, or each of its edges), "cornerindices" and "cornersharpnesses".
+fn creases(params: &Params, report: Report<'_>) -> Creases {
+    let ints = |name: &str| params.get(name).and_then(|p| p.data.to_ints()).unwrap_or_default();
+    let floats = |name: &str| params.get(name).and_then(|p| p.data.to_floats()).unwrap_or_default();
+    let (lengths, indices, sharp) =
+        (ints("creaselengths"), ints("creaseindices"), floats("creasesharpnesses"));
+    let usable = |s: f32| match s {
+        s if s >= ALWAYS_SHARP => f32::INFINITY,
+        s if s > 0.0 => s,
+        _ => 0.0,
+    };
+    let vertex = |v: i32| u32::try_from(v).unwrap_or(u32::MAX);
+    let mut creases = Creases::default();
+    let total: i64 = lengths.iter().map(|n| i64::from((*n).max(0))).sum();
+    let edges: i64 = lengths.iter().map(|n| i64::from((n - 1).max(0))).sum();
+    let each = sharp.len() == lengths.len();
+    if total != indices.len() as i64 || !(each || sharp.len() as i64 == edges) {
+        let text = format!(
+            "{CALL}: {} creases of {total} vertices, but {} indices and {} sharpnesses: they are ignored",
+            lengths.len(),
+            indices.len(),
+            sharp.len()
+        );
+        report(Severity::Warning, text);
+    } else {
+        let (mut rest, mut next) = (&indices[..], 0);
+        for (k, n) in lengths.iter().enumerate() {
+            let (chain, behind) = rest.split_at((*n).max(0) as usize);
+            rest = behind;
+            for pair in chain.windows(2) {
+                let s = sharp[if each { k } else { next }];
+                creases.edges.push(([vertex(pair[0]), vertex(pair[1])], usable(s)));
+                next += 1;
+            }
+        }
+    }
+    let (corners, sharp) = (ints("cornerindices"), floats("cornersharpnesses"));
+    if corners.len() == sharp.len() {
+        creases.vertices = corners.iter().zip(sharp.iter()).map(|(v, s)| (vertex(*v), usable(*s))).collect();
+    } else {
+        let text =
+            format!("{CALL}: {} corners, but {} sharpnesses: they are ignored", corners.len(), sharp.len());
+        report(Severity::Warning, text);
+    }
+    creases
+}
+
 /// Says where a cage is no surface: more than two faces at an edge. The surface is creased there.
 fn tell_of_folds(cage: &Cage, report: Report<'_>) {
     let mut folds = cage.edges.iter().filter(|edge| edge.count > 2);
@@ -156,10 +216,10 @@ impl Subdivision {
             let (first, i) = (k / 4 * 4, k % 4);
             let [v, next, opposite, before] = [0, 1, 2, 3].map(|step| cage.corners[first + (i + step) % 4]);
             let faces = cage.corners_at(v).len() as f64;
-            // On borders as if the surface went on beyond them.
+            // On borders and creases as if the surface went on beyond them.
             let n = match kinds[v as usize] {
                 Corner::Smooth => faces,
-                Corner::Crease(_) => (2.0 * faces).max(4.0),
+                Corner::Crease(_) => (2.0 * cage.sector(k as u32) as f64).max(4.0),
                 Corner::Sharp => 4.0,
             };
             let [v, next, opposite, before] = [v, next, opposite, before].map(|v| cage.point(v));

@@ -10,7 +10,19 @@ use std::sync::Arc;
 pub(crate) type Report<'a> = &'a mut dyn FnMut(Severity, String);
 
 /// Names that shape a primitive and are not handed to shaders.
-const SPECIAL: [&str; 6] = ["P", "Pw", "border", "holes", "__attributes", "__attributesindex"];
+const SPECIAL: [&str; 11] = [
+    "P",
+    "Pw",
+    "border",
+    "holes",
+    "creaselengths",
+    "creaseindices",
+    "creasesharpnesses",
+    "cornerindices",
+    "cornersharpnesses",
+    "__attributes",
+    "__attributesindex",
+];
 
 /// One primitive variable of floats that varies.
 #[derive(Clone, Debug)]
