@@ -12,9 +12,12 @@ pub fn parse<T: CommandFactory + FromArgMatches>(words: Vec<OsString>) -> T {
     T::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
 }
 
+/// The version, and the day of the build.
+const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("GRANITA_BUILD_DATE"), ")");
+
 /// Adds what all tools share.
 fn prepared(command: Command) -> Command {
-    command.version(granita_base::VERSION).disable_help_subcommand(true).max_term_width(100)
+    command.version(VERSION).disable_help_subcommand(true).max_term_width(100)
 }
 
 /// Rewrites `-name` to `--name` where a long option is meant; leaves values alone.

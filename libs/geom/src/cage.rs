@@ -211,8 +211,7 @@ impl Cage {
         &self.vertex_corners[self.vertex_starts[v] as usize..self.vertex_starts[v + 1] as usize]
     }
 
-    /// The edges that end at a vertex.
-    pub(crate) fn edges_at(&self, vertex: u32) -> &[u32] {
+    fn edges_at(&self, vertex: u32) -> &[u32] {
         let v = vertex as usize;
         &self.vertex_edges[self.edge_starts[v] as usize..self.edge_starts[v + 1] as usize]
     }

@@ -83,6 +83,7 @@ pub(crate) fn build(
     }
     let mut cage = Cage::new(control.channels, control.values, starts, corners, border == 1);
     tell_of_folds(&cage, report);
+    let borders = cage.kinds();
     let creases = creases(keys[0].params, report);
     let [edges, vertices] = cage.crease(&creases);
     if edges + vertices > 0 {
@@ -94,8 +95,8 @@ pub(crate) fn build(
     // The usual rules do not define faces at a border.
     let all_borders = border == 1 || border == 2;
     let is_drawn = |index: &usize| {
-        let at_border = |v: u32| cage.edges_at(v).iter().any(|&e| cage.edges[e as usize].count != 2);
-        let inside = || !cage.corners[cage.face(*index)].iter().any(|&v| at_border(v));
+        let inside =
+            || cage.corners[cage.face(*index)].iter().all(|&v| borders[v as usize] == Corner::Smooth);
         holes.binary_search(&faces[*index].index).is_err() && (all_borders || inside())
     };
     let drawn: Vec<usize> = (0..faces.len()).filter(is_drawn).collect();

@@ -317,3 +317,42 @@ fn what_is_not_there_yet_says_so() {
         assert!(ran.status == 0 && ran.said.contains("is not supported yet"), "{}", ran.said);
     }
 }
+
+#[test]
+fn progress_is_told_where_there_is_no_terminal() {
+    let place = Place::new();
+    place.write("small.pyg", &format!("Attribute (\"int[2] limits:bucketsize\", (4, 4))\n{SCENE}"));
+    let ran = place.run(&["-verbosity", "2", "small.pyg"]);
+    assert_eq!(ran.status, 0, "{}", ran.said);
+    let lines = ran.said.lines().filter(|l| l.contains("% rendered")).count();
+    assert!((3..=10).contains(&lines), "{}", ran.said);
+    assert!(ran.said.contains("gelato: info: rendered in "), "{}", ran.said);
+    // Nothing of it is there otherwise.
+    assert_eq!(place.run(&["small.pyg"]).said, "");
+}
+
+#[test]
+fn files_that_files_read_are_listed() {
+    let place = Place::new();
+    place.write("m.mtl", "newmtl red\nKd 1 0 0\n");
+    place.write("t.obj", "mtllib m.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    place.write("part.rib", "ReadArchive \"inner.rib\"\n");
+    place.write("inner.rib", "Sphere 1 -1 1 360\n");
+    let bytes = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].concat();
+    let bytes: Vec<u8> = bytes.iter().flat_map(|x| x.to_le_bytes()).collect();
+    std::fs::write(place.path().join("t.bin"), bytes).unwrap();
+    let gltf = r#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 36, "uri": "t.bin"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}], "nodes": [{"mesh": 0}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]}"#;
+    place.write("t.gltf", gltf);
+    let inputs = "Input (\"t.obj\")\nInput (\"t.gltf\")\nInput (\"part.rib\")\nRender";
+    let scene = SCENE.replace("Render", inputs);
+    place.write("all.pyg", &format!("Attribute (\"string debug:filesread\", \"files.txt\")\n{scene}"));
+    let ran = place.run(&["all.pyg"]);
+    assert_eq!((ran.status, ran.said.as_str()), (0, ""));
+    let listed = place.read("files.txt");
+    let mut names: Vec<&str> = listed.lines().map(|l| l.rsplit('/').next().unwrap_or(l)).collect();
+    names.sort_unstable();
+    assert_eq!(names, ["all.pyg", "inner.rib", "m.mtl", "part.rib", "t.bin", "t.gltf", "t.obj"]);
+}
