@@ -155,23 +155,23 @@ def _granita_main():
             # Nothing of the piece was executed.
             report(b"Y", error)
             return False
-        statements = None
-        while True:
+        try:
+            exec(moved(code, line - 1), scope)
+            return True
+        except Exception as error:
+            report(b"R", error)
+            here = error.__traceback__.tb_next
+            raised = here.tb_lineno - (line - 1) if here is not None else sys.maxsize
+        # One by one from here on: where one has failed, others may, too.
+        for statement in ast.parse(source, file).body:
+            if begin(statement) <= raised:
+                continue
+            code = compile(ast.Module([statement], []), file, "exec", dont_inherit=True)
             try:
                 exec(moved(code, line - 1), scope)
-                return True
             except Exception as error:
                 report(b"R", error)
-                here = error.__traceback__.tb_next
-                if here is None:
-                    return True
-                raised = here.tb_lineno - (line - 1)
-            if statements is None:
-                statements = ast.parse(source, file).body
-            statements = [s for s in statements if begin(s) > raised]
-            if not statements:
-                return True
-            code = compile(ast.Module(statements, []), file, "exec", dont_inherit=True)
+        return True
 
     say(b"W")
     sink.flush()
