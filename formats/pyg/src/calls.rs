@@ -273,7 +273,7 @@ fn optional(a: &mut Args) -> Result<Option<Arc<str>>, Mistake> {
 
 /// A layer name stands before the parameters when the number of arguments left is odd.
 fn layer(a: &mut Args) -> Result<Option<Arc<str>>, Mistake> {
-    if a.left() % 2 == 0 {
+    if a.left().is_multiple_of(2) {
         return Ok(None);
     }
     let layer = optional(a)?;
