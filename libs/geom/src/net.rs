@@ -231,7 +231,8 @@ impl SegmentNet<'_> {
     /// Where they are parallel or vanish, those a little further inside take their place: the limit from inside.
     fn derivatives(&self, us: &[Place], vs: &[Place], mut sink: impl FnMut(usize, usize, [[f64; 3]; 2])) {
         let size = [self.longest(0), self.longest(1)];
-        let too_small = |d: &[f64; 3], axis: usize| length(*d) <= 1e-6 * size[axis];
+        // Scene files have some five digits: a pole of a patch may be a little off from itself.
+        let too_small = |d: &[f64; 3], axis: usize| length(*d) <= 1e-4 * size[axis];
         let parallel = |d: &[[f64; 3]; 2]| length(cross(d[0], d[1])) <= 1e-6 * length(d[0]) * length(d[1]);
         let columns = Column::list(self.degrees[0], us);
         let mut rows = Vec::new();

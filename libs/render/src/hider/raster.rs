@@ -45,6 +45,8 @@ struct Edge {
     least: f32,
     /// and on the widened rim above this.
     least_rim: f32,
+    /// From one end to the other.
+    d: Vec2,
 }
 
 impl Edge {
@@ -57,12 +59,25 @@ impl Edge {
         // A sample on the edge belongs to the triangle for which the edge runs forward.
         let least = if sign > 0.0 { -f32::MIN_POSITIVE } else { 0.0 };
         let least_rim = if widen > 0.0 { -widen * d.length() } else { least };
-        Self { a: -d.y * sign, b: d.x * sign, ox: p.x, oy: p.y, least, least_rim }
+        Self { a: -d.y * sign, b: d.x * sign, ox: p.x, oy: p.y, least, least_rim, d }
+    }
+
+    /// Whether a place is beside the edge, and not beyond its ends.
+    fn spans(&self, x: f32, y: f32, pad: f32) -> bool {
+        spans(self.d, Vec2::new(x - self.ox, y - self.oy), pad)
     }
 
     fn at(&self, x: f32, y: f32) -> f32 {
         (x - self.ox) * self.a + (y - self.oy) * self.b
     }
+}
+
+/// Whether a place `from` the begin of an edge `d` is beside it, and not beyond its ends by more than about `pad`: a
+/// sharp corner that is widened on one or both sides would have a long spike otherwise.
+fn spans(d: Vec2, from: Vec2, pad: f32) -> bool {
+    // Two sides, each widened by `pad`, meet 1.41 of it from a right angle.
+    let (along, length) = (from.dot(d), d.length());
+    along >= -1.5 * pad * length && along <= (length + 1.5 * pad) * length
 }
 
 impl Raster<'_> {
@@ -133,6 +148,9 @@ impl Raster<'_> {
                             continue;
                         }
                         let crossed = (0..3).find(|k| e[*k] <= edges[*k].least);
+                        if crossed.is_some_and(|k| !edges[k].spans(sx, sy, pad)) {
+                            continue;
+                        }
                         let beside = crossed.map(|k| Vec2::new(edges[k].a, edges[k].b));
                         // Edge k lies opposite to corner k + 2.
                         let w = [e[1] * inverse, e[2] * inverse, e[0] * inverse].map(|w| w.clamp(0.0, 1.0));
@@ -328,12 +346,27 @@ impl Raster<'_> {
             match (0..3).find(|k| e[*k] * sign < 0.0) {
                 None => return Some((z, u, v, None)),
                 Some(k) => {
-                    let toward = side[k].map_or(Vec2::ZERO, |side| slope[side] * sign);
-                    on_rim.get_or_insert((z, u, v, Some(toward)));
+                    let ends = [corner[k], corner[(k + 1) % 3]];
+                    if self.is_along(ends, direction, pixel) {
+                        let toward = side[k].map_or(Vec2::ZERO, |side| slope[side] * sign);
+                        on_rim.get_or_insert((z, u, v, Some(toward)));
+                    }
                 }
             }
         }
         on_rim
+    }
+
+    /// As [`spans`], for a ray from the origin past an edge; edges that reach behind the camera have no ends.
+    fn is_along(&self, ends: [Vec3; 2], direction: Vec3, pixel: Vec2) -> bool {
+        let view = self.view;
+        if view.perspective && !ends.iter().all(|p| p.z > 0.0) {
+            return true;
+        }
+        let seen = |p: Vec3| p.truncate() / if view.perspective { p.z } else { 1.0 } / pixel;
+        let at = if view.perspective { seen(direction) } else { Vec2::ZERO };
+        let [from, to] = ends.map(seen);
+        spans(to - from, at - from, view.rim_px)
     }
 }
 
