@@ -62,8 +62,8 @@ pub(crate) fn build(
     let vars = Vars::collect(CALL, keys[0].params, counts, report);
     let control = control(CALL, keys, n, &vars, report)?;
     let counts = WidthCounts { perpiece: ncurves, linear: ends, vertex: n };
-    let widths =
-        Widths::collect(keys, "width", counts).unwrap_or_else(|| vec![Widths::Constant(1.0); keys.len()]);
+    let widths = Widths::collect(CALL, keys, "width", counts, report)
+        .unwrap_or_else(|| vec![Widths::Constant(1.0); keys.len()]);
     let vertices = |c: usize| c * nverts..(c + 1) * nverts;
     let good: Vec<u32> =
         (0..ncurves).filter(|&c| vertices(c).all(|i| control.is_finite(i))).map(|c| c as u32).collect();

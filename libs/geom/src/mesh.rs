@@ -168,7 +168,7 @@ pub(crate) fn build(
         polygon.clear();
         polygon.extend(face.corners.clone().map(at));
         let whole = match polygon[..] {
-            [_, _, _] => Some([0, 1, 2, 2]),
+            [a, b, c] => Some(lattice_of([a, b, c])),
             [a, b, c, d] => (!is_concave(&[a, b, c, d])).then_some([0, 1, 2, 3]),
             _ => None,
         };
@@ -177,7 +177,8 @@ pub(crate) fn build(
             None => facets.extend(
                 triangulate(&polygon)
                     .into_iter()
-                    .map(|[a, b, c]| Facet { face: face.index, corners: [a, b, c, c].map(corner) }),
+                    .map(|t| (t, lattice_of(t.map(|i| polygon[i]))))
+                    .map(|(t, order)| Facet { face: face.index, corners: order.map(|i| corner(t[i])) }),
             ),
         }
     }
@@ -191,6 +192,21 @@ pub(crate) fn build(
     let n = facets.len();
     let times = keys.iter().map(|k| k.time).collect();
     Ok(pieces(Arc::new(Mesh { times, facets, verts, control, vars }), n))
+}
+
+/// Which corners of a triangle those of its facet are. The last one, at which a side of the lattice collapses, is the
+/// sharp one of a sliver: then it is diced along its length only, and not twice along both long sides.
+fn lattice_of(corners: [[f64; 3]; 3]) -> [usize; 4] {
+    const SLIVER: f64 = 0.25;
+    let side = |i: usize| {
+        let (p, q) = (corners[i], corners[(i + 1) % 3]);
+        (0..3).map(|x| (q[x] - p[x]).powi(2)).sum::<f64>()
+    };
+    let sides = [side(0), side(1), side(2)];
+    let longest = sides.into_iter().fold(0.0, f64::max);
+    // The shortest side runs along u; the first one is as good as any unless it is much longer.
+    let first = (0..3).find(|&i| sides[i] < longest * (SLIVER * SLIVER)).unwrap_or(0);
+    [first, (first + 1) % 3, (first + 2) % 3, (first + 2) % 3]
 }
 
 /// Winding order to u fastest: corners at (0,0), (1,0), (0,1), (1,1).

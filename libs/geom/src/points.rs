@@ -50,10 +50,10 @@ pub(crate) fn build(keys: &[ShapeKey<'_>], n: usize, report: Report<'_>) -> Resu
     let vars = Vars::collect(CALL, keys[0].params, counts, report);
     let control = control(CALL, keys, n, &vars, report)?.divided();
     let counts = WidthCounts { perpiece: n, linear: n, vertex: n };
-    let raster = Widths::collect(keys, "rasterwidth", counts);
+    let raster = Widths::collect(CALL, keys, "rasterwidth", counts, report);
     let is_raster = raster.is_some();
     let widths = raster
-        .or_else(|| Widths::collect(keys, "width", counts))
+        .or_else(|| Widths::collect(CALL, keys, "width", counts, report))
         .unwrap_or_else(|| vec![Widths::Constant(1.0); keys.len()]);
     let good: Vec<u32> = (0..n).filter(|&i| control.is_finite(i)).map(|i| i as u32).collect();
     if good.len() < n {

@@ -5,7 +5,7 @@ const MOST_TESTS: usize = 400_000_000;
 
 /// Corners of the triangles of a polygon, in its winding.
 ///
-/// Convex polygons are cut into a fan of ears; concave ones by ear clipping in the plane of the Newell normal. What
+/// Convex polygons are cut into rounds of ears, every other corner; concave ones by ear clipping in the plane of the Newell normal. What
 /// cannot be cut properly (crossing edges, no area) is cut anyhow: there are always `n - 2` triangles.
 pub(crate) fn triangulate(points: &[[f64; 3]]) -> Vec<[usize; 3]> {
     let n = points.len();
@@ -44,10 +44,12 @@ pub(crate) fn triangulate(points: &[[f64; 3]]) -> Vec<[usize; 3]> {
             triangles.push([a, b, c]);
             ring.remove(at);
             since_ear = 0;
+            // The corner behind would go on with the fan around `a`.
+            at = ring.corners(c)[2];
         } else {
             since_ear += 1;
+            at = c;
         }
-        at = c;
     }
     triangles.push(ring.corners(at));
     triangles

@@ -1,7 +1,8 @@
 //! Widths of points and curves at each motion key.
 
 use crate::build::ShapeKey;
-use granita_base::{Interp, ParamData, Params};
+use crate::vars::Report;
+use granita_base::{Interp, ParamData, Params, Severity};
 use std::sync::Arc;
 
 /// The widths at one motion key. Numbers that are negative or not finite count as 0.
@@ -27,9 +28,25 @@ pub(crate) struct WidthCounts {
 
 impl Widths {
     /// The widths called `name` at every key; `None` when the first key has none, or of a wrong size. Other keys
-    /// without (or with another kind of) widths have those of the first.
-    pub(crate) fn collect(keys: &[ShapeKey<'_>], name: &str, counts: WidthCounts) -> Option<Vec<Self>> {
+    /// without (or with another kind of) widths have those of the first. Numbers that are no widths are reported.
+    pub(crate) fn collect(
+        call: &str,
+        keys: &[ShapeKey<'_>],
+        name: &str,
+        counts: WidthCounts,
+        report: Report<'_>,
+    ) -> Option<Vec<Self>> {
         let first = Self::read(keys[0].params, name, counts)?;
+        let values = keys[0].params.floats(name)?;
+        let bad = |w: &&f32| !w.is_finite() || **w < 0.0;
+        if let Some(first) = values.iter().find(bad) {
+            let text = format!(
+                "{call}: {} of {} values of \"{name}\" are no widths, the first is {first}; 0 is used",
+                values.iter().filter(bad).count(),
+                values.len()
+            );
+            report(Severity::Warning, text);
+        }
         let same_kind = |w: &Self| std::mem::discriminant(w) == std::mem::discriminant(&first);
         let others = keys[1..].iter().map(|key| {
             Self::read(key.params, name, counts).filter(same_kind).unwrap_or_else(|| first.clone())

@@ -2,11 +2,11 @@
 
 use super::{Eye, Frame, FrameShader, ObjectTraits};
 use crate::dicing::trimming;
-use crate::dicing::{DiceSettings, Leaf, Placement, Plan};
+use crate::dicing::{DiceSettings, Leaf, Placement, Plan, Viewer, key_at};
 use crate::hider::{NOWHERE, ShadedGrid, pixels_of};
 use crate::statistics::add;
 use crate::{PixelRect, preshaded};
-use granita_base::{Bound, Severity, Vec3};
+use granita_base::{Bound, Severity, Transform, Vec3};
 use granita_geom::{Piece, ShapeKey, SplitDirection, Surface};
 use granita_scene::Primitive;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -230,10 +230,62 @@ impl<S: FrameShader> Frame<'_, S> {
         } else {
             boxes.iter().map(|b| eye.projector.raster_box(b)).fold(NOWHERE, union)
         };
+        // What faces the camera is bounded by how wide it is, however little of it a piece covers: of what is larger than the
+        // picture the bound must shrink with the pieces.
+        let [width, height] = [self.region.width() as f32, self.region.height() as f32];
+        let wide = piece
+            .raster_width()
+            .max(bound_px[2] - bound_px[0] - width)
+            .max(bound_px[3] - bound_px[1] - height);
+        if piece.is_facing() && !piece.must_split() && wide > width + height {
+            let stretch = |to_camera: &Transform| {
+                [Vec3::X, Vec3::Y, Vec3::Z]
+                    .map(|a| to_camera.vector(a).length())
+                    .into_iter()
+                    .fold(0.0, f32::max)
+            };
+            let boxes: Vec<Bound> = placement
+                .times()
+                .iter()
+                .map(|&time| {
+                    let to_camera = world_to_camera.at(time);
+                    let to_eye = placement.to_world.at(time).then(&to_camera);
+                    let bound = self.turned_bound(piece, placement, time).transformed(&to_eye);
+                    bound.padded(traits.max_displacement_world * stretch(&to_camera))
+                })
+                .collect();
+            let hull = boxes.iter().copied().fold(Bound::EMPTY, Bound::union);
+            if hull.is_finite() && !hull.is_empty() {
+                let [x0, y0, x1, y1] = eye.projector.raster_box(&hull);
+                let bound_px = [x0 - 0.3, y0 - 0.3, x1 + 0.3, y1 + 0.3];
+                return Seen { bound_px, z_min: hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6 };
+            }
+        }
         // A little room for rounding, for widened rims, and for widths given in pixels.
         let room = 0.3 + piece.raster_width() * 0.5;
         let bound_px = [bound_px[0] - room, bound_px[1] - room, bound_px[2] + room, bound_px[3] + room];
         Seen { bound_px, z_min: hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6 }
+    }
+
+    /// Object space bound at a time of a piece of a point or curve as it is turned towards the dicing camera.
+    fn turned_bound(&self, piece: &dyn Surface, placement: &Placement, time: f32) -> Bound {
+        const SIDE: usize = 9;
+        let times = piece.key_times();
+        let viewer = Viewer::new(self.options.dicing_camera, placement, times);
+        let (key, next, alpha) = key_at(times, time);
+        let mut points = Vec::new();
+        let mut at = |key: usize| {
+            piece.positions_towards(key, SIDE, SIDE, &|key, p| viewer.view(key, p), &mut points);
+            let bound = Bound::around(points.iter().copied());
+            // Between these points outlines bend by far less.
+            bound.padded((bound.max - bound.min).length() * 0.1)
+        };
+        let a = at(key);
+        if alpha == 0.0 {
+            return a;
+        }
+        let b = at(next);
+        Bound { min: a.min.lerp(b.min, alpha), max: a.max.lerp(b.max, alpha) }
     }
 }
 
