@@ -262,4 +262,20 @@ mod tests {
         let arrow = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.0, 2.0, 0.0]];
         assert!(is_concave(&arrow));
     }
+
+    #[test]
+    fn no_corner_of_a_round_polygon_has_a_fan() {
+        const N: usize = 1000;
+        let points: Vec<[f64; 3]> = (0..N)
+            .map(|i| (i as f64 * std::f64::consts::TAU / N as f64).sin_cos())
+            .map(|(y, x)| [x, y, 0.0])
+            .collect();
+        let triangles = triangulate(&points);
+        let mut at = [0; N];
+        triangles.iter().flatten().for_each(|&i| at[i] += 1);
+        assert_eq!(triangles.len(), N - 2);
+        assert!(at.iter().max() <= Some(&(2 * N.ilog2())), "{at:?}");
+        let (whole, parts) = area(&points, &triangles);
+        assert!((whole - parts).abs() < 1e-9);
+    }
 }

@@ -5,7 +5,10 @@ use crate::vars::Report;
 use granita_base::{Interp, ParamData, Params, Severity};
 use std::sync::Arc;
 
-/// The widths at one motion key. Numbers that are negative or not finite count as 0.
+/// No point or curve is wider: farther out single precision has no pixels left.
+const MOST: f32 = 1e12;
+
+/// The widths at one motion key. Numbers that are negative or not finite count as 0, larger ones as [`MOST`].
 #[derive(Clone, Debug)]
 pub(crate) enum Widths {
     /// One for all.
@@ -38,10 +41,10 @@ impl Widths {
     ) -> Option<Vec<Self>> {
         let first = Self::read(keys[0].params, name, counts)?;
         let values = keys[0].params.floats(name)?;
-        let bad = |w: &&f32| !w.is_finite() || **w < 0.0;
+        let bad = |w: &&f32| !(0.0..=MOST).contains(*w);
         if let Some(first) = values.iter().find(bad) {
             let text = format!(
-                "{call}: {} of {} values of \"{name}\" are no widths, the first is {first}; 0 is used",
+                "{call}: {} of {} values of \"{name}\" are outside 0 to {MOST:e}, the first is {first}",
                 values.iter().filter(bad).count(),
                 values.len()
             );
@@ -60,7 +63,8 @@ impl Widths {
             return None;
         }
         let raw = param.data.to_floats()?;
-        let values: Arc<[f32]> = raw.iter().map(|&w| if w.is_finite() { w.max(0.0) } else { 0.0 }).collect();
+        let values: Arc<[f32]> =
+            raw.iter().map(|&w| if w.is_finite() { w.clamp(0.0, MOST) } else { 0.0 }).collect();
         let enough = |n: usize| values.len() >= n;
         match param.ty.interp {
             Interp::Constant => values.first().map(|&w| Self::Constant(w)),

@@ -251,7 +251,11 @@ fn mistakes_are_survived() {
     let pieces = build(&curves(CurveBasis::Bezier, 1, 4), &params(&[("P", &[1.0; 12])]));
     let dice = pieces[0].dice(3, 3);
     assert!(dice.p[0].iter().all(|p| p.is_finite()) && dice.dpdu.iter().all(|p| p.is_finite()));
-    // Widths that are not numbers of any use.
-    let pieces = build(&curves(CurveBasis::Bezier, 1, 4), &params(&[("P", &LINE), ("width", &[f32::NAN])]));
-    assert!(pieces[0].dice(2, 2).p[0].iter().all(|p| p.is_finite()));
+    // Widths that are not numbers of any use are told.
+    for width in [f32::NAN, f32::INFINITY, -1.0, 1e30] {
+        let p = params(&[("P", &LINE), ("width", &[width])]);
+        let (pieces, said) = try_build(&curves(CurveBasis::Bezier, 1, 4), &[&p], None);
+        assert!(said.len() == 1 && said[0].contains("outside 0 to 1e12"), "{said:?}");
+        assert!(pieces.unwrap()[0].dice(2, 2).p[0].iter().all(|p| p.is_finite()));
+    }
 }
