@@ -311,7 +311,8 @@ impl Surface for CurvePiece {
     }
 
     fn is_splittable(&self) -> bool {
-        self.must_split() || self.range.iter().any(|r| r.halves().is_some())
+        // Where one parameter no longer divides the width is beyond all measure: parts along the other would be as wide.
+        self.must_split() || self.range.iter().all(|r| r.halves().is_some())
     }
 
     fn must_split(&self) -> bool {
