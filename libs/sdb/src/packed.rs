@@ -1,0 +1,224 @@
+//! Records in their order, and boxes around them to find them by.
+//!
+//! Sixteen neighbours along the curve share a box, sixteen boxes share another, and so on to one box around all: a
+//! packed tree without pointers (compare Kamel and Faloutsos, On Packing R-trees, CIKM 1993). The same numbers in the
+//! same order stand in memory and in files.
+
+use crate::order::{Extent, sort};
+use crate::{Schema, map::Map};
+
+/// Records, or boxes, under one box.
+pub(crate) const FAN: usize = 16;
+
+/// Records that can be searched.
+#[derive(Debug)]
+pub struct Packed {
+    schema: Schema,
+    count: usize,
+    /// First box of each level, from the boxes around records to the one around all.
+    levels: Vec<Level>,
+    numbers: Numbers,
+}
+
+#[derive(Debug)]
+enum Numbers {
+    Memory(Vec<f32>),
+    File(Map),
+}
+
+/// Boxes of one level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Level {
+    /// Where they begin, in numbers.
+    pub(crate) from: usize,
+    /// How many.
+    pub(crate) count: usize,
+}
+
+/// The levels of boxes over so many records, and the number of numbers of everything; `None` when that overflows.
+pub(crate) fn layout(schema: Schema, count: usize) -> Option<(Vec<Level>, usize)> {
+    let wide = 2 * schema.key.dimensions();
+    let mut from = count.checked_mul(schema.numbers())?;
+    let (mut levels, mut n) = (Vec::new(), count);
+    while n > 1 || levels.is_empty() && n > 0 {
+        n = n.div_ceil(FAN);
+        levels.push(Level { from, count: n });
+        from = from.checked_add(n.checked_mul(wide)?)?;
+    }
+    Some((levels, from))
+}
+
+/// Collects boxes while records come in their order.
+pub(crate) struct Boxes {
+    schema: Schema,
+    open: Extent,
+    held: usize,
+    first: Vec<Extent>,
+}
+
+impl Boxes {
+    pub(crate) fn new(schema: Schema) -> Self {
+        Self { schema, open: Extent::EMPTY, held: 0, first: Vec::new() }
+    }
+
+    /// The next record.
+    pub(crate) fn add(&mut self, record: &[f32]) {
+        self.open.add(&record[..self.schema.key.dimensions()]);
+        self.held += 1;
+        if self.held == FAN {
+            self.close();
+        }
+    }
+
+    fn close(&mut self) {
+        self.first.push(std::mem::replace(&mut self.open, Extent::EMPTY));
+        self.held = 0;
+    }
+
+    /// All boxes, level by level: the lowest corner, then the highest.
+    pub(crate) fn finish(mut self) -> Vec<f32> {
+        if self.held > 0 {
+            self.close();
+        }
+        let d = self.schema.key.dimensions();
+        let (mut out, mut level) = (Vec::new(), self.first);
+        loop {
+            for b in &level {
+                out.extend_from_slice(&b.lo[..d]);
+                out.extend_from_slice(&b.hi[..d]);
+            }
+            if level.len() <= 1 {
+                return out;
+            }
+            let merged = |boxes: &[Extent]| {
+                let mut all = Extent::EMPTY;
+                boxes.iter().for_each(|b| all.merge(b));
+                all
+            };
+            level = level.chunks(FAN).map(merged).collect();
+        }
+    }
+}
+
+impl Packed {
+    /// From records in any order: numbers of the key, then of the value, all finite.
+    pub fn new(schema: Schema, records: &[f32]) -> Self {
+        let n = schema.numbers();
+        let mut extent = Extent::EMPTY;
+        records.chunks_exact(n).for_each(|r| extent.add(&r[..schema.key.dimensions()]));
+        let (mut numbers, _) = sort(schema, &extent, records);
+        let mut boxes = Boxes::new(schema);
+        numbers.chunks_exact(n).for_each(|r| boxes.add(r));
+        let count = numbers.len() / n;
+        if count > 0 {
+            numbers.extend(boxes.finish());
+        }
+        let (levels, all) = layout(schema, count).expect("invariant: what is in memory can be counted");
+        debug_assert_eq!(all, numbers.len(), "records and boxes");
+        Self { schema, count, levels, numbers: Numbers::Memory(numbers) }
+    }
+
+    /// Over a file whose header was read: `map` holds all numbers of `layout`.
+    pub(crate) fn mapped(schema: Schema, count: usize, levels: Vec<Level>, map: Map) -> Self {
+        Self { schema, count, levels, numbers: Numbers::File(map) }
+    }
+
+    /// What the records are.
+    pub fn schema(&self) -> Schema {
+        self.schema
+    }
+
+    /// Number of records.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    fn numbers(&self) -> &[f32] {
+        match &self.numbers {
+            Numbers::Memory(v) => v,
+            Numbers::File(map) => map.numbers(),
+        }
+    }
+
+    /// Record `i`, in the order of the database: the key, then the value.
+    pub fn record(&self, i: usize) -> &[f32] {
+        let n = self.schema.numbers();
+        &self.numbers()[i * n..][..n]
+    }
+
+    /// All records, one after another.
+    pub fn records(&self) -> &[f32] {
+        &self.numbers()[..self.count * self.schema.numbers()]
+    }
+
+    /// The box around all records: lowest and highest corner, of which `key.dimensions ()` numbers count; `None` when
+    /// there are no records.
+    pub fn bound(&self) -> Option<([f32; 3], [f32; 3])> {
+        let top = self.levels.last()?;
+        Some(self.corners(self.numbers(), top, 0))
+    }
+
+    /// Corners of a box.
+    #[inline]
+    fn corners(&self, numbers: &[f32], level: &Level, i: usize) -> ([f32; 3], [f32; 3]) {
+        let d = self.schema.key.dimensions();
+        let at = &numbers[level.from + 2 * d * i..][..2 * d];
+        let (mut lo, mut hi) = ([0.0; 3], [0.0; 3]);
+        lo[..d].copy_from_slice(&at[..d]);
+        hi[..d].copy_from_slice(&at[d..]);
+        (lo, hi)
+    }
+
+    /// Passes the number of every record whose position may be within `reach` of `at`, nearest boxes first.
+    /// `reach` is asked again and again: it may shrink.
+    pub(crate) fn search(&self, at: [f32; 3], reach: &mut dyn FnMut(Option<usize>) -> f32) {
+        if let Some(top) = self.levels.len().checked_sub(1) {
+            self.visit(self.numbers(), top, 0, at, reach);
+        }
+    }
+
+    /// Square of the distance of a box.
+    #[inline]
+    fn distance_squared(&self, numbers: &[f32], level: &Level, i: usize, at: [f32; 3]) -> f32 {
+        let (lo, hi) = self.corners(numbers, level, i);
+        (0..3).map(|c| (lo[c] - at[c]).max(at[c] - hi[c]).max(0.0)).map(|x| x * x).sum()
+    }
+
+    fn visit(
+        &self,
+        numbers: &[f32],
+        level: usize,
+        node: usize,
+        at: [f32; 3],
+        reach: &mut dyn FnMut(Option<usize>) -> f32,
+    ) {
+        let below = if level == 0 { self.count } else { self.levels[level - 1].count };
+        let children = node * FAN..((node + 1) * FAN).min(below);
+        if level == 0 {
+            for i in children {
+                reach(Some(i));
+            }
+            return;
+        }
+        let inner = &self.levels[level - 1];
+        let mut near = [(f32::INFINITY, 0_usize); FAN];
+        let n = children.len();
+        for (slot, i) in near.iter_mut().zip(children) {
+            *slot = (self.distance_squared(numbers, inner, i, at), i);
+        }
+        let near = &mut near[..n];
+        near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        for &(distance_squared, i) in near.iter() {
+            let reach_now = reach(None);
+            if distance_squared > reach_now * reach_now {
+                return;
+            }
+            self.visit(numbers, level - 1, i, at, reach);
+        }
+    }
+}

@@ -1,0 +1,326 @@
+//! What stands near a place: values between records, and how dense records are.
+
+use crate::{Key, Packed};
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+use std::f32::consts::PI;
+
+/// Where to look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probe {
+    /// Position; of (s, t) the first two.
+    pub p: [f32; 3],
+    /// Normal of unit length; counts for records that have one.
+    pub n: Option<[f32; 3]>,
+}
+
+/// How values are taken from records near a place (`spatialdbquery` with filter "value").
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Between {
+    /// Records that are needed, at least 1.
+    pub minsamples: usize,
+    /// No farther away than this.
+    pub maxdist: f32,
+    /// At 0.25, records as far as `maxdist` count, or such whose normals are 20 degrees apart; see
+    /// [`Packed::between`].
+    pub maxerror: f32,
+    /// The nearest records count in any case (mode "ro").
+    pub always: bool,
+}
+
+/// How the density of records is taken (`spatialdbquery` with filter "areadensity").
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Density {
+    /// Records that are needed, at least 1.
+    pub minsamples: usize,
+    /// No farther away than this.
+    pub maxdist: f32,
+    /// Standard error of the number of records, relative to it.
+    pub maxerror: f32,
+}
+
+/// Most records that one query takes into account.
+const MOST: usize = 1 << 16;
+
+/// How much longer a way along the normal is than one across it, for densities: photons of a wall near a corner, or on
+/// the other side of a sheet, belong to other surfaces.
+const FLATTEN: f32 = 3.0;
+
+/// A record and how far it is, by some measure that is not below the distance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Near {
+    far: f32,
+    index: usize,
+}
+
+impl Eq for Near {}
+
+impl Ord for Near {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.far.total_cmp(&other.far).then(self.index.cmp(&other.index))
+    }
+}
+
+impl PartialOrd for Near {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+fn dot(a: [f32; 3], b: &[f32]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+impl Packed {
+    /// The `count` records of smallest `measure`, at most `most`; nearest first, and in the order of the database when
+    /// they are alike. `measure` gets the square of the distance, the vector to the record, and the record; what it
+    /// returns is not below the distance, or not a number for records that do not count.
+    fn nearest(
+        &self,
+        at: [f32; 3],
+        count: usize,
+        most: f32,
+        measure: impl Fn(f32, [f32; 3], &[f32]) -> f32,
+    ) -> Vec<Near> {
+        let d = self.schema().key.dimensions();
+        let mut heap: BinaryHeap<Near> = BinaryHeap::with_capacity(count.min(64) + 1);
+        self.search(at, &mut |record| {
+            if let Some(index) = record {
+                let record = self.record(index);
+                let mut to = [0.0; 3];
+                for c in 0..d {
+                    to[c] = record[c] - at[c];
+                }
+                let far = measure(dot(to, &to), to, record);
+                if far <= most {
+                    let near = Near { far, index };
+                    if heap.len() < count {
+                        heap.push(near);
+                    } else if heap.peek().is_some_and(|worst| near < *worst) {
+                        heap.pop();
+                        heap.push(near);
+                    }
+                }
+            }
+            if heap.len() < count { most } else { heap.peek().map_or(most, |worst| worst.far) }
+        });
+        heap.into_sorted_vec()
+    }
+
+    /// The value at a place, from the `minsamples` records that are best there; `None` when there are not so many, or
+    /// when the place is not finite.
+    ///
+    /// A record's error is `distance / (4 maxdist)`, and for normals `sqrt (1 - cos (angle))` more; it may be
+    /// `maxerror` at most. Weights fall to 0 at the error of the next best record, so that values change smoothly as
+    /// records come and go (compare Ward, Rubinstein and Clear, A Ray Tracing Solution for Diffuse Interreflection,
+    /// SIGGRAPH 1988, for the error).
+    pub fn between(&self, probe: &Probe, how: &Between) -> Option<[f32; 3]> {
+        if !probe.p.iter().all(|x| x.is_finite()) {
+            return None;
+        }
+        let wanted = how.minsamples.clamp(1, MOST);
+        let scale = 4.0 * how.maxdist.max(f32::MIN_POSITIVE);
+        let most = if how.always { f32::MAX } else { how.maxerror * scale };
+        let turned = |record: &[f32]| match (self.schema().key, probe.n) {
+            (Key::Oriented, Some(n)) => (1.0 - dot(n, &record[3..6])).max(0.0).sqrt(),
+            _ => 0.0,
+        };
+        let best = self.nearest(probe.p, wanted + 1, most, |squared, _, record| {
+            let distance = squared.sqrt();
+            if how.always || distance <= how.maxdist { distance + scale * turned(record) } else { f32::NAN }
+        });
+        if best.len() < wanted && (!how.always || best.is_empty()) {
+            return None;
+        }
+        let reach =
+            if best.len() > wanted { best[wanted].far } else { most.min(2.0 * best[best.len() - 1].far) };
+        let weight = |near: &Near| {
+            let x = if reach > 0.0 { near.far / reach } else { 1.0 };
+            (1.0 - x * x).max(0.0)
+        };
+        let used = &best[..best.len().min(wanted)];
+        // Records as far away as the next best one have no weight; when all are, they count alike.
+        let equal = used.iter().all(|near| weight(near) <= 0.0);
+        let (mut sum, mut total) = ([0.0_f32; 3], 0.0_f32);
+        for near in used {
+            let w = if equal { 1.0 } else { weight(near) };
+            total += w;
+            for (s, v) in sum.iter_mut().zip(self.value(near.index)) {
+                *s += w * v;
+            }
+        }
+        Some(sum.map(|s| s / total))
+    }
+
+    /// Sum of values per area around a place, `None` when fewer than `minsamples` records are near.
+    ///
+    /// The rule of bias and variance: `max (minsamples, 1 / maxerror^2)` records are taken, because the standard error
+    /// of a count of N is 1 / sqrt (N) of it; the circle that they need is as large as the next record is far, and at
+    /// most `maxdist` (the bias). Within the circle they weigh as 2 (1 - (d / r)^2) (Epanechnikov's kernel): given the next
+    /// record, those inside are anywhere with equal chance, so the estimate has no bias where density is even.
+    /// Records with normals count when these are less than 60 degrees from the probe's; ways along the normal count
+    /// twice.
+    pub fn density(&self, probe: &Probe, how: &Density) -> Option<[f32; 3]> {
+        if !probe.p.iter().all(|x| x.is_finite()) || how.maxdist.is_nan() || how.maxdist <= 0.0 {
+            return None;
+        }
+        let wanted = how.minsamples.max((1.0 / (how.maxerror * how.maxerror)).ceil() as usize).clamp(1, MOST);
+        let normal = probe.n.filter(|_| self.schema().key == Key::Oriented);
+        let best = self.nearest(probe.p, wanted + 1, how.maxdist, |squared, to, record| match normal {
+            Some(n) if dot(n, &record[3..6]) < 0.5 => f32::NAN,
+            _ => {
+                let along = probe.n.map_or(0.0, |n| dot(n, &to));
+                (squared + FLATTEN * along * along).sqrt()
+            }
+        });
+        let (used, reach) = match best.split_last() {
+            Some((next, used)) if best.len() > wanted => (used, next.far),
+            _ => (&best[..], how.maxdist),
+        };
+        if used.len() < how.minsamples.max(1) || reach <= 0.0 {
+            return None;
+        }
+        let mut sum = [0.0_f32; 3];
+        for near in used {
+            let x = near.far / reach;
+            let w = 2.0 * (1.0 - x * x);
+            for (s, v) in sum.iter_mut().zip(self.value(near.index)) {
+                *s += w * v;
+            }
+        }
+        let share = 1.0 / (PI * reach * reach);
+        Some(sum.map(|s| s * share))
+    }
+
+    /// The value of a record; a single number stands in the first place.
+    fn value(&self, index: usize) -> [f32; 3] {
+        let value = &self.record(index)[self.schema().key.numbers()..];
+        let mut out = [0.0; 3];
+        out[..value.len()].copy_from_slice(value);
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Schema, Value};
+    use granita_base::hash;
+
+    fn unit(i: u32, k: u32) -> f32 {
+        hash::unit(hash::words(&[i, k]))
+    }
+
+    const PHOTONS: Schema = Schema { key: Key::Oriented, value: Value::Color };
+
+    /// Records on the plane z = 0, in the unit square, of value (1, 2, 3).
+    fn plane(count: u32) -> Packed {
+        let record = |i| [unit(i, 0), unit(i, 1), 0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 3.0];
+        Packed::new(PHOTONS, &(0..count).flat_map(record).collect::<Vec<f32>>())
+    }
+
+    #[test]
+    fn the_nearest_are_found_as_by_brute_force() {
+        let schema = Schema { key: Key::Point, value: Value::Float };
+        for count in [1_u32, 2, 15, 16, 17, 255, 257, 3000] {
+            let records: Vec<f32> =
+                (0..count).flat_map(|i| [unit(i, 0), unit(i, 1), unit(i, 2) * 0.01, i as f32]).collect();
+            let packed = Packed::new(schema, &records);
+            for q in 0..50 {
+                let at = [unit(q, 5) * 2.0 - 0.5, unit(q, 6), unit(q, 7) * 0.02];
+                let wanted = 1 + q as usize % 9;
+                let got = packed.nearest(at, wanted, 0.4, |squared, _, _| squared.sqrt());
+                let mut all: Vec<Near> = (0..packed.len())
+                    .map(|index| {
+                        let r = packed.record(index);
+                        let to = [r[0] - at[0], r[1] - at[1], r[2] - at[2]];
+                        Near { far: dot(to, &to).sqrt(), index }
+                    })
+                    .filter(|n| n.far <= 0.4)
+                    .collect();
+                all.sort();
+                all.truncate(wanted);
+                assert_eq!(got, all, "{count} records, query {q}");
+            }
+        }
+    }
+
+    #[test]
+    fn even_density_is_found() {
+        let packed = plane(100_000);
+        let (mut sum, mut n) = (0.0_f64, 0);
+        for q in 0..400 {
+            let p = [0.2 + 0.6 * unit(q, 8), 0.2 + 0.6 * unit(q, 9), 0.0];
+            let how = Density { minsamples: 10, maxdist: 0.1, maxerror: 0.1 };
+            let found = packed.density(&Probe { p, n: Some([0.0, 0.0, 1.0]) }, &how).unwrap();
+            assert!((found[0] / 1e5 - 1.0).abs() < 0.5, "{found:?}");
+            assert!((found[1] / found[0] - 2.0).abs() < 1e-4 && (found[2] / found[0] - 3.0).abs() < 1e-4);
+            sum += f64::from(found[0]);
+            n += 1;
+        }
+        let mean = sum / f64::from(n) / 1e5;
+        assert!((mean - 1.0).abs() < 0.01, "{mean}");
+    }
+
+    #[test]
+    fn density_keeps_to_its_side_and_reach() {
+        let packed = plane(1000);
+        let how = Density { minsamples: 5, maxdist: 0.2, maxerror: 0.25 };
+        let at = |p, n| packed.density(&Probe { p, n: Some(n) }, &how);
+        assert!(at([0.5, 0.5, 0.0], [0.0, 0.0, 1.0]).is_some());
+        assert!(at([0.5, 0.5, 0.0], [0.0, 0.0, -1.0]).is_none(), "the other side");
+        assert!(at([0.5, 0.5, 0.11], [0.0, 0.0, 1.0]).is_none(), "along the normal ways count twice");
+        assert!(at([2.0, 0.5, 0.0], [0.0, 0.0, 1.0]).is_none(), "too far");
+        assert!(at([f32::NAN, 0.5, 0.0], [0.0, 0.0, 1.0]).is_none());
+    }
+
+    #[test]
+    fn values_are_those_near() {
+        let packed = plane(500);
+        let how = Between { minsamples: 3, maxdist: 0.2, maxerror: 0.25, always: false };
+        let p = [0.4, 0.6, 0.0];
+        let found = packed.between(&Probe { p, n: Some([0.0, 0.0, 1.0]) }, &how).unwrap();
+        assert!((found[0] - 1.0).abs() < 1e-6 && (found[2] - 3.0).abs() < 1e-5);
+        // Turned away, or far: only when it must be.
+        for probe in [Probe { p, n: Some([1.0, 0.0, 0.0]) }, Probe { p: [9.0; 3], n: None }] {
+            assert_eq!(packed.between(&probe, &how), None);
+            assert!(packed.between(&probe, &Between { always: true, ..how }).is_some());
+        }
+        let empty = Packed::new(PHOTONS, &[]);
+        let probe = Probe { p, n: None };
+        assert_eq!(empty.between(&probe, &Between { always: true, ..how }), None);
+        // As many as asked for, and no more than there are.
+        let few = Packed::new(PHOTONS, packed.record(0));
+        assert_eq!(few.between(&Probe { p: [unit(0, 0); 3], n: None }, &how), None);
+    }
+
+    #[test]
+    fn values_go_over_smoothly() {
+        let schema = Schema { key: Key::Surface, value: Value::Float };
+        let records: Vec<f32> = (0..400).flat_map(|i| [unit(i, 0), unit(i, 1), unit(i, 0)]).collect();
+        let packed = Packed::new(schema, &records);
+        let how = Between { minsamples: 4, maxdist: 0.3, maxerror: 0.25, always: false };
+        let at = |x: f32| packed.between(&Probe { p: [x, 0.5, 0.0], n: None }, &how).unwrap()[0];
+        let (mut before, mut jump) = (at(0.1), 0.0_f32);
+        for i in 1..=4000 {
+            let x = 0.1 + 0.8 * i as f32 / 4000.0;
+            let now = at(x);
+            assert!((now - x).abs() < 0.05, "{x}: {now}");
+            jump = jump.max((now - before).abs());
+            before = now;
+        }
+        assert!(jump < 0.01, "{jump}");
+    }
+
+    #[test]
+    fn at_a_record_alone_its_value() {
+        let schema = Schema { key: Key::Surface, value: Value::Float };
+        let packed = Packed::new(schema, &[0.5, 0.5, 7.0, 0.6, 0.5, 9.0]);
+        let how = Between { minsamples: 1, maxdist: 0.3, maxerror: 0.25, always: false };
+        assert_eq!(packed.between(&Probe { p: [0.5, 0.5, 0.0], n: None }, &how), Some([7.0, 0.0, 0.0]));
+        // Half way, both.
+        let two = Between { minsamples: 2, ..how };
+        let middle = packed.between(&Probe { p: [0.55, 0.5, 0.0], n: None }, &two).unwrap()[0];
+        assert!((middle - 8.0).abs() < 1e-3, "{middle}");
+    }
+}

@@ -1,0 +1,284 @@
+//! Databases in files, and what sessions do with them.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use granita_base::{Environment, Reporter, SearchPath, hash};
+use granita_image::Limits;
+use granita_sdb::{
+    Attributes, Between, Databases, Key, Mode, PictureOptions, Probe, Schema, SdbError, Value, read,
+};
+use proptest::prelude::*;
+use std::path::Path;
+
+const POINTS: Schema = Schema { key: Key::Point, value: Value::Color };
+
+fn unit(i: u32, k: u32) -> f32 {
+    hash::unit(hash::words(&[i, k]))
+}
+
+fn databases(folder: &Path, attributes: Attributes) -> (Databases, impl Fn() -> Vec<String>) {
+    let (reporter, messages) = Reporter::collecting();
+    let formats = granita_plugin::bundled_formats(Limits::default());
+    let search = SearchPath::parse(&folder.to_string_lossy(), &SearchPath::default(), &Environment::empty());
+    let texts = move || messages.lock().unwrap().iter().map(ToString::to_string).collect();
+    (Databases::new(search, formats, reporter, attributes), texts)
+}
+
+fn records(count: u32) -> Vec<f32> {
+    (0..count).flat_map(|i| (0..6).map(move |k| unit(i, k))).collect()
+}
+
+fn mode(word: &str) -> Mode {
+    Mode::from_word(word).unwrap()
+}
+
+/// Name of a file in a folder.
+fn name(folder: &tempfile::TempDir, file: &str) -> String {
+    folder.path().join(file).to_string_lossy().into_owned()
+}
+
+#[test]
+fn files_hold_what_was_saved_whatever_the_order_and_the_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = records(5000);
+    let mut bytes: Vec<Vec<u8>> = Vec::new();
+    for (round, memory) in [usize::MAX, 6 * 100, 6 * 1001, 0].into_iter().enumerate() {
+        let (databases, _) = databases(folder.path(), Attributes::default());
+        let databases = databases.with_memory(memory);
+        let file = name(&folder, &format!("{round}.sdb"));
+        let mut pieces: Vec<&[f32]> = all.chunks(6 * 7).collect();
+        pieces.sort_by_key(|p| hash::words(&[p[0].to_bits(), round as u32]));
+        // From two threads.
+        let (a, b) = pieces.split_at(pieces.len() / 2);
+        std::thread::scope(|scope| {
+            for half in [a, b] {
+                let (databases, file) = (&databases, &file);
+                scope.spawn(move || {
+                    for piece in half {
+                        databases.save(file, POINTS, mode("wo"), None, piece);
+                    }
+                });
+            }
+        });
+        let finished = databases.finish().unwrap();
+        assert_eq!((finished.records, finished.written.len()), (5000, 1));
+        bytes.push(std::fs::read(&file).unwrap());
+    }
+    assert!(bytes.windows(2).all(|pair| pair[0] == pair[1]));
+    let packed = read(&folder.path().join("0.sdb")).unwrap();
+    assert_eq!((packed.len(), packed.schema()), (5000, POINTS));
+    let sorted = |numbers: &[f32]| {
+        let mut list: Vec<[u32; 6]> =
+            numbers.chunks(6).map(|r| std::array::from_fn(|i| r[i].to_bits())).collect();
+        list.sort_unstable();
+        list
+    };
+    assert_eq!(sorted(packed.records()), sorted(&all));
+    // Nothing else is left in the folder.
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4);
+}
+
+#[test]
+fn broken_files_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = name(&folder, "a.sdb");
+    let (databases, _) = databases(folder.path(), Attributes::default());
+    databases.save(&file, POINTS, mode("w"), None, &records(40));
+    databases.finish().unwrap();
+    let whole = std::fs::read(&file).unwrap();
+    let broken = folder.path().join("b.sdb");
+    let refused = |bytes: &[u8]| {
+        std::fs::write(&broken, bytes).unwrap();
+        let error = read(&broken).unwrap_err();
+        assert!(error.to_string().contains("b.sdb: "), "{error}");
+        error
+    };
+    for cut in [0, 1, 8, 127, 128, 129, whole.len() - 4, whole.len() - 1] {
+        assert!(matches!(refused(&whole[..cut]), SdbError::Malformed { .. }), "cut to {cut}");
+    }
+    let longer = [&whole[..], &[0; 4]].concat();
+    assert!(refused(&longer).to_string().contains("bytes of records where"));
+    for at in (0..whole.len()).step_by(3) {
+        let mut altered = whole.clone();
+        altered[at] ^= 0x10;
+        let error = refused(&altered);
+        assert!(matches!(error, SdbError::Malformed { .. }) || (8..12).contains(&at), "byte {at}: {error}");
+    }
+    assert!(
+        refused(
+            b"II*\0 this is some other kind of file, and long enough to have a header: so it is looked at; \
+        more words follow until there are enough of them"
+        )
+        .to_string()
+        .contains("no spatial database")
+    );
+    assert!(matches!(read(folder.path()), Err(SdbError::Malformed { .. } | SdbError::Io { .. })));
+    assert!(matches!(read(&folder.path().join("none.sdb")), Err(SdbError::Io { .. })));
+    // A session goes on without it, with one message.
+    std::fs::write(&broken, &whole[..500]).unwrap();
+    let (databases, texts) = self::databases(folder.path(), Attributes::default());
+    for _ in 0..3 {
+        assert!(databases.records("b.sdb", mode("r")).is_none());
+        assert!(databases.records("none.sdb", mode("r")).is_none());
+    }
+    assert_eq!(texts().len(), 2, "{:?}", texts());
+    assert!(texts()[0].contains("b.sdb") && texts()[1].contains("\"none.sdb\" not found"), "{:?}", texts());
+}
+
+#[test]
+fn what_cannot_be_written_leaves_what_was_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = name(&folder, "no/such/folder.sdb");
+    let (databases, _) = databases(folder.path(), Attributes::default());
+    databases.save(&file, POINTS, mode("w"), None, &records(3));
+    let other = name(&folder, "other.sdb");
+    databases.save(&other, POINTS, mode("w"), None, &records(3));
+    let error = databases.finish().unwrap_err();
+    assert!(error.to_string().contains("folder.sdb"), "{error}");
+    assert_eq!(read(Path::new(&other)).unwrap().len(), 3, "the others are written all the same");
+    #[cfg(target_os = "linux")]
+    {
+        let (databases, _) = self::databases(folder.path(), Attributes::default());
+        databases.save("/dev/full", POINTS, mode("w"), None, &records(5000));
+        let error = databases.finish().unwrap_err().to_string();
+        assert!(error.starts_with("/dev/full: "), "{error}");
+    }
+}
+
+#[test]
+fn modes_say_what_is_seen_and_what_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = name(&folder, "m.sdb");
+    let count = |databases: &Databases, word: &str| {
+        databases.records(&file, mode(word)).map_or(0, |packed| packed.len())
+    };
+    let (databases, texts) = databases(folder.path(), Attributes::default());
+    // Without a mode: for later frames of the session, never for a file.
+    databases.save(&file, POINTS, mode(""), None, &records(3));
+    assert_eq!(count(&databases, ""), 0, "a frame does not see what it saves");
+    assert_eq!(databases.finish().unwrap().written.len(), 0);
+    assert_eq!(count(&databases, ""), 3);
+    databases.save(&file, POINTS, mode(""), None, &records(2));
+    databases.finish().unwrap();
+    assert_eq!(count(&databases, ""), 5);
+    assert!(!Path::new(&file).exists());
+    // Written: from then on in the file.
+    databases.save(&file, POINTS, mode("w"), None, &records(4));
+    databases.finish().unwrap();
+    assert_eq!((count(&databases, ""), count(&databases, "r"), count(&databases, "ro")), (0, 4, 4));
+    // Replaced by "w" and "wo", added to by "rw".
+    databases.save(&file, POINTS, mode("wo"), None, &records(6));
+    databases.finish().unwrap();
+    assert_eq!(count(&databases, "r"), 6);
+    databases.save(&file, POINTS, mode("rw"), None, &records(7));
+    databases.finish().unwrap();
+    assert_eq!(count(&databases, "r"), 13);
+    assert!(texts().is_empty(), "{:?}", texts());
+    // "rw" on nothing is no mistake.
+    let new = name(&folder, "new.sdb");
+    assert!(databases.records(&new, mode("rw")).is_none());
+    databases.save(&new, POINTS, mode("rw"), None, &records(1));
+    databases.finish().unwrap();
+    assert_eq!(databases.records(&new, mode("r")).unwrap().len(), 1);
+    assert!(texts().is_empty(), "{:?}", texts());
+}
+
+#[test]
+fn attributes_stand_in_for_modes() {
+    let attributes = Attributes {
+        read: vec!["a".to_owned()],
+        write: vec!["a".to_owned(), "c".to_owned()],
+        readonly: vec!["c".to_owned()],
+        writeonly: vec!["d".to_owned()],
+    };
+    let of = |name: &str, word: &str| attributes.mode(name, mode(word));
+    assert_eq!(of("a", ""), mode("rw"));
+    assert_eq!(of("a", "w"), mode("w"), "an option comes before");
+    assert_eq!(of("b", ""), mode(""));
+    assert_eq!(of("c", ""), mode("ro"));
+    assert_eq!(of("d", ""), mode("wo"));
+    let folder = tempfile::tempdir().unwrap();
+    let (databases, texts) = databases(folder.path(), attributes);
+    assert_eq!(databases.mode("a", "x"), mode("rw"));
+    assert!(texts()[0].contains("no file mode \"x\""), "{:?}", texts());
+}
+
+#[test]
+fn records_that_do_not_belong_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = name(&folder, "a.sdb");
+    let (databases, texts) = databases(folder.path(), Attributes::default());
+    let mut some = records(3);
+    some[7] = f32::NAN;
+    databases.save(&file, POINTS, mode("w"), None, &some);
+    let other = Schema { key: Key::Surface, value: Value::Float };
+    for _ in 0..3 {
+        databases.save(&file, other, mode("w"), None, &[0.0, 0.0, 1.0]);
+    }
+    assert_eq!(databases.finish().unwrap().records, 2);
+    let texts = texts();
+    assert_eq!(texts.len(), 2, "{texts:?}");
+    assert!(texts[0].contains("holds color by points: float by (s, t) is not added"), "{texts:?}");
+    assert!(texts[1].contains("1 records are not finite"), "{texts:?}");
+    // No picture of points.
+    let picture = name(&folder, "a.tif");
+    databases.save(&picture, POINTS, mode("w"), None, &records(3));
+    let error = databases.finish().unwrap_err().to_string();
+    assert!(error.contains("a.tif") && error.contains("only (s, t) can"), "{error}");
+}
+
+#[test]
+fn surfaces_become_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let schema = Schema { key: Key::Surface, value: Value::Color };
+    let ramp: Vec<f32> =
+        (0..4000).flat_map(|i| [unit(i, 0), unit(i, 1), unit(i, 0), unit(i, 1), 0.25]).collect();
+    let (databases, _) = databases(folder.path(), Attributes::default());
+    for (file, data_format) in [("a.tif", "float"), ("b.exr", "half"), ("c.png", "8")] {
+        let options =
+            PictureOptions { resolution: [20, 10], data_format: data_format.to_owned(), filter_width: 4.0 };
+        databases.save(&name(&folder, file), schema, mode("wo"), Some(&options), &ramp);
+    }
+    assert_eq!(databases.finish().unwrap().written.len(), 3);
+    let formats = granita_plugin::bundled_formats(Limits::default());
+    for file in ["a.tif", "b.exr", "c.png"] {
+        let input = formats.open(&folder.path().join(file)).unwrap();
+        let spec = input.spec(0, 0).unwrap();
+        assert_eq!((spec.width, spec.height, spec.nchannels()), (20, 10, 3));
+        let pixels = input.read_level(0, 0).unwrap().to_floats();
+        for (i, rgb) in pixels.chunks(3).enumerate() {
+            let (s, t) = ((i % 20) as f32 + 0.5, (i / 20) as f32 + 0.5);
+            assert!(
+                (rgb[0] - s / 20.0).abs() < 0.03 && (rgb[1] - t / 10.0).abs() < 0.06,
+                "{file} {i} {rgb:?}"
+            );
+            assert!((rgb[2] - 0.25).abs() < 0.01);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    /// Any records: the file gives the answers of memory, to the bit.
+    #[test]
+    fn a_file_answers_as_memory(
+        numbers in prop::collection::vec(prop::num::f32::NORMAL | prop::num::f32::ZERO | prop::num::f32::SUBNORMAL, 0..900),
+        at in prop::array::uniform3(-2.0_f32..2.0),
+    ) {
+        let schema = Schema { key: Key::Oriented, value: Value::Float };
+        let numbers = &numbers[..numbers.len() / 7 * 7];
+        let memory = granita_sdb::Packed::new(schema, numbers);
+        let folder = tempfile::tempdir().unwrap();
+        let (databases, _) = databases(folder.path(), Attributes::default());
+        let file = name(&folder, "p.sdb");
+        databases.save(&file, schema, mode("w"), None, numbers);
+        databases.finish().unwrap();
+        let stored = read(Path::new(&file)).unwrap();
+        let bits = |v: &[f32]| v.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        prop_assert_eq!(bits(memory.records()), bits(stored.records()));
+        let how = Between { minsamples: 3, maxdist: 10.0, maxerror: 0.5, always: true };
+        let probe = Probe { p: at, n: Some([0.0, 0.0, 1.0]) };
+        let answer = |p: &granita_sdb::Packed| p.between(&probe, &how).map(|v| v.map(f32::to_bits));
+        prop_assert_eq!(answer(&memory), answer(&stored));
+    }
+}
