@@ -4,6 +4,7 @@ use granita_base::{Environment, Reporter, SearchPath};
 use granita_gsl::ir::Module;
 use granita_image::FormatRegistry;
 use granita_scene::Call;
+use granita_sdb::Databases;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -71,6 +72,8 @@ pub struct RenderEnvironment {
     pub crop: Option<[f32; 4]>,
     /// Writes the calls of "griddump:filename".
     pub call_text: CallText,
+    /// Spatial databases; what is saved in one frame is there in the next.
+    pub databases: Arc<Databases>,
     /// Scene files as the user named them, for the command line in messages about failed buckets.
     pub scene_files: Vec<String>,
 }

@@ -9,6 +9,7 @@ use granita_image::FormatRegistry;
 use granita_scene::{
     AttributeSet, Camera, Light, LightId, Primitive, Scene, ShaderGroup, ShaderInstance, ShapeKey,
 };
+use granita_sdb::Databases;
 use granita_shade::{Grid, Lanes3, Topology};
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
@@ -148,6 +149,7 @@ impl Fixture {
             threads: 2,
             stop: Arc::new(AtomicBool::new(false)),
             call_text: |calls, _| Ok(format!("{calls:?}\n").into_bytes()),
+            databases: Arc::new(Databases::new(FormatRegistry::default(), self.reporter.clone())),
             scene_files: Vec::new(),
             crop: None,
         };

@@ -45,6 +45,7 @@ mod services;
 mod shading;
 mod spaces;
 mod statistics;
+mod subsurface;
 mod unread;
 
 #[cfg(test)]

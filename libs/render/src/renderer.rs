@@ -24,7 +24,9 @@ pub struct Renderer {
 pub struct FrameReport {
     /// Files written, in order of declaration; of a stereo camera the left one before the right.
     pub images: Vec<PathBuf>,
-    /// Whether every pixel was rendered and every image written.
+    /// Spatial databases written, by name.
+    pub databases: Vec<PathBuf>,
+    /// Whether every pixel was rendered and every image and database written.
     pub complete: bool,
     /// What was done for each camera that has images, by its name.
     pub statistics: Vec<(Arc<str>, Statistics)>,
@@ -62,6 +64,7 @@ impl Renderer {
             0 => usize::try_from(scene.int("limits:threads")).unwrap_or(1).max(1),
             n => n,
         };
+        environment.databases.begin();
         let mut report = FrameReport { complete: true, ..FrameReport::default() };
         let mut shading = None;
         for view in views.iter().filter(|v| camera.is_none_or(|name| &*v.name == name)) {
@@ -113,6 +116,13 @@ impl Renderer {
                 }
             }
             report.statistics.push((view.name.clone(), statistics));
+        }
+        match environment.databases.finish(&environment.texture_path) {
+            Ok(finished) => report.databases = finished.written,
+            Err(error) => {
+                reporter.error(format!("a spatial database is not written: {error}"));
+                report.complete = false;
+            }
         }
         report.shading = shading.map(|s| s.statistics()).unwrap_or_default();
         Ok(report)

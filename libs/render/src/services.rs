@@ -3,6 +3,7 @@
 //! A [`Run`] serves one run of one shader group over one grid. Rays are in `services/rays.rs`, maps in
 //! `services/maps.rs`; here is the rest.
 
+mod database;
 pub(crate) mod maps;
 mod rays;
 
@@ -15,8 +16,9 @@ use granita_base::{
 };
 use granita_scene::{AttributeSet, LightId, ShaderUsage};
 use granita_shade::{
-    Batch, EnvironmentQuery, Grid, IlluminateQuery, Lane, Lane3, Lanes3, LightInfo, LightResult,
-    LookupResult, Primvar, RayKind, Services, ShadowQuery, TextureQuery, Topology, TraceQuery, TraceResult,
+    Batch, DatabaseQuery, DatabaseSave, EnvironmentQuery, Grid, IlluminateQuery, Lane, Lane3, Lanes3,
+    LightInfo, LightResult, LookupResult, Primvar, RayKind, Services, ShadowQuery, SubsurfaceQuery,
+    TextureQuery, Topology, TraceQuery, TraceResult,
 };
 use std::sync::Arc;
 
@@ -367,6 +369,18 @@ impl Services for Run<'_, '_> {
 
     fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {
         self.frame.textures.info(texture, name)
+    }
+
+    fn spatialdb_save(&mut self, query: &DatabaseSave<'_>) {
+        database::save(self, query);
+    }
+
+    fn spatialdb_query(&mut self, query: &DatabaseQuery<'_>, values: &mut [Vec<f32>], found: &mut [bool]) {
+        database::query(self, query, values, found);
+    }
+
+    fn subsurface(&mut self, query: &SubsurfaceQuery<'_>, out: &mut Lanes3) {
+        database::subsurface(self, query, out);
     }
 
     fn is_asked_by(&mut self, set: &str) -> bool {

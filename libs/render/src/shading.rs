@@ -10,9 +10,10 @@ use crate::raytrace::RayWorld;
 use crate::services::Run;
 use crate::spaces::{Spaces, Units};
 use crate::{CameraView, RenderEnvironment, ShaderLibrary, ShadingStatistics, preshaded};
-use granita_base::{Color, Location, Reporter, Severity, Vec3};
+use granita_base::{Color, Location, ParamData, Reporter, SearchPath, Severity, Vec3};
 use granita_gsl::ir::{Global, ValueType};
 use granita_scene::{LightId, Primitive, Scene, ShaderGroup, ShaderUsage};
+use granita_sdb::{Attributes, Clusters, Databases, Mode, Packed};
 use granita_shade::{Executor, Grid, Lanes3, PrimvarData, Topology};
 use granita_texture::{CacheOptions, TextureCache};
 use std::collections::HashMap;
@@ -33,12 +34,35 @@ pub(crate) struct ShadingContext {
     pub(crate) units: Units,
     /// Texture files.
     pub(crate) textures: TextureCache,
+    /// Spatial databases.
+    pub(crate) databases: Arc<Databases>,
+    database_attributes: Attributes,
+    texture_path: SearchPath,
+    /// Databases that `subsurface ()` asks.
+    clustered: Mutex<HashMap<String, Option<Clustered>>>,
     /// By [`LightId`]; `None` for lights that stay dark.
     pub(crate) lights: Vec<Option<LightState>>,
     /// What rays meet.
     pub(crate) rays: RayWorld,
     library: Arc<dyn ShaderLibrary>,
     states: Mutex<States>,
+}
+
+/// Records, and far ones taken together.
+pub(crate) type Clustered = (Arc<Packed>, Arc<Clusters>);
+
+/// The attributes "spatialdb:read" and so on (reference 4.3.9): lists that grow with every call.
+fn database_attributes(scene: &Scene) -> Attributes {
+    let names = |attribute: &str| match scene.globals.get(attribute).map(|param| &param.data) {
+        Some(ParamData::String(list)) => list.iter().map(|name| name.to_string()).collect(),
+        _ => Vec::new(),
+    };
+    Attributes {
+        read: names("spatialdb:read"),
+        write: names("spatialdb:write"),
+        readonly: names("spatialdb:readonly"),
+        writeonly: names("spatialdb:writeonly"),
+    }
 }
 
 /// What was already made, by the address of what it was made of: the scene keeps all of that alive, so an
@@ -87,9 +111,37 @@ impl ShadingContext {
             textures,
             lights,
             library: environment.shaders.clone(),
+            databases: environment.databases.clone(),
+            database_attributes: database_attributes(scene),
+            texture_path: environment.texture_path.clone(),
+            clustered: Mutex::default(),
             states: Mutex::default(),
             reporter,
         }
+    }
+
+    /// What may be done with a database, by an option "filemode" and the attributes of the scene.
+    pub(crate) fn database_mode(&self, name: &str, word: &str) -> Mode {
+        self.databases.mode(&self.database_attributes, name, word)
+    }
+
+    /// The records that queries of a database see.
+    pub(crate) fn database(&self, name: &str, mode: Mode) -> Option<Arc<Packed>> {
+        self.databases.records(name, mode, &self.texture_path)
+    }
+
+    /// The same with far records taken together; made when first asked for.
+    pub(crate) fn clustered(&self, name: &str, mode: Mode) -> Option<Clustered> {
+        let mut all = self.clustered.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = all.get(name) {
+            return known.clone();
+        }
+        let made = self.database(name, mode).map(|records| {
+            let clusters = Arc::new(Clusters::new(&records));
+            (records, clusters)
+        });
+        all.insert(name.to_owned(), made.clone());
+        made
     }
 
     /// The state of a primitive's object; made on first use, the same for all primitives that share an

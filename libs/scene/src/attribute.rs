@@ -443,20 +443,16 @@ pub const TABLE: &[AttributeRow] = &[
     row(Global, "4.3.8", (STRING, "texture:substtexture"), Text(""), "texture that stands for all textures"),
     row(Global, "4.3.8", (STRING, "texture:substenv"), Text(""), "map that stands for all environment maps"),
     row(Global, "4.3.8", (INT, "texture:automipmap"), Ints(&[1]), "make a mip-map of textures that are none"),
-    row(Global, "4.3.9", (STRING, "spatialdb:write"), Unset, "spatial databases written after rendering")
-        .not_yet(),
-    row(Global, "4.3.9", (STRING, "spatialdb:read"), Unset, "spatial databases loaded when first asked")
-        .not_yet(),
+    row(Global, "4.3.9", (STRING, "spatialdb:write"), Unset, "spatial databases written after rendering"),
+    row(Global, "4.3.9", (STRING, "spatialdb:read"), Unset, "spatial databases loaded when first asked"),
     row(
         Global,
         "4.3.9",
         (STRING, "spatialdb:readonly"),
         Unset,
         "spatial databases loaded and never added to",
-    )
-    .not_yet(),
-    row(Global, "4.3.9", (STRING, "spatialdb:writeonly"), Unset, "spatial databases written and never asked")
-        .not_yet(),
+    ),
+    row(Global, "4.3.9", (STRING, "spatialdb:writeonly"), Unset, "spatial databases written and never asked"),
     row(ReadOnly, "4.3.10", (STRING, "renderer:name"), Text("Granita"), "name of the renderer"),
     row(ReadOnly, "4.3.10", (INT4, "renderer:version"), Unset, "major, minor, release and patch number"),
     row(ReadOnly, "4.3.10", (STRING, "renderer:versionstring"), Unset, "the version in words"),

@@ -88,10 +88,8 @@ const IN_MEMORY: usize = 64 << 20;
 /// seen from [`Databases::finish`] on. So answers do not depend on who came first.
 #[derive(Debug)]
 pub struct Databases {
-    search: SearchPath,
     formats: FormatRegistry,
     reporter: Reporter,
-    attributes: Attributes,
     in_memory: usize,
     entries: Mutex<BTreeMap<String, Entry>>,
 }
@@ -118,14 +116,9 @@ fn lock(entries: &Mutex<BTreeMap<String, Entry>>) -> MutexGuard<'_, BTreeMap<Str
 }
 
 impl Databases {
-    /// None yet. Files are looked for along `search`; pictures are written in a format of `formats`.
-    pub fn new(
-        search: SearchPath,
-        formats: FormatRegistry,
-        reporter: Reporter,
-        attributes: Attributes,
-    ) -> Self {
-        Self { search, formats, reporter, attributes, in_memory: IN_MEMORY, entries: Mutex::default() }
+    /// None yet. Pictures are written in a format of `formats`.
+    pub fn new(formats: FormatRegistry, reporter: Reporter) -> Self {
+        Self { formats, reporter, in_memory: IN_MEMORY, entries: Mutex::default() }
     }
 
     /// With another bound on the numbers kept in memory per database while a frame runs.
@@ -134,13 +127,13 @@ impl Databases {
     }
 
     /// The mode that an option's word means for a database; a word that is none is told once and taken as empty.
-    pub fn mode(&self, name: &str, word: &str) -> Mode {
+    pub fn mode(&self, attributes: &Attributes, name: &str, word: &str) -> Mode {
         let option = Mode::from_word(word).unwrap_or_else(|| {
             let text = format!("spatial database \"{name}\": no file mode \"{word}\" (r, w, rw, ro, wo)");
             self.tell(name, Severity::Error, text);
             Mode::default()
         });
-        self.attributes.mode(name, option)
+        attributes.mode(name, option)
     }
 
     fn tell(&self, name: &str, severity: Severity, text: String) {
@@ -195,21 +188,22 @@ impl Databases {
         }
     }
 
-    /// The records that queries of a database see; `None` when there are none.
-    pub fn records(&self, name: &str, mode: Mode) -> Option<Arc<Packed>> {
+    /// The records that queries of a database see; `None` when there are none. Its file is looked for along `search`,
+    /// once a frame.
+    pub fn records(&self, name: &str, mode: Mode, search: &SearchPath) -> Option<Arc<Packed>> {
         let mut entries = lock(&self.entries);
         let entry = entries.entry(name.to_owned()).or_default();
         if !mode.read {
             return entry.memory.clone();
         }
         if entry.file.is_none() {
-            entry.file = Some(self.load(name, mode.write));
+            entry.file = Some(self.load(name, mode.write, search));
         }
         entry.file.clone().flatten().or_else(|| entry.memory.clone())
     }
 
-    fn load(&self, name: &str, may_lack: bool) -> Option<Arc<Packed>> {
-        let Some(path) = self.search.find(name) else {
+    fn load(&self, name: &str, may_lack: bool, search: &SearchPath) -> Option<Arc<Packed>> {
+        let Some(path) = search.find(name) else {
             // What a frame is to write need not be there before the first.
             if !may_lack {
                 self.tell(name, Severity::Warning, format!("spatial database \"{name}\" not found"));
@@ -226,12 +220,20 @@ impl Databases {
         }
     }
 
-    /// After a frame: writes what is to be written, and makes what was saved visible.
+    /// Before a frame: forgets what one that came to no end saved.
+    pub fn begin(&self) {
+        for entry in lock(&self.entries).values_mut() {
+            (entry.saved, entry.broken, entry.file) = (None, 0, None);
+        }
+    }
+
+    /// After a frame: writes what is to be written, and makes what was saved visible. What "rw" adds to is looked for along
+    /// `search`.
     ///
     /// # Errors
     /// Of the first database that could not be written; the others are written all the same, and the file that was
     /// there before stays as it was.
-    pub fn finish(&self) -> Result<Finished> {
+    pub fn finish(&self, search: &SearchPath) -> Result<Finished> {
         let mut finished = Finished::default();
         let mut first_error = None;
         let mut entries = lock(&self.entries);
@@ -242,8 +244,12 @@ impl Databases {
                     format!("spatial database \"{name}\": {count} records are not finite and left out");
                 self.tell(name, Severity::Warning, text);
             }
-            let Some(saved) = entry.saved.take() else { continue };
-            match self.finish_one(name, entry, saved) {
+            let Some(saved) = entry.saved.take() else {
+                // Another frame may find another file.
+                entry.file = None;
+                continue;
+            };
+            match self.finish_one(name, entry, saved, search) {
                 Ok(Some((path, records))) => {
                     finished.written.push(path);
                     finished.records += records;
@@ -255,7 +261,13 @@ impl Databases {
         first_error.map_or(Ok(finished), Err)
     }
 
-    fn finish_one(&self, name: &str, entry: &mut Entry, mut saved: Spool) -> Result<Option<(PathBuf, u64)>> {
+    fn finish_one(
+        &self,
+        name: &str,
+        entry: &mut Entry,
+        mut saved: Spool,
+        search: &SearchPath,
+    ) -> Result<Option<(PathBuf, u64)>> {
         let io = |source| SdbError::Io { path: name.into(), source };
         let schema = saved.schema();
         if !std::mem::take(&mut entry.write) {
@@ -268,7 +280,7 @@ impl Databases {
         }
         let old = entry.file.take();
         if std::mem::take(&mut entry.adds) {
-            let old = old.unwrap_or_else(|| self.load(name, true));
+            let old = old.unwrap_or_else(|| self.load(name, true, search));
             if let Some(old) = old.filter(|old| old.schema() == schema) {
                 saved.push(old.records()).map_err(io)?;
             }

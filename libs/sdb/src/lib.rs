@@ -7,6 +7,7 @@
 //! - [`Packed`] is a set of records that can be searched: [`Packed::between`] for values, [`Packed::density`] for densities.
 //!   In memory or in a file, the numbers are the same; files are mapped and not copied.
 //! - [`Databases`] are all databases of a session by name, with their file modes.
+//! - [`Clusters`] take far records together.
 //! - [`picture`] turns a database over surfaces into rows of pixels.
 //!
 //! Invariants:
@@ -29,6 +30,7 @@
 
 #![deny(unsafe_code)]
 
+mod clusters;
 mod databases;
 mod error;
 mod file;
@@ -39,6 +41,7 @@ mod picture;
 mod query;
 mod schema;
 
+pub use clusters::{Cluster, Clusters};
 pub use databases::{Attributes, Databases, Finished, Mode};
 pub use error::{Result, SdbError};
 pub use file::read;

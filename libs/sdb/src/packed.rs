@@ -151,6 +151,32 @@ impl Packed {
         &self.numbers()[i * n..][..n]
     }
 
+    /// The position of a record; of (s, t) the third number is 0.
+    pub fn position(&self, i: usize) -> [f32; 3] {
+        let d = self.schema.key.dimensions();
+        let mut out = [0.0; 3];
+        out[..d].copy_from_slice(&self.record(i)[..d]);
+        out
+    }
+
+    /// The value of a record; a single number stands in the first place.
+    pub fn value(&self, i: usize) -> [f32; 3] {
+        let value = &self.record(i)[self.schema.key.numbers()..];
+        let mut out = [0.0; 3];
+        out[..value.len()].copy_from_slice(value);
+        out
+    }
+
+    /// Levels of boxes.
+    pub(crate) fn level_count(&self) -> usize {
+        self.levels.len()
+    }
+
+    /// Corners of box `i` of a level.
+    pub(crate) fn corners_of(&self, level: usize, i: usize) -> ([f32; 3], [f32; 3]) {
+        self.corners(self.numbers(), &self.levels[level], i)
+    }
+
     /// All records, one after another.
     pub fn records(&self) -> &[f32] {
         &self.numbers()[..self.count * self.schema.numbers()]

@@ -191,14 +191,6 @@ impl Packed {
         let share = 1.0 / (PI * reach * reach);
         Some(sum.map(|s| s * share))
     }
-
-    /// The value of a record; a single number stands in the first place.
-    fn value(&self, index: usize) -> [f32; 3] {
-        let value = &self.record(index)[self.schema().key.numbers()..];
-        let mut out = [0.0; 3];
-        out[..value.len()].copy_from_slice(value);
-        out
-    }
 }
 
 #[cfg(test)]

@@ -15,12 +15,15 @@ fn unit(i: u32, k: u32) -> f32 {
     hash::unit(hash::words(&[i, k]))
 }
 
-fn databases(folder: &Path, attributes: Attributes) -> (Databases, impl Fn() -> Vec<String>) {
+fn path(folder: &Path) -> SearchPath {
+    SearchPath::parse(&folder.to_string_lossy(), &SearchPath::default(), &Environment::empty())
+}
+
+fn databases() -> (Databases, impl Fn() -> Vec<String>) {
     let (reporter, messages) = Reporter::collecting();
     let formats = granita_plugin::bundled_formats(Limits::default());
-    let search = SearchPath::parse(&folder.to_string_lossy(), &SearchPath::default(), &Environment::empty());
     let texts = move || messages.lock().unwrap().iter().map(ToString::to_string).collect();
-    (Databases::new(search, formats, reporter, attributes), texts)
+    (Databases::new(formats, reporter), texts)
 }
 
 fn records(count: u32) -> Vec<f32> {
@@ -42,7 +45,7 @@ fn files_hold_what_was_saved_whatever_the_order_and_the_memory() {
     let all = records(5000);
     let mut bytes: Vec<Vec<u8>> = Vec::new();
     for (round, memory) in [usize::MAX, 6 * 100, 6 * 1001, 0].into_iter().enumerate() {
-        let (databases, _) = databases(folder.path(), Attributes::default());
+        let (databases, _) = databases();
         let databases = databases.with_memory(memory);
         let file = name(&folder, &format!("{round}.sdb"));
         let mut pieces: Vec<&[f32]> = all.chunks(6 * 7).collect();
@@ -59,7 +62,7 @@ fn files_hold_what_was_saved_whatever_the_order_and_the_memory() {
                 });
             }
         });
-        let finished = databases.finish().unwrap();
+        let finished = databases.finish(&path(folder.path())).unwrap();
         assert_eq!((finished.records, finished.written.len()), (5000, 1));
         bytes.push(std::fs::read(&file).unwrap());
     }
@@ -81,9 +84,9 @@ fn files_hold_what_was_saved_whatever_the_order_and_the_memory() {
 fn broken_files_are_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let file = name(&folder, "a.sdb");
-    let (databases, _) = databases(folder.path(), Attributes::default());
+    let (databases, _) = databases();
     databases.save(&file, POINTS, mode("w"), None, &records(40));
-    databases.finish().unwrap();
+    databases.finish(&path(folder.path())).unwrap();
     let whole = std::fs::read(&file).unwrap();
     let broken = folder.path().join("b.sdb");
     let refused = |bytes: &[u8]| {
@@ -115,10 +118,10 @@ fn broken_files_are_refused_by_name() {
     assert!(matches!(read(&folder.path().join("none.sdb")), Err(SdbError::Io { .. })));
     // A session goes on without it, with one message.
     std::fs::write(&broken, &whole[..500]).unwrap();
-    let (databases, texts) = self::databases(folder.path(), Attributes::default());
+    let (databases, texts) = self::databases();
     for _ in 0..3 {
-        assert!(databases.records("b.sdb", mode("r")).is_none());
-        assert!(databases.records("none.sdb", mode("r")).is_none());
+        assert!(databases.records("b.sdb", mode("r"), &path(folder.path())).is_none());
+        assert!(databases.records("none.sdb", mode("r"), &path(folder.path())).is_none());
     }
     assert_eq!(texts().len(), 2, "{:?}", texts());
     assert!(texts()[0].contains("b.sdb") && texts()[1].contains("\"none.sdb\" not found"), "{:?}", texts());
@@ -128,18 +131,18 @@ fn broken_files_are_refused_by_name() {
 fn what_cannot_be_written_leaves_what_was_there() {
     let folder = tempfile::tempdir().unwrap();
     let file = name(&folder, "no/such/folder.sdb");
-    let (databases, _) = databases(folder.path(), Attributes::default());
+    let (databases, _) = databases();
     databases.save(&file, POINTS, mode("w"), None, &records(3));
     let other = name(&folder, "other.sdb");
     databases.save(&other, POINTS, mode("w"), None, &records(3));
-    let error = databases.finish().unwrap_err();
+    let error = databases.finish(&path(folder.path())).unwrap_err();
     assert!(error.to_string().contains("folder.sdb"), "{error}");
     assert_eq!(read(Path::new(&other)).unwrap().len(), 3, "the others are written all the same");
     #[cfg(target_os = "linux")]
     {
-        let (databases, _) = self::databases(folder.path(), Attributes::default());
+        let (databases, _) = self::databases();
         databases.save("/dev/full", POINTS, mode("w"), None, &records(5000));
-        let error = databases.finish().unwrap_err().to_string();
+        let error = databases.finish(&path(folder.path())).unwrap_err().to_string();
         assert!(error.starts_with("/dev/full: "), "{error}");
     }
 }
@@ -149,36 +152,36 @@ fn modes_say_what_is_seen_and_what_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     let file = name(&folder, "m.sdb");
     let count = |databases: &Databases, word: &str| {
-        databases.records(&file, mode(word)).map_or(0, |packed| packed.len())
+        databases.records(&file, mode(word), &path(folder.path())).map_or(0, |packed| packed.len())
     };
-    let (databases, texts) = databases(folder.path(), Attributes::default());
+    let (databases, texts) = databases();
     // Without a mode: for later frames of the session, never for a file.
     databases.save(&file, POINTS, mode(""), None, &records(3));
     assert_eq!(count(&databases, ""), 0, "a frame does not see what it saves");
-    assert_eq!(databases.finish().unwrap().written.len(), 0);
+    assert_eq!(databases.finish(&path(folder.path())).unwrap().written.len(), 0);
     assert_eq!(count(&databases, ""), 3);
     databases.save(&file, POINTS, mode(""), None, &records(2));
-    databases.finish().unwrap();
+    databases.finish(&path(folder.path())).unwrap();
     assert_eq!(count(&databases, ""), 5);
     assert!(!Path::new(&file).exists());
     // Written: from then on in the file.
     databases.save(&file, POINTS, mode("w"), None, &records(4));
-    databases.finish().unwrap();
+    databases.finish(&path(folder.path())).unwrap();
     assert_eq!((count(&databases, ""), count(&databases, "r"), count(&databases, "ro")), (0, 4, 4));
     // Replaced by "w" and "wo", added to by "rw".
     databases.save(&file, POINTS, mode("wo"), None, &records(6));
-    databases.finish().unwrap();
+    databases.finish(&path(folder.path())).unwrap();
     assert_eq!(count(&databases, "r"), 6);
     databases.save(&file, POINTS, mode("rw"), None, &records(7));
-    databases.finish().unwrap();
+    databases.finish(&path(folder.path())).unwrap();
     assert_eq!(count(&databases, "r"), 13);
     assert!(texts().is_empty(), "{:?}", texts());
     // "rw" on nothing is no mistake.
     let new = name(&folder, "new.sdb");
-    assert!(databases.records(&new, mode("rw")).is_none());
+    assert!(databases.records(&new, mode("rw"), &path(folder.path())).is_none());
     databases.save(&new, POINTS, mode("rw"), None, &records(1));
-    databases.finish().unwrap();
-    assert_eq!(databases.records(&new, mode("r")).unwrap().len(), 1);
+    databases.finish(&path(folder.path())).unwrap();
+    assert_eq!(databases.records(&new, mode("r"), &path(folder.path())).unwrap().len(), 1);
     assert!(texts().is_empty(), "{:?}", texts());
 }
 
@@ -196,9 +199,8 @@ fn attributes_stand_in_for_modes() {
     assert_eq!(of("b", ""), mode(""));
     assert_eq!(of("c", ""), mode("ro"));
     assert_eq!(of("d", ""), mode("wo"));
-    let folder = tempfile::tempdir().unwrap();
-    let (databases, texts) = databases(folder.path(), attributes);
-    assert_eq!(databases.mode("a", "x"), mode("rw"));
+    let (databases, texts) = databases();
+    assert_eq!(databases.mode(&attributes, "a", "x"), mode("rw"));
     assert!(texts()[0].contains("no file mode \"x\""), "{:?}", texts());
 }
 
@@ -206,7 +208,7 @@ fn attributes_stand_in_for_modes() {
 fn records_that_do_not_belong_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let file = name(&folder, "a.sdb");
-    let (databases, texts) = databases(folder.path(), Attributes::default());
+    let (databases, texts) = databases();
     let mut some = records(3);
     some[7] = f32::NAN;
     databases.save(&file, POINTS, mode("w"), None, &some);
@@ -214,7 +216,7 @@ fn records_that_do_not_belong_are_told() {
     for _ in 0..3 {
         databases.save(&file, other, mode("w"), None, &[0.0, 0.0, 1.0]);
     }
-    assert_eq!(databases.finish().unwrap().records, 2);
+    assert_eq!(databases.finish(&path(folder.path())).unwrap().records, 2);
     let texts = texts();
     assert_eq!(texts.len(), 2, "{texts:?}");
     assert!(texts[0].contains("holds color by points: float by (s, t) is not added"), "{texts:?}");
@@ -222,7 +224,7 @@ fn records_that_do_not_belong_are_told() {
     // No picture of points.
     let picture = name(&folder, "a.tif");
     databases.save(&picture, POINTS, mode("w"), None, &records(3));
-    let error = databases.finish().unwrap_err().to_string();
+    let error = databases.finish(&path(folder.path())).unwrap_err().to_string();
     assert!(error.contains("a.tif") && error.contains("only (s, t) can"), "{error}");
 }
 
@@ -232,13 +234,13 @@ fn surfaces_become_pictures() {
     let schema = Schema { key: Key::Surface, value: Value::Color };
     let ramp: Vec<f32> =
         (0..4000).flat_map(|i| [unit(i, 0), unit(i, 1), unit(i, 0), unit(i, 1), 0.25]).collect();
-    let (databases, _) = databases(folder.path(), Attributes::default());
+    let (databases, _) = databases();
     for (file, data_format) in [("a.tif", "float"), ("b.exr", "half"), ("c.png", "8")] {
         let options =
             PictureOptions { resolution: [20, 10], data_format: data_format.to_owned(), filter_width: 4.0 };
         databases.save(&name(&folder, file), schema, mode("wo"), Some(&options), &ramp);
     }
-    assert_eq!(databases.finish().unwrap().written.len(), 3);
+    assert_eq!(databases.finish(&path(folder.path())).unwrap().written.len(), 3);
     let formats = granita_plugin::bundled_formats(Limits::default());
     for file in ["a.tif", "b.exr", "c.png"] {
         let input = formats.open(&folder.path().join(file)).unwrap();
@@ -269,10 +271,10 @@ proptest! {
         let numbers = &numbers[..numbers.len() / 7 * 7];
         let memory = granita_sdb::Packed::new(schema, numbers);
         let folder = tempfile::tempdir().unwrap();
-        let (databases, _) = databases(folder.path(), Attributes::default());
+        let (databases, _) = databases();
         let file = name(&folder, "p.sdb");
         databases.save(&file, schema, mode("w"), None, numbers);
-        databases.finish().unwrap();
+        databases.finish(&path(folder.path())).unwrap();
         let stored = read(Path::new(&file)).unwrap();
         let bits = |v: &[f32]| v.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
         prop_assert_eq!(bits(memory.records()), bits(stored.records()));

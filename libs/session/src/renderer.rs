@@ -10,6 +10,7 @@ use granita_image::{FormatRegistry, Limits};
 use granita_pyg::{Writer, WriterOptions};
 use granita_render::{Progress, RenderEnvironment, RenderError, Renderer};
 use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, Stop, UnreadInput};
+use granita_sdb::Databases;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -63,6 +64,7 @@ pub(crate) struct SessionRenderer {
     reporter: Reporter,
     progress: Arc<Tracked>,
     registry: FormatRegistry,
+    databases: Arc<Databases>,
     commands: CommandContext,
     inputs: Inputs,
     finished: Finished,
@@ -80,13 +82,15 @@ impl SessionRenderer {
         progress: Arc<dyn Progress>,
         finished: Finished,
     ) -> Self {
+        let registry = granita_plugin::bundled_formats(Limits::default());
         Self {
+            databases: Arc::new(Databases::new(registry.clone(), reporter.clone())),
             progress: Arc::new(Tracked {
                 inner: progress,
                 total: AtomicU64::new(0),
                 done: AtomicU64::new(0),
             }),
-            registry: granita_plugin::bundled_formats(Limits::default()),
+            registry,
             commands: CommandContext { reporter: reporter.clone(), stop: Arc::default() },
             inputs: Inputs::new(options.clone(), reporter.clone()),
             options,
@@ -141,6 +145,7 @@ impl SessionRenderer {
     fn environment(&self, scene: &Scene) -> RenderEnvironment {
         RenderEnvironment {
             registry: self.registry.clone(),
+            databases: self.databases.clone(),
             shaders: Arc::new(Shaders::new(self.search_path(scene, "path:shader"), self.reporter.clone())),
             texture_path: self.search_path(scene, "path:texture"),
             variables: self.options.environment.clone(),
