@@ -32,7 +32,8 @@ impl Dipole {
         let real = extinction.recip();
         Self {
             albedo: scattering / extinction,
-            transport: (3.0 * absorption * extinction).map(f32::sqrt),
+            // Root by root: the product may be too large for a number.
+            transport: (3.0 * absorption).map(f32::sqrt) * extinction.map(f32::sqrt),
             real,
             mirrored: real * (1.0 + 4.0 / 3.0 * mismatch),
         }
@@ -41,9 +42,10 @@ impl Dipole {
     /// Share of the light that enters at a place which leaves again per area, at a distance whose square is given.
     pub(crate) fn reflectance(&self, squared: f32) -> Color {
         let pole = |depth: Vec3| {
-            let way = (depth * depth + squared).map(f32::sqrt);
+            // Not so near that its square is no number any more.
+            let way = (depth * depth + squared).map(f32::sqrt).max(Vec3::splat(1e-15));
             let fall = (-self.transport * way).exp();
-            depth * (Vec3::ONE + self.transport * way) * fall / (way * way * way)
+            depth / way * (Vec3::ONE + self.transport * way) * fall / (way * way)
         };
         self.albedo * (pole(self.real) + pole(self.mirrored)) / (4.0 * PI)
     }
@@ -58,11 +60,10 @@ impl Dipole {
         max_solid_angle: f32,
     ) -> Color {
         let mut sum = Vec3::ZERO;
-        let opens = |c: &Cluster| {
-            // A flat square has half the square of its diagonal for its area.
-            let squared = p.distance_squared(Vec3::from_array(c.centre));
-            c.contains(p.to_array()) || !(0.5 * c.diagonal_squared <= max_solid_angle * squared)
-        };
+        // The square of the diagonal is twice the area of a flat square; measured from the nearest side, boxes beside
+        // the point are opened where the profile is steep.
+        let opens =
+            |c: &Cluster| c.diagonal_squared > max_solid_angle.max(0.0) * c.distance_squared(p.to_array());
         clusters.gather(records, &opens, &mut |at, light| {
             let squared = p.distance_squared(Vec3::from_array(at));
             sum += self.reflectance(squared) * Vec3::from_array(light);

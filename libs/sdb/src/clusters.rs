@@ -19,9 +19,9 @@ pub struct Cluster {
 }
 
 impl Cluster {
-    /// Whether a position is in its box.
-    pub fn contains(&self, p: [f32; 3]) -> bool {
-        (0..3).all(|c| self.lo[c] <= p[c] && p[c] <= self.hi[c])
+    /// Square of the distance of a position from its box; 0 inside.
+    pub fn distance_squared(&self, p: [f32; 3]) -> f32 {
+        (0..3).map(|c| (self.lo[c] - p[c]).max(p[c] - self.hi[c]).max(0.0)).map(|x| x * x).sum()
     }
 }
 
