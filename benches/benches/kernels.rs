@@ -43,7 +43,7 @@ fn dented(n: usize) -> Tracer {
     }
     let mut builder = TracerBuilder::new();
     builder.add(TriangleMesh { times: vec![0.0], positions: vec![positions], triangles });
-    builder.build()
+    builder.build(1)
 }
 
 /// Rays from a sphere of radius 3 through random places of the unit ball.

@@ -25,6 +25,14 @@ struct Quad {
     piece: u32,
 }
 
+impl Quad {
+    /// Vertices of its two triangles; the second is the first, turned by half a circle.
+    fn triangles(&self) -> [[u32; 3]; 2] {
+        let (corner, stride) = (self.corner, self.stride);
+        [[corner, corner + 1, corner + stride], [corner + stride + 1, corner + stride, corner + 1]]
+    }
+}
+
 /// Values of a primitive variable over a tessellation.
 #[derive(Clone, Debug)]
 enum RayData {
@@ -104,6 +112,16 @@ impl RayMesh {
     /// Which combination of uniform strings a triangle carries: hits of different ones cannot share a grid.
     pub(crate) fn strings_of(&self, triangle: u32) -> u32 {
         self.string_set[self.quads[triangle as usize / 2].piece as usize]
+    }
+
+    /// How many triangles there are.
+    pub(crate) fn triangles(&self) -> u32 {
+        2 * self.quads.len() as u32
+    }
+
+    /// Vertices of a triangle at the time of shading.
+    pub(crate) fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        self.quads[triangle as usize / 2].triangles()[triangle as usize % 2].map(|v| self.p[v as usize])
     }
 
     /// Shading normal at a hit, of length 1.

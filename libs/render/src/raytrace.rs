@@ -190,7 +190,7 @@ impl RayScene {
         Self {
             opaque_to_shadows: meshes.iter().all(|m| m.object.opaque_to_shadows),
             asks_parents: meshes.iter().any(|m| asks_parent(&m.object)),
-            tracer: tracer.build(),
+            tracer: tracer.build(threads),
             meshes,
             areas: OnceLock::new(),
         }
@@ -199,21 +199,17 @@ impl RayScene {
     /// The point at a fraction of the area of all surfaces, at barycentric coordinates of its triangle, and
     /// the normal there. `None` without any area.
     pub(crate) fn area_point(&self, fraction: f32, b1: f32, b2: f32) -> Option<(Vec3, Vec3)> {
-        let corners = |mesh: u32, triangle: u32| {
-            let mesh = &self.tracer.meshes()[mesh as usize];
-            mesh.triangles[triangle as usize].map(|v| mesh.positions[0][v as usize])
-        };
         let areas = self.areas.get_or_init(|| {
-            let meshes = self.tracer.meshes().iter().enumerate();
+            let meshes = self.meshes.iter().enumerate();
             AreaTable::new(meshes.flat_map(|(m, mesh)| {
-                (0..mesh.triangles.len()).map(move |t| {
-                    let [a, b, c] = corners(m as u32, t as u32);
-                    (m as u32, t as u32, area(a, b, c))
+                (0..mesh.triangles()).map(move |t| {
+                    let [a, b, c] = mesh.corners(t);
+                    (m as u32, t, area(a, b, c))
                 })
             }))
         });
         let (mesh, triangle) = areas.at(fraction)?;
-        let [a, b, c] = corners(mesh, triangle);
+        let [a, b, c] = self.meshes[mesh as usize].corners(triangle);
         let p = a * (1.0 - b1 - b2) + b * b1 + c * b2;
         let place = MeshHit { triangle, b1, b2, p, i: Vec3::ZERO, width: 0.0 };
         Some((p, self.meshes[mesh as usize].normal(&place)))

@@ -26,19 +26,27 @@
 //!     positions: vec![vec![Vec3::ZERO, Vec3::X, Vec3::Y]],
 //!     triangles: vec![[0, 1, 2]],
 //! });
-//! let tracer = builder.build();
+//! let tracer = builder.build(1);
 //! let ray = Ray { origin: Vec3::new(0.2, 0.3, 2.0), tmin: 0.0, dir: -Vec3::Z, tmax: f32::INFINITY, time: 0.0 };
 //! let mut hits = [Hit::MISS];
 //! tracer.closest(&[ray], &mut hits);
 //! assert_eq!((hits[0].t, hits[0].triangle), (2.0, 0));
 //! ```
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
-mod bvh;
+mod build;
+mod layout;
 mod mesh;
+mod moving;
+mod order;
+mod probe;
 mod ray;
+mod simd;
+mod trace;
 mod tracer;
-mod triangle;
+
+#[cfg(test)]
+mod tests;
 
 pub use mesh::{MeshId, TriangleMesh};
 pub use ray::{Hit, Ray};

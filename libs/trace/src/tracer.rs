@@ -1,14 +1,23 @@
 //! Building and tracing.
 
-use crate::bvh::{Bvh, Node, WIDTH};
-use crate::triangle::Shear;
+use crate::build::{self, Item, Topology};
+use crate::layout::{Block, Box3, Link, Node};
+use crate::moving::MovingTree;
+use crate::order::{self, Sorter};
+use crate::probe::{Met, Probe, Scale, Wide, still_plane};
+use crate::simd::{self, NARROW, Simd, WIDE};
+use crate::trace::{Batch, Task, Tree};
 use crate::{Hit, MeshId, Ray, TriangleMesh};
 use granita_base::{Bound, Vec3};
+
+/// Triangles of all meshes of a tracer at most.
+const MAX_TRIANGLES: usize = 1 << 30;
 
 /// Collects meshes.
 #[derive(Debug, Default)]
 pub struct TracerBuilder {
     meshes: Vec<TriangleMesh>,
+    triangles: usize,
 }
 
 impl TracerBuilder {
@@ -22,125 +31,89 @@ impl TracerBuilder {
     ///
     /// # Panics
     ///
-    /// With more than `u32::MAX - 1` meshes.
+    /// With more than 2^30 triangles in all.
     pub fn add(&mut self, mesh: TriangleMesh) -> MeshId {
-        assert!(self.meshes.len() < u32::MAX as usize, "too many meshes");
+        self.triangles += mesh.triangles.len();
+        assert!(self.triangles <= MAX_TRIANGLES && self.meshes.len() < MAX_TRIANGLES, "too many triangles");
         self.meshes.push(mesh);
         MeshId(self.meshes.len() as u32 - 1)
     }
 
-    /// Builds the acceleration structure, on the calling thread.
-    pub fn build(self) -> Tracer {
-        let mut triangles = Vec::new();
-        let mut boxes = Vec::new();
-        for (m, mesh) in self.meshes.iter().enumerate() {
+    /// Builds the acceleration structure, on the calling thread and up to `threads - 1` more. The structure does
+    /// not depend on their number. Meshes that stand still are not kept.
+    pub fn build(mut self, threads: usize) -> Tracer {
+        let mut bound = Bound::EMPTY;
+        let mut first = Vec::with_capacity(self.meshes.len());
+        let mut count = 0;
+        for mesh in &mut self.meshes {
+            first.push(count);
+            count += mesh.triangles.len() as u32;
             if !mesh.is_usable() {
-                continue;
+                *mesh = TriangleMesh::default();
             }
             for t in 0..mesh.triangles.len() {
-                let Some(bound) = mesh.triangle_bound(t) else { continue };
-                let vertices = mesh.triangles[t].map(|v| mesh.positions[0][v as usize]);
-                triangles.push(Triangle { vertices, mesh: m as u32, triangle: t as u32 });
-                boxes.push(bound);
+                if let Some(b) = mesh.triangle_bound(t) {
+                    bound = bound.union(b);
+                }
             }
         }
-        let bvh = Bvh::build(&boxes);
-        let triangles = bvh.order.iter().map(|&i| triangles[i as usize].clone()).collect();
-        Tracer { meshes: self.meshes, triangles, bvh }
+        let size = bound.min.abs().max(bound.max.abs()).max_element();
+        let scale = Scale::new(if bound.is_empty() { 0.0 } else { size });
+        let still = StillTree::new(&self.meshes, &first, scale, threads);
+        // Only what moves is looked up again.
+        for mesh in self.meshes.iter_mut().filter(|m| m.times.len() < 2) {
+            *mesh = TriangleMesh::default();
+        }
+        let moving = MovingTree::new(self.meshes, &first, scale, threads);
+        let bounds = Box3 { lo: scale.point(bound.min).to_array(), hi: scale.point(bound.max).to_array() };
+        let sorter = Sorter::new(&Box3 { lo: bound.min.to_array(), hi: bound.max.to_array() });
+        Tracer { bound, sorter, scene: Scene { still, moving, first, scale, bounds } }
     }
-}
-
-/// A triangle as the leaves hold it, with its vertices at the first key.
-#[derive(Clone, Debug)]
-struct Triangle {
-    vertices: [Vec3; 3],
-    mesh: u32,
-    triangle: u32,
 }
 
 /// Answers rays. Shared between threads.
 #[derive(Debug)]
 pub struct Tracer {
-    meshes: Vec<TriangleMesh>,
-    triangles: Vec<Triangle>,
-    bvh: Bvh,
+    bound: Bound,
+    sorter: Sorter,
+    pub(crate) scene: Scene,
 }
 
-/// What a ray needs to be tested against boxes.
-struct BoxTest {
-    origin: Vec3,
-    inverse: Vec3,
-    /// Axes along which the ray runs downward.
-    negative: [bool; 3],
+/// What rays go through.
+#[derive(Debug)]
+pub(crate) struct Scene {
+    pub(crate) still: StillTree,
+    pub(crate) moving: MovingTree,
+    /// Number of the first triangle of each mesh.
+    first: Vec<u32>,
+    pub(crate) scale: Scale,
+    /// Box around everything in the coordinates of the trees.
+    pub(crate) bounds: Box3,
 }
 
-/// Relative room for rounding in distances to boxes: a difference, a reciprocal and a product, each rounded once
-/// (after Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013), with something to spare.
-const SLACK: f32 = 5e-7;
-
-impl BoxTest {
-    fn new(ray: &Ray) -> Self {
-        let inverse = 1.0 / ray.dir;
-        Self { origin: ray.origin, inverse, negative: [0, 1, 2].map(|a| inverse[a] < 0.0) }
-    }
-
-    /// Entry distances of the boxes, infinite where `tmin..tmax` misses them. A ray within a plane of a box gives
-    /// NaN there, which the comparisons below ignore.
-    #[inline]
-    fn enter(&self, node: &Node, tmin: f32, tmax: f32) -> [f32; WIDTH] {
-        let mut near = [tmin; WIDTH];
-        let mut far = [tmax; WIDTH];
-        for axis in 0..3 {
-            let (lo, hi) = (&node.lo[axis], &node.hi[axis]);
-            let (first, second) = if self.negative[axis] { (hi, lo) } else { (lo, hi) };
-            let (origin, inverse) = (self.origin[axis], self.inverse[axis]);
-            for i in 0..WIDTH {
-                let n = (first[i] - origin) * inverse;
-                let f = (second[i] - origin) * inverse;
-                near[i] = if n > near[i] { n } else { near[i] };
-                far[i] = if f < far[i] { f } else { far[i] };
-            }
+impl Scene {
+    /// What the world is told of a hit.
+    pub(crate) fn hit(&self, probe: &Probe, met: &Met, id: u32) -> Hit {
+        let mesh = self.first.partition_point(|first| *first <= id) - 1;
+        Hit {
+            t: probe.distance(met.t),
+            mesh: mesh as u32,
+            triangle: id - self.first[mesh],
+            b1: met.b1,
+            b2: met.b2,
         }
-        // Infinite distances on the wrong side become NaN here and miss.
-        let near = near.map(|n| n - n.abs() * SLACK);
-        let far = far.map(|f| f + f.abs() * SLACK);
-        std::array::from_fn(|i| if near[i] <= far[i] { near[i] } else { f32::INFINITY })
     }
-}
-
-/// The ray with a direction of moderate length, and what its distances have to be multiplied by. Distances of any
-/// scale then neither overflow nor vanish. `None` for a ray that hits nothing.
-fn moderate(ray: &Ray) -> Option<(Ray, f32)> {
-    let size = ray.dir.abs().max_element();
-    // NaN components may hide behind others.
-    if !(ray.dir.is_finite() && size > 0.0) {
-        return None;
-    }
-    if (1e-18..1e18).contains(&size) {
-        return Some((*ray, 1.0));
-    }
-    // A power of two: nothing is rounded.
-    let unit = if size < 1.0 { 2.0_f32.powi(80) } else { 2.0_f32.powi(-80) };
-    Some((Ray { dir: ray.dir * unit, tmin: ray.tmin / unit, tmax: ray.tmax / unit, ..*ray }, unit))
-}
-
-/// A child waiting to be visited.
-#[derive(Clone, Copy)]
-struct Waiting {
-    child: u32,
-    count: u32,
-    near: f32,
 }
 
 impl Tracer {
-    /// The meshes, in order.
-    pub fn meshes(&self) -> &[TriangleMesh] {
-        &self.meshes
-    }
-
     /// Box around everything that can be hit, over all times; empty without anything.
     pub fn bound(&self) -> Bound {
-        self.bvh.bound
+        self.bound
+    }
+
+    /// Bytes of memory that the structure takes.
+    pub fn bytes(&self) -> usize {
+        self.scene.still.bytes() + self.scene.moving.bytes() + self.scene.first.capacity() * size_of::<u32>()
     }
 
     /// The closest hit of each ray; [`Hit::MISS`] for none.
@@ -150,9 +123,9 @@ impl Tracer {
     /// When `hits` is not as long as `rays`.
     pub fn closest(&self, rays: &[Ray], hits: &mut [Hit]) {
         assert_eq!(rays.len(), hits.len(), "as many hits as rays");
-        let mut stack = self.stack();
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.trace(ray, &mut stack, &mut |_| Verdict::Take);
+        for (rays, hits) in rays.chunks(order::MANY).zip(hits.chunks_mut(order::MANY)) {
+            let order = self.sorter.order(rays);
+            simd::run(&Batch { scene: &self.scene, rays, order: order.as_deref() }, Task::Closest(hits));
         }
     }
 
@@ -163,9 +136,9 @@ impl Tracer {
     /// When `blocked` is not as long as `rays`.
     pub fn any(&self, rays: &[Ray], blocked: &mut [bool]) {
         assert_eq!(rays.len(), blocked.len(), "as many answers as rays");
-        let mut stack = self.stack();
-        for (ray, blocked) in rays.iter().zip(blocked) {
-            *blocked = self.trace(ray, &mut stack, &mut |_| Verdict::Stop).is_hit();
+        for (rays, blocked) in rays.chunks(order::MANY).zip(blocked.chunks_mut(order::MANY)) {
+            let order = self.sorter.order(rays);
+            simd::run(&Batch { scene: &self.scene, rays, order: order.as_deref() }, Task::Any(blocked));
         }
     }
 
@@ -174,97 +147,112 @@ impl Tracer {
     /// `accept` is asked about some of the hits, in no particular order, about each at most once; its answer must
     /// depend on the hit alone.
     pub fn closest_where(&self, ray: &Ray, accept: &mut dyn FnMut(&Hit) -> bool) -> Hit {
-        let mut verdict = |hit: &Hit| if accept(hit) { Verdict::Take } else { Verdict::Pass };
-        self.trace(ray, &mut self.stack(), &mut verdict)
+        let mut hit = Hit::MISS;
+        let batch = Batch { scene: &self.scene, rays: std::slice::from_ref(ray), order: None };
+        simd::run(&batch, Task::Where(&mut hit, accept));
+        hit
     }
+}
 
-    fn stack(&self) -> Vec<Waiting> {
-        Vec::with_capacity(self.bvh.stack)
-    }
+/// The tree of all that stands still.
+#[derive(Debug, Default)]
+pub(crate) struct StillTree {
+    nodes: Vec<Node>,
+    blocks: Vec<Block>,
+}
 
-    /// Visits all triangles whose boxes the ray meets before the best hit so far.
-    #[inline]
-    fn trace(&self, ray: &Ray, stack: &mut Vec<Waiting>, judge: &mut impl FnMut(&Hit) -> Verdict) -> Hit {
-        let mut best = Hit::MISS;
-        if self.bvh.nodes.is_empty() {
-            return best;
-        }
-        let Some((ray, unit)) = moderate(ray) else { return best };
-        let Some(shear) = Shear::new(&ray) else { return best };
-        let test = BoxTest::new(&ray);
-        // In the moderate ray's units, as everything but the hits.
-        let mut tmax = ray.tmax;
-        stack.clear();
-        stack.push(Waiting { child: 0, count: 0, near: ray.tmin });
-        while let Some(next) = stack.pop() {
-            // Not `>=`: a hit at the same distance may have the smaller number.
-            if next.near > tmax {
-                continue;
+impl StillTree {
+    fn new(meshes: &[TriangleMesh], first: &[u32], scale: Scale, threads: usize) -> Self {
+        let still = || meshes.iter().enumerate().filter(|(_, m)| m.times.len() == 1);
+        let corners = |mesh: usize, t: usize| -> Option<[Vec3; 3]> {
+            let [a, b, c] = meshes[mesh].triangles[t].map(|v| meshes[mesh].positions[0].get(v as usize));
+            Some([*a?, *b?, *c?].map(|p| scale.point(p)))
+        };
+        let mut items = Vec::with_capacity(still().map(|(_, m)| m.triangles.len()).sum());
+        for (m, mesh) in still() {
+            for t in 0..mesh.triangles.len() {
+                if mesh.triangle_bound(t).is_some()
+                    && let Some(vertices) = corners(m, t)
+                {
+                    items.push(Item::new(first[m] + t as u32, &Box3::around(&vertices)));
+                }
             }
-            if next.count > 0 {
-                let leaf = next.child as usize..(next.child + next.count) as usize;
-                for triangle in &self.triangles[leaf] {
-                    let vertices = self.vertices(triangle, ray.time);
-                    let Some(hit) = shear.hit(&vertices, ray.tmin, tmax) else { continue };
-                    let t = hit.t;
-                    let hit = Hit {
-                        t: t * unit,
-                        mesh: triangle.mesh,
-                        triangle: triangle.triangle,
-                        b1: hit.b1,
-                        b2: hit.b2,
-                    };
-                    let nearer =
-                        !best.is_hit() || t < tmax || (hit.mesh, hit.triangle) < (best.mesh, best.triangle);
-                    if nearer {
-                        match judge(&hit) {
-                            Verdict::Pass => {}
-                            Verdict::Stop => return hit,
-                            Verdict::Take => {
-                                best = hit;
-                                tmax = t;
+        }
+        let Topology { mut nodes, blocks: spans } = build::build(&mut items, threads);
+        // The boxes are not needed any more, and the blocks are about to take their room.
+        let ids: Vec<u32> = items.iter().map(Item::id).collect();
+        drop(items);
+        let mut blocks = vec![Block::EMPTY; spans.len()];
+        let part = spans.len().div_ceil(threads.max(1)).max(1);
+        std::thread::scope(|scope| {
+            for (spans, blocks) in spans.chunks(part).zip(blocks.chunks_mut(part)) {
+                let (ids, corners) = (&ids, &corners);
+                let fill = move || {
+                    for (span, block) in spans.iter().zip(blocks) {
+                        let own = &ids[span.first as usize..][..span.count as usize];
+                        for (lane, &id) in own.iter().enumerate() {
+                            let mesh = first.partition_point(|f| *f <= id) - 1;
+                            if let Some(vertices) = corners(mesh, (id - first[mesh]) as usize) {
+                                block.set(lane, id, &vertices);
                             }
                         }
                     }
-                }
-                continue;
+                };
+                if threads > 1 { _ = scope.spawn(fill) } else { fill() }
             }
-            let node = &self.bvh.nodes[next.child as usize];
-            let near = test.enter(node, ray.tmin, tmax);
-            let base = stack.len();
-            for (slot, &near) in near.iter().enumerate() {
-                if near < f32::INFINITY {
-                    let entry = Waiting { child: node.child[slot], count: node.count[slot], near };
-                    // The nearest goes last, to be taken first.
-                    let mut at = stack.len();
-                    stack.push(entry);
-                    while at > base && stack[at - 1].near < entry.near {
-                        stack[at] = stack[at - 1];
-                        at -= 1;
-                    }
-                    stack[at] = entry;
-                }
-            }
-        }
-        best
+        });
+        nodes.shrink_to_fit();
+        Self { nodes, blocks }
     }
 
-    #[inline]
-    fn vertices(&self, triangle: &Triangle, time: f32) -> [Vec3; 3] {
-        let mesh = &self.meshes[triangle.mesh as usize];
-        if mesh.times.len() == 1 {
-            return triangle.vertices;
-        }
-        mesh.triangle_at(triangle.triangle as usize, time)
+    /// How many blocks there are.
+    #[cfg(test)]
+    pub(crate) fn len(&self) -> usize {
+        self.blocks.len()
+    }
+
+    fn bytes(&self) -> usize {
+        self.nodes.capacity() * size_of::<Node>() + self.blocks.capacity() * size_of::<Block>()
     }
 }
 
-/// What becomes of a hit.
-enum Verdict {
-    /// It does not count.
-    Pass,
-    /// It is the best so far.
-    Take,
-    /// It is enough.
-    Stop,
+impl Tree for StillTree {
+    #[inline(always)]
+    fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    #[inline(always)]
+    fn enter<S: Simd>(
+        &self,
+        s: S,
+        node: usize,
+        wide: &Wide<S>,
+        tmax: f32,
+    ) -> (u32, [f32; WIDE], &[u32; WIDE]) {
+        let node = &self.nodes[node];
+        let (mask, near) = wide.enter(s, still_plane(s, node), tmax);
+        (mask, near, node.links())
+    }
+
+    #[inline(always)]
+    fn block<'a>(&'a self, block: usize, _: &'a mut Block) -> &'a Block {
+        &self.blocks[block]
+    }
+
+    #[inline(always)]
+    fn bounds(&self, block: &Block, lane: usize) -> Box3 {
+        Box3::around(&block.vertices(lane).map(Vec3::from_array))
+    }
+
+    #[inline(always)]
+    fn prefetch<S: Simd>(&self, s: S, link: Link) {
+        if link.is_leaf() {
+            s.prefetch(&self.blocks[link.blocks().start]);
+        } else {
+            s.prefetch(&self.nodes[link.0 as usize]);
+        }
+    }
 }
+
+const _: () = assert!(NARROW == 4);

@@ -9,7 +9,7 @@ fn build(meshes: Vec<TriangleMesh>) -> Tracer {
     for mesh in meshes {
         builder.add(mesh);
     }
-    builder.build()
+    builder.build(2)
 }
 
 fn still(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> TriangleMesh {

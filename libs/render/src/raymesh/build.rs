@@ -203,10 +203,10 @@ impl Builder<'_> {
                 if mask.as_ref().is_some_and(|m| m[j * (nu - 1) + i] != kept_value) {
                     continue;
                 }
-                let (corner, stride) = ((first + j * nu + i) as u32, nu as u32);
-                mesh.quads.push(Quad { corner, stride, piece: self.pieces });
-                self.triangles.triangles.push([corner, corner + 1, corner + stride]);
-                self.triangles.triangles.push([corner + stride + 1, corner + stride, corner + 1]);
+                let quad =
+                    Quad { corner: (first + j * nu + i) as u32, stride: nu as u32, piece: self.pieces };
+                mesh.quads.push(quad);
+                self.triangles.triangles.extend(quad.triangles());
             }
         }
         self.pieces += 1;

@@ -1,0 +1,184 @@
+//! Nodes and leaves as they lie in memory.
+
+use crate::simd::{NARROW, WIDE};
+use granita_base::Vec3;
+
+/// A reference to what is below a node: another node, or one to four blocks of triangles.
+///
+/// Bit 31 tells leaves; their bits 29 and 30 hold the number of blocks less one, the rest the first of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Link(pub(crate) u32);
+
+impl Link {
+    /// Bit that tells leaves.
+    pub(crate) const LEAF: u32 = 1 << 31;
+    /// Most blocks of a leaf.
+    pub(crate) const BLOCKS: usize = 4;
+    /// Mask of the first block.
+    const FIRST: u32 = (1 << 29) - 1;
+
+    /// To the node of this index.
+    pub(crate) fn node(index: usize) -> Self {
+        debug_assert!(index < Self::LEAF as usize);
+        Self(index as u32)
+    }
+
+    /// To the blocks from `first` on.
+    pub(crate) fn leaf(first: usize, blocks: usize) -> Self {
+        debug_assert!((1..=Self::BLOCKS).contains(&blocks) && first <= Self::FIRST as usize);
+        Self(Self::LEAF | (blocks as u32 - 1) << 29 | first as u32)
+    }
+
+    /// Whether triangles follow.
+    #[inline(always)]
+    pub(crate) fn is_leaf(self) -> bool {
+        self.0 & Self::LEAF != 0
+    }
+
+    /// Blocks of a leaf.
+    #[inline(always)]
+    pub(crate) fn blocks(self) -> std::ops::Range<usize> {
+        let first = (self.0 & Self::FIRST) as usize;
+        first..first + (self.0 >> 29 & 3) as usize + 1
+    }
+
+    /// The same in a list into which `nodes` nodes and `blocks` blocks came before.
+    pub(crate) fn moved(self, nodes: usize, blocks: usize) -> Self {
+        Self(self.0 + if self.is_leaf() { blocks } else { nodes } as u32)
+    }
+}
+
+/// Lower planes of boxes of children that are not there; the upper ones are as far the other way. Finite, so that
+/// they can be blended.
+const NOWHERE: f32 = f32::MAX;
+
+/// Row of a node in which the links stand.
+const LINKS: usize = 6;
+
+/// A node: the boxes of up to eight children, as lower and upper planes of x, y and z, and what they are.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Node {
+    /// Bits of the planes, in rows 0 to 5; row 6 holds the links. Eight rows: an index needs no check.
+    rows: [[u32; WIDE]; 8],
+}
+
+impl Node {
+    /// No children: nothing meets their boxes.
+    pub(crate) const EMPTY: Self = {
+        let (none, all) = ([NOWHERE.to_bits(); WIDE], [(-NOWHERE).to_bits(); WIDE]);
+        Self { rows: [none, all, none, all, none, all, [0; WIDE], [0; WIDE]] }
+    };
+
+    /// A row of planes: `2 * axis` the lower ones, `2 * axis + 1` the upper ones.
+    #[inline(always)]
+    pub(crate) fn row(&self, row: usize) -> &[u32; WIDE] {
+        &self.rows[row & 7]
+    }
+
+    /// What the children are; without meaning for those that are not there.
+    #[inline(always)]
+    pub(crate) fn links(&self) -> &[u32; WIDE] {
+        &self.rows[LINKS]
+    }
+
+    /// The children that are there.
+    pub(crate) fn children(&self) -> impl Iterator<Item = (usize, Link)> + '_ {
+        let there = |slot: &usize| self.rows[0][*slot] != NOWHERE.to_bits();
+        (0..WIDE).filter(there).map(|slot| (slot, Link(self.rows[LINKS][slot])))
+    }
+
+    /// Sets the box of a child.
+    pub(crate) fn set_bounds(&mut self, slot: usize, bounds: &Box3) {
+        for axis in 0..3 {
+            self.rows[2 * axis][slot] = bounds.lo[axis].to_bits();
+            self.rows[2 * axis + 1][slot] = bounds.hi[axis].to_bits();
+        }
+    }
+
+    /// Sets what a child is.
+    pub(crate) fn set_link(&mut self, slot: usize, link: Link) {
+        self.rows[LINKS][slot] = link.0;
+    }
+
+    /// Moves the links of all children; see [`Link::moved`].
+    pub(crate) fn move_links(&mut self, nodes: usize, blocks: usize) {
+        for slot in 0..WIDE {
+            if self.rows[0][slot] != NOWHERE.to_bits() {
+                self.rows[LINKS][slot] = Link(self.rows[LINKS][slot]).moved(nodes, blocks).0;
+            }
+        }
+    }
+}
+
+/// A box in the coordinates of the tree.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Box3 {
+    /// Lower corner.
+    pub(crate) lo: [f32; 3],
+    /// Upper corner.
+    pub(crate) hi: [f32; 3],
+}
+
+impl Box3 {
+    /// Holds nothing.
+    pub(crate) const EMPTY: Self = Self { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
+
+    /// The smallest one around points.
+    pub(crate) fn around(points: &[Vec3]) -> Self {
+        let mut b = Self::EMPTY;
+        for p in points {
+            b = b.union(&Self { lo: p.to_array(), hi: p.to_array() });
+        }
+        b
+    }
+
+    /// The smallest one around both.
+    #[inline]
+    pub(crate) fn union(&self, other: &Self) -> Self {
+        Self {
+            lo: std::array::from_fn(|a| self.lo[a].min(other.lo[a])),
+            hi: std::array::from_fn(|a| self.hi[a].max(other.hi[a])),
+        }
+    }
+
+    /// Part of the way from one box to another, plane by plane: rounding keeps what is inside, inside.
+    pub(crate) fn between(&self, other: &Self, alpha: f32) -> Self {
+        let mix = |a: f32, b: f32| a * (1.0 - alpha) + b * alpha;
+        Self {
+            lo: std::array::from_fn(|a| mix(self.lo[a], other.lo[a])),
+            hi: std::array::from_fn(|a| mix(self.hi[a], other.hi[a])),
+        }
+    }
+}
+
+/// Up to four triangles, coordinate by coordinate.
+#[derive(Clone, Debug)]
+#[repr(C, align(32))]
+pub(crate) struct Block {
+    /// By vertex, axis and triangle; NaN, which nothing meets, for triangles that are not there.
+    pub(crate) v: [[[f32; NARROW]; 3]; 3],
+    /// Numbers of the triangles among all of the tracer.
+    pub(crate) id: [u32; NARROW],
+}
+
+impl Block {
+    /// No triangles.
+    pub(crate) const EMPTY: Self = Self { v: [[[f32::NAN; NARROW]; 3]; 3], id: [u32::MAX; NARROW] };
+
+    /// Puts a triangle into a lane.
+    pub(crate) fn set(&mut self, lane: usize, id: u32, vertices: &[Vec3; 3]) {
+        for (v, p) in vertices.iter().enumerate() {
+            for axis in 0..3 {
+                self.v[v][axis][lane] = p[axis];
+            }
+        }
+        self.id[lane] = id;
+    }
+
+    /// The vertices of a lane.
+    #[inline]
+    pub(crate) fn vertices(&self, lane: usize) -> [[f32; 3]; 3] {
+        std::array::from_fn(|v| std::array::from_fn(|axis| self.v[v][axis][lane]))
+    }
+}

@@ -1,0 +1,230 @@
+//! The kernel against a test of all triangles, and the wide against the plain one.
+
+use crate::layout::Block;
+use crate::probe::{Met, Probe, Wide};
+use crate::simd::{self, Portable};
+use crate::trace::{Batch, Best, Task, Tree};
+use crate::tracer::Scene;
+use crate::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
+use granita_base::{Vec3, hash};
+
+fn random(seed: u32, i: u32) -> f32 {
+    hash::unit(hash::words(&[seed, i])) * 2.0 - 1.0
+}
+
+fn random_point(seed: u32, i: u32) -> Vec3 {
+    Vec3::new(random(seed, i * 3), random(seed, i * 3 + 1), random(seed, i * 3 + 2))
+}
+
+/// All triangles one by one, whatever the tree.
+fn brute_force(scene: &Scene, ray: &Ray) -> Hit {
+    let Some(probe) = Probe::new(ray, scene.scale, &scene.bounds) else { return Hit::MISS };
+    let wide = Wide::new(Portable, &probe);
+    let mut best = Best { met: Met { t: probe.tmax, b1: 0.0, b2: 0.0 }, id: u32::MAX };
+    all_of(&scene.still, scene.still.len(), &probe, &wide, &mut best);
+    if !scene.moving.is_empty() {
+        let moving = scene.moving.at(ray.time);
+        all_of(&moving, scene.moving.len(), &probe, &wide, &mut best);
+    }
+    if best.id == u32::MAX { Hit::MISS } else { scene.hit(&probe, &best.met, best.id) }
+}
+
+fn all_of(tree: &impl Tree, blocks: usize, probe: &Probe, wide: &Wide<Portable>, best: &mut Best) {
+    let mut room = Block::EMPTY;
+    for k in 0..blocks {
+        let block = tree.block(k, &mut room);
+        // Looked at without a limit, so that no order matters.
+        let mask = wide.candidates(Portable, block, f32::INFINITY);
+        for lane in (0..4).filter(|lane| mask >> lane & 1 != 0) {
+            let found = probe.meet(&block.vertices(lane), || tree.bounds(block, lane), probe.tmax);
+            let Some(met) = found else { continue };
+            let id = block.id[lane];
+            if best.id == u32::MAX || (met.t, id) < (best.met.t, best.id) {
+                *best = Best { met, id };
+            }
+        }
+    }
+}
+
+/// Triangles of all sizes and of no size, coincident ones, ones that share edges; still and moving.
+fn soup(seed: u32, n: u32) -> Tracer {
+    let corners = |shift: f32| {
+        let at = |i: u32| {
+            let t = i / 3;
+            // On a grid now and then, where much coincides.
+            let middle = match t % 4 {
+                0 => (random_point(seed, t / 2) * 4.0).round() * 0.25,
+                _ => random_point(seed, t),
+            };
+            let size = 2.0_f32.powi((hash::words(&[seed, t, 5]) % 12) as i32 - 10);
+            let p = match t % 7 {
+                0 => middle + (random_point(seed ^ 1, i) * 2.0).round() * 0.25,
+                1 => middle,
+                2 => middle + Vec3::X * random(seed ^ 1, i) * size,
+                _ => middle + random_point(seed ^ 1, i) * size,
+            };
+            p + random_point(seed ^ 2, i) * shift
+        };
+        (0..n * 3).map(at).collect::<Vec<_>>()
+    };
+    let triangles: Vec<[u32; 3]> = (0..n).map(|i| [i * 3, i * 3 + 1, i * 3 + 2]).collect();
+    let mut builder = TracerBuilder::new();
+    let still =
+        TriangleMesh { times: vec![0.0], positions: vec![corners(0.0)], triangles: triangles.clone() };
+    builder.add(still.clone());
+    builder.add(TriangleMesh {
+        times: vec![0.0, 0.3, 1.0],
+        positions: vec![corners(0.0), corners(0.2), corners(0.7)],
+        triangles: triangles[..n as usize / 4].to_vec(),
+    });
+    builder.add(TriangleMesh {
+        times: vec![0.2, 0.7],
+        positions: vec![corners(0.5), corners(0.0)],
+        triangles: triangles[..n as usize / 8].to_vec(),
+    });
+    // Once more: ties.
+    builder.add(still);
+    builder.build(1)
+}
+
+/// Rays of all kinds: from inside and from far away, along axes, in planes, through vertices, ranges, odd ones.
+fn odd_ray(seed: u32, i: u32) -> Ray {
+    let mut origin = random_point(seed, 2 * i) * 1.5;
+    let mut dir = random_point(seed, 2 * i + 1);
+    let pick = hash::words(&[seed, i, 9]);
+    match pick % 16 {
+        0 => origin = (origin * 4.0).round() * 0.25,
+        1 => dir = (dir * 1.5).round(),
+        2 => {
+            origin = (origin * 4.0).round() * 0.25;
+            dir = (dir * 1.5).round();
+        }
+        3 => dir.x = 0.0,
+        4 => dir = Vec3::new(-0.0, dir.y, 0.0),
+        5 => {
+            origin *= 1000.0;
+            dir = random_point(seed, i) - origin;
+        }
+        6 => dir *= 1e-30,
+        7 => dir *= 1e30,
+        8 => dir.y = 1e-39,
+        9 => dir = random_point(seed ^ 1, pick % 97) - origin,
+        10 if pick % 5 == 0 => {
+            dir[(pick / 7 % 3) as usize] = [f32::NAN, f32::INFINITY][(pick / 3 % 2) as usize]
+        }
+        11 if pick % 5 == 0 => origin.z = [f32::NAN, f32::MAX][(pick / 3 % 2) as usize],
+        _ => {}
+    }
+    let (tmin, tmax) = match pick / 16 % 8 {
+        0 => (-1.0, 1.0),
+        1 => (0.5, 0.75),
+        2 => (0.0, 0.5),
+        _ => (0.0, f32::INFINITY),
+    };
+    Ray { origin, tmin, dir, tmax, time: random(seed, i) * 0.7 + 0.5 }
+}
+
+#[test]
+fn a_million_rays_find_what_all_triangles_have() {
+    let mut found = 0;
+    for seed in 0..8 {
+        let tracer = soup(seed, 40);
+        let rays: Vec<Ray> = (0..125_000).map(|i| odd_ray(seed, i)).collect();
+        let mut hits = vec![Hit::MISS; rays.len()];
+        let mut blocked = vec![false; rays.len()];
+        tracer.closest(&rays, &mut hits);
+        tracer.any(&rays, &mut blocked);
+        for (k, ray) in rays.iter().enumerate() {
+            let all = brute_force(&tracer.scene, ray);
+            assert_eq!(hits[k], all, "{seed} {k} {ray:?}");
+            assert_eq!(blocked[k], all.is_hit(), "{seed} {k} {ray:?}");
+            found += usize::from(all.is_hit());
+        }
+    }
+    assert!((100_000..900_000).contains(&found), "{found}");
+}
+
+#[test]
+fn wide_is_portable_to_the_bit() {
+    let tracer = soup(99, 500);
+    let rays: Vec<Ray> = (0..20_000).map(|i| odd_ray(99, i)).collect();
+    let batch = Batch { scene: &tracer.scene, rays: &rays, order: None };
+    let (mut wide, mut plain) = (vec![Hit::MISS; rays.len()], vec![Hit::MISS; rays.len()]);
+    simd::run(&batch, Task::Closest(&mut wide));
+    batch.run(Portable, Task::Closest(&mut plain));
+    let bits = |h: &Hit| (h.t.to_bits(), h.mesh, h.triangle, h.b1.to_bits(), h.b2.to_bits());
+    for (a, b) in wide.iter().zip(&plain) {
+        assert_eq!(bits(a), bits(b));
+    }
+    let (mut wide, mut plain) = (vec![false; rays.len()], vec![false; rays.len()]);
+    simd::run(&batch, Task::Any(&mut wide));
+    batch.run(Portable, Task::Any(&mut plain));
+    assert_eq!(wide, plain);
+    for (ray, k) in rays.iter().zip(0..500) {
+        let asked = |wide: bool| {
+            let (mut hit, mut list) = (Hit::MISS, Vec::new());
+            let batch = Batch { scene: &tracer.scene, rays: std::slice::from_ref(ray), order: None };
+            let mut accept = |h: &Hit| {
+                list.push(bits(h));
+                h.triangle % 3 == k % 3
+            };
+            let task = Task::Where(&mut hit, &mut accept);
+            if wide {
+                simd::run(&batch, task)
+            } else {
+                batch.run(Portable, task)
+            }
+            (bits(&hit), list)
+        };
+        assert_eq!(asked(true), asked(false));
+    }
+}
+
+#[test]
+fn trees_do_not_depend_on_threads() {
+    let n = 40_000;
+    let positions: Vec<Vec3> =
+        (0..n * 3).map(|i| random_point(3, i / 3) + random_point(4, i) * 0.01).collect();
+    let triangles: Vec<[u32; 3]> = (0..n).map(|i| [i * 3, i * 3 + 1, i * 3 + 2]).collect();
+    let build = |threads| {
+        let mut builder = TracerBuilder::new();
+        let mesh = TriangleMesh {
+            times: vec![0.0],
+            positions: vec![positions.clone()],
+            triangles: triangles.clone(),
+        };
+        builder.add(mesh);
+        builder.build(threads)
+    };
+    let one = build(1);
+    let rays: Vec<Ray> = (0..5000).map(|i| odd_ray(3, i)).collect();
+    let hits = |tracer: &Tracer| {
+        let mut hits = vec![Hit::MISS; rays.len()];
+        tracer.closest(&rays, &mut hits);
+        hits
+    };
+    for threads in [0, 2, 3, 16] {
+        let other = build(threads);
+        assert_eq!(one.bytes(), other.bytes());
+        assert_eq!(hits(&one), hits(&other));
+    }
+}
+
+#[test]
+fn trees_of_items_that_nothing_tells_apart_are_shallow() {
+    // All in one place, and each a thousandth of the one before.
+    for scale in [1.0, 1e-3] {
+        let size = |i: u32| 1e18_f32 * f32::powi(scale, (i % 12) as i32);
+        let positions: Vec<Vec3> = (0..30_000).map(|i| random_point(1, i % 3) * size(i / 3)).collect();
+        let triangles: Vec<[u32; 3]> = (0..10_000).map(|i| [i * 3, i * 3 + 1, i * 3 + 2]).collect();
+        let mut builder = TracerBuilder::new();
+        builder.add(TriangleMesh { times: vec![0.0], positions: vec![positions], triangles });
+        let tracer = builder.build(1);
+        for i in 0..50 {
+            let ray = Ray { tmax: f32::INFINITY, ..odd_ray(1, i) };
+            let mut hit = [Hit::MISS];
+            tracer.closest(&[ray], &mut hit);
+            assert_eq!(hit[0], brute_force(&tracer.scene, &ray));
+        }
+    }
+}

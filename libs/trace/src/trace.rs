@@ -1,0 +1,245 @@
+//! Going through a tree.
+//!
+//! Nearest children first; what begins behind the best hit so far is not visited. The kernel is written once and
+//! compiled for each kind of machine, see `simd`.
+
+use crate::build::LEVELS;
+use crate::layout::{Block, Box3, Link};
+use crate::probe::{Met, Probe, Wide};
+use crate::simd::{Simd, WIDE};
+use crate::tracer::Scene;
+use crate::{Hit, Ray};
+
+/// What a tree must be able to show to be gone through.
+pub(crate) trait Tree {
+    /// Whether there is anything in it.
+    fn is_empty(&self) -> bool;
+
+    /// The children of a node that a ray meets up to `tmax`, where it enters them, and what they are.
+    fn enter<S: Simd>(
+        &self,
+        s: S,
+        node: usize,
+        wide: &Wide<S>,
+        tmax: f32,
+    ) -> (u32, [f32; WIDE], &[u32; WIDE]);
+
+    /// The triangles of a block; `room` is where to put them if they do not lie ready.
+    fn block<'a>(&'a self, block: usize, room: &'a mut Block) -> &'a Block;
+
+    /// Box of a triangle of a block.
+    fn bounds(&self, block: &Block, lane: usize) -> Box3;
+
+    /// Asks for what is behind a link.
+    fn prefetch<S: Simd>(&self, s: S, link: Link);
+}
+
+/// Rays to be traced.
+pub(crate) struct Batch<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) rays: &'a [Ray],
+    /// Indices of the rays in the order in which to trace them; `None` for that in which they are.
+    pub(crate) order: Option<&'a [u32]>,
+}
+
+/// What is wanted of them.
+pub(crate) enum Task<'a> {
+    /// The closest hit of each.
+    Closest(&'a mut [Hit]),
+    /// Whether each hits anything.
+    Any(&'a mut [bool]),
+    /// The closest hit of the first that is accepted.
+    Where(&'a mut Hit, &'a mut dyn FnMut(&Hit) -> bool),
+}
+
+/// What becomes of a hit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    /// It does not count.
+    Pass,
+    /// It is the best so far.
+    Take,
+    /// It is enough.
+    Stop,
+}
+
+/// Children waiting, as the bits of where they are entered above their link.
+pub(crate) struct Stack([u64; LEVELS * (WIDE - 1) + WIDE]);
+
+/// The best hit so far.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Best {
+    pub(crate) met: Met,
+    /// Number of the triangle; `u32::MAX` for none.
+    pub(crate) id: u32,
+}
+
+impl Batch<'_> {
+    #[inline(always)]
+    pub(crate) fn run<S: Simd>(&self, s: S, task: Task<'_>) {
+        let mut stack = Stack([0; _]);
+        match task {
+            Task::Closest(hits) => {
+                for k in 0..self.rays.len() {
+                    let (i, soon) = self.at(s, k);
+                    if let Some(hit) = hits.get(soon) {
+                        s.prefetch(hit);
+                    }
+                    hits[i] = self.one(s, &self.rays[i], &mut stack, &mut |_, _, _| Verdict::Take);
+                }
+            }
+            Task::Any(blocked) => {
+                for k in 0..self.rays.len() {
+                    let (i, _) = self.at(s, k);
+                    let hit = self.one(s, &self.rays[i], &mut stack, &mut |_, _, _| Verdict::Stop);
+                    blocked[i] = hit.is_hit();
+                }
+            }
+            Task::Where(hit, accept) => {
+                let Some(ray) = self.rays.first() else { return };
+                let mut judge = |probe: &Probe, met: &Met, id: u32| {
+                    if accept(&self.scene.hit(probe, met, id)) { Verdict::Take } else { Verdict::Pass }
+                };
+                *hit = self.one(s, ray, &mut stack, &mut judge);
+            }
+        }
+    }
+
+    /// Index of the ray that is traced as `k`-th, and of one that follows soon.
+    #[inline(always)]
+    fn at<S: Simd>(&self, s: S, k: usize) -> (usize, usize) {
+        let Some(order) = self.order else { return (k, k) };
+        let soon = order[(k + 4).min(order.len() - 1)] as usize;
+        s.prefetch(&self.rays[soon]);
+        (order[k] as usize, soon)
+    }
+
+    #[inline(always)]
+    fn one<S: Simd>(
+        &self,
+        s: S,
+        ray: &Ray,
+        stack: &mut Stack,
+        judge: &mut impl FnMut(&Probe, &Met, u32) -> Verdict,
+    ) -> Hit {
+        let Some(probe) = Probe::new(ray, self.scene.scale, &self.scene.bounds) else { return Hit::MISS };
+        let none = Met { t: probe.tmax, b1: 0.0, b2: 0.0 };
+        let mut best = Best { met: none, id: u32::MAX };
+        let wide = Wide::new(s, &probe);
+        let more = through(s, &self.scene.still, &probe, &wide, stack, &mut best, judge);
+        if more && !self.scene.moving.is_empty() {
+            let moving = self.scene.moving.at(ray.time);
+            through(s, &moving, &probe, &wide, stack, &mut best, judge);
+        }
+        if best.id == u32::MAX { Hit::MISS } else { self.scene.hit(&probe, &best.met, best.id) }
+    }
+}
+
+/// Visits all triangles whose boxes the ray meets before the best hit so far; false when told to stop.
+#[inline(always)]
+fn through<S: Simd>(
+    s: S,
+    tree: &impl Tree,
+    probe: &Probe,
+    wide: &Wide<S>,
+    stack: &mut Stack,
+    best: &mut Best,
+    judge: &mut impl FnMut(&Probe, &Met, u32) -> Verdict,
+) -> bool {
+    if tree.is_empty() {
+        return true;
+    }
+    let stack = &mut stack.0;
+    let mut room = Block::EMPTY;
+    let mut size = 0;
+    let mut link = Link::node(0);
+    loop {
+        'down: while !link.is_leaf() {
+            let (mut mask, near, links) = tree.enter(s, link.0 as usize, wide, best.met.t);
+            let entry = |slot: usize| u64::from(near[slot & 7].to_bits()) << 32 | u64::from(links[slot & 7]);
+            if mask == 0 {
+                match pop(stack, &mut size, best.met.t) {
+                    Some(next) => link = next,
+                    None => return true,
+                }
+                continue 'down;
+            }
+            let a = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            if mask == 0 {
+                link = Link(links[a & 7]);
+                continue 'down;
+            }
+            let b = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            let (a, b) = (entry(a), entry(b));
+            tree.prefetch(s, Link(a as u32));
+            tree.prefetch(s, Link(b as u32));
+            // As integers: the order of distances, but for negative ones, where any order will do.
+            let (first, second) = if (a as i64) < (b as i64) { (a, b) } else { (b, a) };
+            if mask == 0 {
+                stack[size] = second;
+                size += 1;
+                link = Link(first as u32);
+                continue 'down;
+            }
+            // The nearest goes last, to be taken first.
+            let base = size;
+            stack[size] = second;
+            stack[size + 1] = first;
+            size += 2;
+            while mask != 0 {
+                let next = entry(mask.trailing_zeros() as usize);
+                tree.prefetch(s, Link(next as u32));
+                mask &= mask - 1;
+                let mut at = size;
+                size += 1;
+                while at > base && (stack[at - 1] as i64) < (next as i64) {
+                    stack[at] = stack[at - 1];
+                    at -= 1;
+                }
+                stack[at] = next;
+            }
+            size -= 1;
+            link = Link(stack[size] as u32);
+        }
+        for k in link.blocks() {
+            let block = tree.block(k, &mut room);
+            let mut mask = wide.candidates(s, block, best.met.t);
+            while mask != 0 {
+                let lane = mask.trailing_zeros() as usize & 3;
+                mask &= mask - 1;
+                let bounds = || tree.bounds(block, lane);
+                let Some(met) = probe.meet(&block.vertices(lane), bounds, best.met.t) else { continue };
+                let id = block.id[lane];
+                if met.t < best.met.t || id < best.id {
+                    match judge(probe, &met, id) {
+                        Verdict::Pass => {}
+                        Verdict::Take => *best = Best { met, id },
+                        Verdict::Stop => {
+                            *best = Best { met, id };
+                            return false;
+                        }
+                    }
+                }
+            }
+        }
+        match pop(stack, &mut size, best.met.t) {
+            Some(next) => link = next,
+            None => return true,
+        }
+    }
+}
+
+/// The next that is not behind the best hit. Not at the same distance either: there may be a smaller number.
+#[inline(always)]
+fn pop(stack: &[u64], size: &mut usize, tmax: f32) -> Option<Link> {
+    while *size > 0 {
+        *size -= 1;
+        let entry = stack[*size];
+        if f32::from_bits((entry >> 32) as u32) <= tmax {
+            return Some(Link(entry as u32));
+        }
+    }
+    None
+}
