@@ -119,6 +119,35 @@ impl RayMesh {
         2 * self.quads.len() as u32
     }
 
+    /// Bytes of memory that it takes.
+    pub(crate) fn bytes(&self) -> usize {
+        fn of<T>(list: &Vec<T>) -> usize {
+            list.capacity() * size_of::<T>()
+        }
+        let vectors = [&self.p, &self.n, &self.ng, &self.dpdu, &self.dpdv].map(of).iter().sum::<usize>();
+        let primvars = self.primvars.iter().map(|v| match &v.data {
+            RayData::Vertex(values) | RayData::Piece(values) => of(values),
+            RayData::Strings(sets) => of(sets),
+        });
+        of(&self.quads) + vectors + of(&self.uv) + primvars.sum::<usize>() + of(&self.string_set)
+    }
+
+    /// Gives back the room that was left for more.
+    fn shrink(&mut self) {
+        self.quads.shrink_to_fit();
+        for list in [&mut self.p, &mut self.n, &mut self.ng, &mut self.dpdu, &mut self.dpdv] {
+            list.shrink_to_fit();
+        }
+        self.uv.shrink_to_fit();
+        for var in &mut self.primvars {
+            match &mut var.data {
+                RayData::Vertex(values) | RayData::Piece(values) => values.shrink_to_fit(),
+                RayData::Strings(sets) => sets.shrink_to_fit(),
+            }
+        }
+        self.string_set.shrink_to_fit();
+    }
+
     /// Vertices of a triangle at the time of shading.
     pub(crate) fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.quads[triangle as usize / 2].triangles()[triangle as usize % 2].map(|v| self.p[v as usize])

@@ -153,6 +153,12 @@ impl RayWorld {
     pub(crate) fn built(&self) -> (usize, usize) {
         (self.scenes.iter().filter(|s| s.built.get().is_some()).count(), self.scenes.len())
     }
+
+    /// Triangles of all sets that have been built, and the bytes that these take.
+    pub(crate) fn size(&self) -> (usize, usize) {
+        let built = self.scenes.iter().filter_map(|s| s.built.get()).map(RayScene::size);
+        built.fold((0, 0), |sum, size| (sum.0 + size.0, sum.1 + size.1))
+    }
 }
 
 impl RayScene {
@@ -194,6 +200,12 @@ impl RayScene {
             meshes,
             areas: OnceLock::new(),
         }
+    }
+
+    /// Triangles, and the bytes that everything takes.
+    fn size(&self) -> (usize, usize) {
+        let triangles = self.meshes.iter().map(|m| m.triangles() as usize).sum();
+        (triangles, self.tracer.bytes() + self.meshes.iter().map(RayMesh::bytes).sum::<usize>())
     }
 
     /// The point at a fraction of the area of all surfaces, at barycentric coordinates of its triangle, and
@@ -631,6 +643,20 @@ mod tests {
             let hit = ShaderThread::new(&frame).blocked(set, &rays);
             assert_eq!(hit, if motion == 1 { [true, false, true] } else { [true, true, false] });
         }
+    }
+
+    #[test]
+    fn triangles_take_less_than_120_bytes() {
+        let mut f = Fixture::new(&[]);
+        // So near that its flatness wants many triangles.
+        let ball = f.attributes("", &["set"], &[]);
+        f.sphere(Vec3::ZERO, 500.0, ball);
+        let (scene, camera, environment) = f.finish();
+        let frame = ShadingContext::new(&scene, &camera, &environment);
+        frame.rays.scene("set", &frame).unwrap();
+        let (triangles, bytes) = frame.rays.size();
+        assert!(triangles > 20_000, "{triangles}");
+        assert!(bytes < 120 * triangles, "{} bytes each", bytes as f64 / triangles as f64);
     }
 
     #[test]

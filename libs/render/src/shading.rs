@@ -207,6 +207,7 @@ impl ShadingContext {
     /// What was and what was not built and looked up while the frame was shaded.
     pub(crate) fn statistics(&self) -> ShadingStatistics {
         let (built, sets) = self.rays.built();
+        let (triangles, bytes) = self.rays.size();
         let count = |n: &AtomicU64| n.load(Ordering::Relaxed);
         let rays = &self.rays.counts;
         let t = self.textures.statistics();
@@ -216,6 +217,8 @@ impl ShadingContext {
             ray_hits_shaded: count(&rays.shaded),
             ray_structures: sets as u64,
             ray_structures_built: built as u64,
+            ray_triangles: triangles as u64,
+            ray_bytes: bytes as u64,
             texture_files: t.files,
             texture_automipmaps: t.automipmaps,
             texture_lookups: t.lookups,

@@ -107,6 +107,10 @@ pub struct ShadingStatistics {
     pub ray_structures: u64,
     /// Of them, those that were asked for and built.
     pub ray_structures_built: u64,
+    /// Triangles in those that were built.
+    pub ray_triangles: u64,
+    /// What those take in memory, with all that hits are shaded from.
+    pub ray_bytes: u64,
     pub texture_files: u64,
     /// Files that were no MIP maps.
     pub texture_automipmaps: u64,
@@ -119,13 +123,15 @@ pub struct ShadingStatistics {
 
 impl ShadingStatistics {
     /// All counts by the names of the fields, for machines.
-    pub fn counts(&self) -> [(&'static str, u64); 11] {
+    pub fn counts(&self) -> [(&'static str, u64); 13] {
         [
             ("rays", self.rays),
             ("shadow_rays", self.shadow_rays),
             ("ray_hits_shaded", self.ray_hits_shaded),
             ("ray_structures", self.ray_structures),
             ("ray_structures_built", self.ray_structures_built),
+            ("ray_triangles", self.ray_triangles),
+            ("ray_bytes", self.ray_bytes),
             ("texture_files", self.texture_files),
             ("texture_automipmaps", self.texture_automipmaps),
             ("texture_lookups", self.texture_lookups),
@@ -142,7 +148,16 @@ impl ShadingStatistics {
             ("rays", self.rays.to_string()),
             ("  shadow rays", self.shadow_rays.to_string()),
             ("  hits shaded", self.ray_hits_shaded.to_string()),
-            ("  structures built", format!("{} of {}", self.ray_structures_built, self.ray_structures)),
+            (
+                "  structures built",
+                format!(
+                    "{} of {} ({} triangles, {} KB)",
+                    self.ray_structures_built,
+                    self.ray_structures,
+                    self.ray_triangles,
+                    kb(self.ray_bytes)
+                ),
+            ),
             (
                 "texture files",
                 format!("{} ({} made into MIP maps)", self.texture_files, self.texture_automipmaps),

@@ -178,11 +178,15 @@ impl StillTree {
                 }
             }
         }
-        let Topology { mut nodes, blocks: spans } = build::build(&mut items, threads);
+        let Topology { nodes: made, blocks: spans } = build::build(&mut items, threads);
         // The boxes are not needed any more, and the blocks are about to take their room.
         let ids: Vec<u32> = items.iter().map(Item::id).collect();
         drop(items);
-        let mut blocks = vec![Block::EMPTY; spans.len()];
+        let mut nodes = simd::with_large_pages(made.len());
+        nodes.extend_from_slice(&made);
+        drop(made);
+        let mut blocks = simd::with_large_pages(spans.len());
+        blocks.resize(spans.len(), Block::EMPTY);
         let part = spans.len().div_ceil(threads.max(1)).max(1);
         std::thread::scope(|scope| {
             for (spans, blocks) in spans.chunks(part).zip(blocks.chunks_mut(part)) {
@@ -201,7 +205,6 @@ impl StillTree {
                 if threads > 1 { _ = scope.spawn(fill) } else { fill() }
             }
         });
-        nodes.shrink_to_fit();
         Self { nodes, blocks }
     }
 

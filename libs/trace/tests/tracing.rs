@@ -260,3 +260,88 @@ fn batches_equal_single_rays() {
     }
     assert!(blocked.iter().any(|b| *b) && blocked.iter().any(|b| !*b));
 }
+
+/// Möller and Trumbore's test in double precision: distance and the least of the three weights.
+fn double(p: [Vec3; 3], ray: &Ray) -> Option<(f64, f64)> {
+    let d = |v: Vec3| [f64::from(v.x), f64::from(v.y), f64::from(v.z)];
+    let sub = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let cross = |a: [f64; 3], b: [f64; 3]| {
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    };
+    let (e1, e2, s) = (sub(d(p[1]), d(p[0])), sub(d(p[2]), d(p[0])), sub(d(ray.origin), d(p[0])));
+    let h = cross(d(ray.dir), e2);
+    let det = dot(e1, h);
+    if det == 0.0 {
+        return None;
+    }
+    let (b1, q) = (dot(s, h) / det, cross(s, e1));
+    let b2 = dot(d(ray.dir), q) / det;
+    Some((dot(e2, q) / det, b1.min(b2).min(1.0 - b1 - b2)))
+}
+
+#[test]
+fn hits_are_those_of_double_precision() {
+    let mut mesh = sphere(24);
+    // Waves, so that rays come through several times.
+    for (i, p) in mesh.positions[0].iter_mut().enumerate() {
+        *p *= 1.0 + 0.3 * random(7, i as u32);
+    }
+    let tracer = build(vec![mesh.clone()]);
+    for i in 0..5000 {
+        let r = ray(random_point(1, i) * 2.0, random_point(2, i));
+        let hit = closest(&tracer, r);
+        // What the tree says is there, and nothing that is surely hit lies before it.
+        let corners = |t: usize| mesh.triangles[t].map(|v| mesh.positions[0][v as usize]);
+        if hit.is_hit() {
+            let (t, weight) = double(corners(hit.triangle as usize), &r).unwrap();
+            assert!((t - f64::from(hit.t)).abs() < 1e-6 * t && weight > -1e-4, "{i}: {hit:?} {t} {weight}");
+        }
+        for t in 0..mesh.triangles.len() {
+            let Some((t, weight)) = double(corners(t), &r) else { continue };
+            assert!(!(weight > 1e-4 && t > 0.0 && t < f64::from(hit.t) * (1.0 - 1e-6)), "{i}: {hit:?} {t}");
+        }
+    }
+}
+
+#[test]
+fn nothing_passes_between_triangles() {
+    let n = 96;
+    let mut mesh = sphere(n);
+    for (i, p) in mesh.positions[0].iter_mut().enumerate() {
+        *p *= 1.0 + 0.2 * random(11, i as u32);
+    }
+    let tracer = build(vec![mesh.clone()]);
+    let p = &mesh.positions[0];
+    let mut rays = Vec::new();
+    for (k, t) in mesh.triangles.iter().enumerate() {
+        let k = k as u32;
+        let [a, b, c] = t.map(|v| p[v as usize]);
+        let origin = random_point(5, k) * 0.3;
+        // At vertices, and at edges, wherever along them.
+        let targets = [a, a + (b - a) * hash::unit(k), b + (c - b) * 0.5, c + (a - c) * hash::unit(k ^ 77)];
+        rays.extend(targets.map(|p| ray(origin, p - origin)));
+    }
+    let mut hits = vec![Hit::MISS; rays.len()];
+    tracer.closest(&rays, &mut hits);
+    for (ray, hit) in rays.iter().zip(&hits) {
+        assert!(hit.is_hit(), "{ray:?}");
+    }
+}
+
+#[test]
+fn large_batches_equal_single_rays_in_any_order() {
+    let tracer = build(vec![sphere(40)]);
+    let rays: Vec<Ray> =
+        (0..300_000).map(|i| ray(random_point(1, i % 30_011) * 2.0, random_point(2, i % 20_011))).collect();
+    let mut hits = vec![Hit::MISS; rays.len()];
+    tracer.closest(&rays, &mut hits);
+    let mut back = vec![Hit::MISS; rays.len()];
+    let reversed: Vec<Ray> = rays.iter().rev().copied().collect();
+    tracer.closest(&reversed, &mut back);
+    back.reverse();
+    assert_eq!(hits, back);
+    for i in (0..rays.len()).step_by(97) {
+        assert_eq!(hits[i], closest(&tracer, rays[i]));
+    }
+}

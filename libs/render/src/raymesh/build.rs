@@ -88,7 +88,10 @@ pub(crate) fn tessellate(
     for leaf in leaves {
         build.add(&leaf, displaced, thread);
     }
-    let Builder { mesh, triangles, .. } = build;
+    let Builder { mut mesh, mut triangles, .. } = build;
+    mesh.shrink();
+    triangles.positions.iter_mut().for_each(Vec::shrink_to_fit);
+    triangles.triangles.shrink_to_fit();
     (!triangles.triangles.is_empty()).then_some((mesh, triangles))
 }
 

@@ -1,0 +1,375 @@
+//! Rays a second beside Embree, on the same meshes and rays in the same run, one thread.
+//!
+//! `cargo run --release -p granita-benches --bin rays [-- --python PROGRAM] [--large] [MESH.ply|MESH.obj ...]`
+//!
+//! A displaced sphere of a million triangles is made here; meshes are files. Three kinds of rays each: of a camera
+//! (coherent), from around through the box of the mesh, and from its surface (both incoherent). Embree comes from the
+//! Python package `embreex`, which is found by the option or in `python3`: once as the package calls it, and, where
+//! there is a C compiler (`cc`), once more by its single-ray calls alone. The quickest of four runs counts, in turns.
+//! `--large` adds what a tree of ten million triangles takes.
+
+#![forbid(unsafe_code)]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
+
+use cpu_time::ThreadTime;
+use granita_base::{Location, ParamData, Reporter, ShapeDesc, Vec3, hash};
+use granita_benches::{find_program, repository};
+use granita_scene::{Call, Generator, GeneratorSource, SceneSink, Stop};
+use granita_trace::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+use std::time::Instant;
+
+/// How often everything is measured.
+const RUNS: usize = 4;
+/// Pixels along a side of the camera's picture; as many rays of the other kinds.
+const SIDE: u32 = 1024;
+/// Kinds of rays.
+const KINDS: [&str; 3] = ["camera", "random", "bounce"];
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(what) => {
+            eprintln!("rays: {what}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<(), String> {
+    let mut python = find_program("python3");
+    let (mut large, mut files) = (false, Vec::new());
+    let mut words = std::env::args().skip(1);
+    while let Some(word) = words.next() {
+        match &*word {
+            "--python" => python = words.next().map(PathBuf::from),
+            "--large" => large = true,
+            file => files.push(PathBuf::from(file)),
+        }
+    }
+    let place = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let embree = Embree::find(python, place.path());
+    println!(
+        "{:<28} {:<15} {:>9} {:>9} {:>9} {:>7} {:>7}",
+        "mesh", "Mray/s", "ours", "Embree", "embreex", "ratio", "ratio"
+    );
+    compare("displaced sphere", &sphere(1000), &embree, place.path())?;
+    for file in files {
+        let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        compare(&name, &read(&file)?, &embree, place.path())?;
+    }
+    if large {
+        let mesh = sphere(3163);
+        let n = mesh.triangles.len();
+        let start = Instant::now();
+        let tracer = build(mesh, 2);
+        let wall = start.elapsed().as_secs_f64();
+        println!(
+            "{n} triangles: {:.1} bytes each, built in {wall:.1} s by two threads",
+            per_triangle(&tracer, n)
+        );
+    }
+    Ok(())
+}
+
+fn build(mesh: TriangleMesh, threads: usize) -> Tracer {
+    let mut builder = TracerBuilder::new();
+    builder.add(mesh);
+    builder.build(threads)
+}
+
+fn per_triangle(tracer: &Tracer, triangles: usize) -> f64 {
+    tracer.bytes() as f64 / triangles as f64
+}
+
+/// Seconds by kind of rays and question, the least of all runs; and hits.
+#[derive(Debug, Default)]
+struct Times(BTreeMap<(String, String), (f64, usize)>);
+
+impl Times {
+    fn add(&mut self, kind: &str, question: &str, seconds: f64, hits: usize) {
+        let best = self.0.entry((kind.into(), question.into())).or_insert((f64::INFINITY, hits));
+        best.0 = best.0.min(seconds);
+        best.1 = hits;
+    }
+
+    /// Millions of rays a second.
+    fn rate(&self, kind: &str, question: &str, rays: usize) -> Option<f64> {
+        self.0.get(&(kind.into(), question.into())).map(|t| rays as f64 / t.0 * 1e-6)
+    }
+
+    /// What one of the programs beside us printed.
+    fn read(&mut self, text: &str) {
+        for line in text.lines() {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            let [kind, question, seconds, hits] = words[..] else { continue };
+            if let (Ok(seconds), Ok(hits)) = (seconds.parse(), hits.parse()) {
+                self.add(kind, question, seconds, hits);
+            }
+        }
+    }
+}
+
+fn compare(name: &str, mesh: &TriangleMesh, embree: &Embree, place: &Path) -> Result<(), String> {
+    let rays: Vec<Vec<Ray>> = KINDS.iter().map(|kind| rays(mesh, kind)).collect();
+    write(mesh, &rays, place).map_err(|e| e.to_string())?;
+    let (mut ours, mut alone, mut package) = (Times::default(), Times::default(), Times::default());
+    let n = mesh.triangles.len();
+    let mut walls = [f64::INFINITY; 2];
+    for _ in 0..RUNS {
+        for threads in [2, 1] {
+            let copy = mesh.clone();
+            let start = Instant::now();
+            let tracer = build(copy, threads);
+            walls[threads - 1] = walls[threads - 1].min(start.elapsed().as_secs_f64());
+            if threads == 1 {
+                measure(&tracer, &rays, &mut ours);
+            }
+        }
+        alone.read(&embree.alone(place));
+        package.read(&embree.package(place));
+    }
+    for (kind, rays) in KINDS.iter().zip(&rays) {
+        for question in ["closest", "any"] {
+            let rate = |times: &Times| times.rate(kind, question, rays.len());
+            let text = |x: Option<f64>| x.map_or("-".to_owned(), |x| format!("{x:.2}"));
+            let ratio = |theirs: &Times| rate(&ours).zip(rate(theirs)).map(|(a, b)| a / b);
+            println!(
+                "{name:<28} {:<15} {:>9} {:>9} {:>9} {:>7} {:>7}",
+                format!("{kind} {question}"),
+                text(rate(&ours)),
+                text(rate(&alone)),
+                text(rate(&package)),
+                text(ratio(&alone)),
+                text(ratio(&package)),
+            );
+        }
+    }
+    let bytes = per_triangle(&build(mesh.clone(), 1), n);
+    println!(
+        "{n} triangles: {bytes:.1} bytes each, built in {:.2} s, {:.2} s by two threads",
+        walls[0], walls[1]
+    );
+    for (key, (_, hits)) in &ours.0 {
+        if let Some((_, theirs)) = alone.0.get(key).filter(|t| t.1 != *hits) {
+            println!("{} {}: {hits} hits, Embree {theirs}", key.0, key.1);
+        }
+    }
+    Ok(())
+}
+
+fn measure(tracer: &Tracer, rays: &[Vec<Ray>], times: &mut Times) {
+    for (kind, rays) in KINDS.iter().zip(rays) {
+        let mut hits = vec![Hit::MISS; rays.len()];
+        let start = ThreadTime::now();
+        tracer.closest(rays, &mut hits);
+        let seconds = start.elapsed().as_secs_f64();
+        times.add(kind, "closest", seconds, hits.iter().filter(|h| h.is_hit()).count());
+        let mut blocked = vec![false; rays.len()];
+        let start = ThreadTime::now();
+        tracer.any(rays, &mut blocked);
+        let seconds = start.elapsed().as_secs_f64();
+        times.add(kind, "any", seconds, blocked.iter().filter(|b| **b).count());
+    }
+}
+
+/// What there is of Embree.
+struct Embree {
+    python: Option<PathBuf>,
+    /// The program of single-ray calls, and the library.
+    alone: Option<(PathBuf, PathBuf)>,
+}
+
+impl Embree {
+    /// Looks for it, and says what is not here.
+    fn find(python: Option<PathBuf>, place: &Path) -> Self {
+        let script = peer("embree_rays.py");
+        let library = python.as_ref().and_then(|python| {
+            let told = Command::new(python).arg(&script).arg("--library").output().ok()?;
+            let path = String::from_utf8(told.stdout).ok()?;
+            told.status.success().then(|| PathBuf::from(path.trim()))
+        });
+        let Some(library) = library else {
+            println!("embreex is not here (--python, or python3 on the search path): ours alone");
+            return Self { python: None, alone: None };
+        };
+        let program = place.join("embree_rays");
+        let built = Command::new("cc")
+            .arg("-O2")
+            .arg(peer("embree_rays.c"))
+            .arg("-o")
+            .arg(&program)
+            .arg("-ldl")
+            .output()
+            .is_ok_and(|o| o.status.success());
+        if !built {
+            println!("no C compiler (cc): Embree as embreex calls it alone");
+        }
+        Self { python, alone: built.then_some((program, library)) }
+    }
+
+    /// Its single-ray calls.
+    fn alone(&self, place: &Path) -> String {
+        let Some((program, library)) = &self.alone else { return String::new() };
+        output(Command::new(program).arg(library).arg(place))
+    }
+
+    /// The package.
+    fn package(&self, place: &Path) -> String {
+        let Some(python) = &self.python else { return String::new() };
+        output(Command::new(python).arg(peer("embree_rays.py")).arg(place))
+    }
+}
+
+fn peer(file: &str) -> PathBuf {
+    repository().join("benches").join("peers").join(file)
+}
+
+fn output(command: &mut Command) -> String {
+    match command.output() {
+        Ok(o) if o.status.success() => String::from_utf8_lossy(&o.stdout).into_owned(),
+        Ok(o) => {
+            eprintln!("{command:?}: {}", String::from_utf8_lossy(&o.stderr));
+            String::new()
+        }
+        Err(e) => {
+            eprintln!("{command:?}: {e}");
+            String::new()
+        }
+    }
+}
+
+fn write(mesh: &TriangleMesh, rays: &[Vec<Ray>], place: &Path) -> std::io::Result<()> {
+    let floats = |list: &mut dyn Iterator<Item = f32>| list.flat_map(f32::to_le_bytes).collect::<Vec<u8>>();
+    std::fs::write(place.join("mesh.v"), floats(&mut mesh.positions[0].iter().flat_map(|p| p.to_array())))?;
+    let indices: Vec<u8> = mesh.triangles.iter().flatten().flat_map(|i| i.to_le_bytes()).collect();
+    std::fs::write(place.join("mesh.f"), indices)?;
+    for (kind, rays) in KINDS.iter().zip(rays) {
+        let all =
+            floats(&mut rays.iter().flat_map(|r| {
+                [r.origin.x, r.origin.y, r.origin.z, r.tmin, r.dir.x, r.dir.y, r.dir.z, r.tmax]
+            }));
+        std::fs::write(place.join(format!("{kind}.rays")), all)?;
+    }
+    Ok(())
+}
+
+fn random(i: u32, d: u32) -> f32 {
+    hash::unit(hash::words(&[i, d]))
+}
+
+/// A direction, all equally likely.
+fn direction(i: u32, d: u32) -> Vec3 {
+    let (z, angle) = (random(i, d) * 2.0 - 1.0, random(i, d + 1) * std::f32::consts::TAU);
+    let r = (1.0 - z * z).sqrt();
+    Vec3::new(r * angle.cos(), r * angle.sin(), z)
+}
+
+/// Rays of a kind for a mesh.
+fn rays(mesh: &TriangleMesh, kind: &str) -> Vec<Ray> {
+    let p = &mesh.positions[0];
+    let lo = p.iter().fold(Vec3::INFINITY, |a, b| a.min(*b));
+    let hi = p.iter().fold(Vec3::NEG_INFINITY, |a, b| a.max(*b));
+    let (middle, radius) = ((lo + hi) * 0.5, (hi - lo).length() * 0.5);
+    let eye = middle + Vec3::new(0.3, 0.4, -2.2) * radius;
+    let forward = (middle - eye).normalize_or_zero();
+    let right = forward.cross(Vec3::Y).normalize_or_zero();
+    let up = right.cross(forward);
+    let ray = |i: u32| match kind {
+        "camera" => {
+            let at = |k: u32| ((k as f32 + 0.5) / SIDE as f32 * 2.0 - 1.0) * 0.42;
+            (eye, forward + right * at(i % SIDE) + up * at(i / SIDE))
+        }
+        "random" => {
+            let origin = middle + direction(i, 0) * radius * 1.5;
+            let target = lo + Vec3::new(random(i, 2), random(i, 3), random(i, 4)) * (hi - lo);
+            (origin, target - origin)
+        }
+        _ => {
+            let t =
+                mesh.triangles[(random(i, 5) * mesh.triangles.len() as f32) as usize % mesh.triangles.len()];
+            let [a, b, c] = t.map(|v| p[v as usize]);
+            let (s, u) = (random(i, 6).sqrt(), random(i, 7));
+            let normal = (b - a).cross(c - a).normalize_or_zero();
+            // Cosine-weighted, a little above the surface.
+            let at = a * (1.0 - s) + b * (s * (1.0 - u)) + c * (s * u);
+            (at + normal * 1e-4 * radius, normal + direction(i, 8) * 0.999)
+        }
+    };
+    (0..SIDE * SIDE)
+        .map(ray)
+        .map(|(origin, dir)| Ray { origin, tmin: 0.0, dir, tmax: f32::INFINITY, time: 0.0 })
+        .collect()
+}
+
+/// A closed sphere with waves of several lengths, of `n * n` triangles; the normals of its triangles point inward.
+fn sphere(n: u32) -> TriangleMesh {
+    let (around, down) = (n, n / 2);
+    let mut positions = Vec::with_capacity((around * (down + 1)) as usize);
+    for j in 0..=down {
+        for i in 0..around {
+            let (t, f) = (
+                i as f32 / around as f32 * std::f32::consts::TAU,
+                j as f32 / down as f32 * std::f32::consts::PI,
+            );
+            let p = Vec3::new(t.cos() * f.sin(), t.sin() * f.sin(), f.cos());
+            let waves = 0.05 * (9.0 * p.x).sin() * (7.0 * p.y).cos()
+                + 0.02 * (31.0 * p.z + 5.0 * p.x).sin() * (37.0 * p.y).cos()
+                + 0.004 * (150.0 * p.x).sin() * (170.0 * p.y).sin() * (160.0 * p.z).sin();
+            positions.push(p * (1.0 + waves));
+        }
+    }
+    let at = |i: u32, j: u32| j * around + i % around;
+    let mut triangles = Vec::with_capacity((2 * around * down) as usize);
+    for j in 0..down {
+        for i in 0..around {
+            triangles.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+            triangles.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+        }
+    }
+    TriangleMesh { times: vec![0.0], positions: vec![positions], triangles }
+}
+
+/// Takes the meshes out of what a file calls, as triangles.
+#[derive(Default)]
+struct Meshes {
+    positions: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl SceneSink for Meshes {
+    fn call(&mut self, call: Call, _: &Location) -> Result<(), Stop> {
+        let Call::Shape { shape, params } = call else { return Ok(()) };
+        let ShapeDesc::Mesh { nverts, verts, .. } = *shape else { return Ok(()) };
+        let Some(p) = params.iter().find(|p| &*p.name == "P") else { return Ok(()) };
+        let ParamData::Float(p) = &p.data else { return Ok(()) };
+        let base = self.positions.len() as u32;
+        self.positions.extend(p.chunks_exact(3).map(|p| Vec3::new(p[0], p[1], p[2])));
+        let mut first = 0;
+        for &n in nverts.iter() {
+            let n = usize::try_from(n).unwrap_or(0);
+            let corner = |k: usize| base + verts[first + k] as u32;
+            self.triangles.extend((2..n).map(|k| [corner(0), corner(k - 1), corner(k)]));
+            first += n;
+        }
+        Ok(())
+    }
+}
+
+fn read(file: &Path) -> Result<TriangleMesh, String> {
+    let source = GeneratorSource::File(file.to_owned());
+    let mut meshes = Meshes::default();
+    let silent = Reporter::silent();
+    let done = match file.extension().and_then(|e| e.to_str()) {
+        Some("ply") => granita_mesh::Ply.run(&source, &mut meshes, &silent),
+        Some("obj") => granita_mesh::Obj.run(&source, &mut meshes, &silent),
+        _ => return Err(format!("{}: neither PLY nor OBJ", file.display())),
+    };
+    done.map_err(|e| e.to_string())?;
+    if meshes.triangles.is_empty() {
+        return Err(format!("{}: no triangles", file.display()));
+    }
+    Ok(TriangleMesh { times: vec![0.0], positions: vec![meshes.positions], triangles: meshes.triangles })
+}
