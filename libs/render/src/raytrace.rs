@@ -655,7 +655,7 @@ mod tests {
         let frame = ShadingContext::new(&scene, &camera, &environment);
         frame.rays.scene("set", &frame).unwrap();
         let (triangles, bytes) = frame.rays.size();
-        assert!(triangles > 20_000, "{triangles}");
+        assert!(triangles > 10_000, "{triangles}");
         assert!(bytes < 120 * triangles, "{} bytes each", bytes as f64 / triangles as f64);
     }
 
