@@ -14,7 +14,7 @@
 use cpu_time::ThreadTime;
 use granita_base::{Location, ParamData, Reporter, ShapeDesc, Vec3, hash};
 use granita_benches::{find_program, repository};
-use granita_scene::{Call, Generator, GeneratorSource, SceneSink, Stop};
+use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
 use granita_trace::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -362,12 +362,9 @@ fn read(file: &Path) -> Result<TriangleMesh, String> {
     let source = GeneratorSource::File(file.to_owned());
     let mut meshes = Meshes::default();
     let silent = Reporter::silent();
-    let done = match file.extension().and_then(|e| e.to_str()) {
-        Some("ply") => granita_mesh::Ply.run(&source, &mut meshes, &silent),
-        Some("obj") => granita_mesh::Obj.run(&source, &mut meshes, &silent),
-        _ => return Err(format!("{}: neither PLY nor OBJ", file.display())),
-    };
-    done.map_err(|e| e.to_string())?;
+    let generators = granita_plugin::bundled_generators();
+    let reader = generators.by_extension(file).ok_or_else(|| format!("{}: no mesh file", file.display()))?;
+    reader.run(&source, &mut meshes, &silent).map_err(|e| e.to_string())?;
     if meshes.triangles.is_empty() {
         return Err(format!("{}: no triangles", file.display()));
     }

@@ -236,8 +236,8 @@ fn branches(
     tasks.sort_by_key(|(i, own)| (usize::MAX - own.len(), *i));
     let workers = threads.min(tasks.len());
     let inner = threads.div_ceil(tasks.len().max(1));
-    let tasks: Vec<Mutex<Option<(usize, &mut [Item])>>> =
-        tasks.into_iter().map(|t| Mutex::new(Some(t))).collect();
+    type Task<'a> = Mutex<Option<(usize, &'a mut [Item])>>;
+    let tasks: Vec<Task<'_>> = tasks.into_iter().map(|t| Mutex::new(Some(t))).collect();
     let done: Mutex<Vec<(usize, Topology)>> = Mutex::default();
     let next = AtomicUsize::new(0);
     let work = || {

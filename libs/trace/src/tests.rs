@@ -109,10 +109,10 @@ fn odd_ray(seed: u32, i: u32) -> Ray {
         7 => dir *= 1e30,
         8 => dir.y = 1e-39,
         9 => dir = random_point(seed ^ 1, pick % 97) - origin,
-        10 if pick % 5 == 0 => {
+        10 if pick.is_multiple_of(5) => {
             dir[(pick / 7 % 3) as usize] = [f32::NAN, f32::INFINITY][(pick / 3 % 2) as usize]
         }
-        11 if pick % 5 == 0 => origin.z = [f32::NAN, f32::MAX][(pick / 3 % 2) as usize],
+        11 if pick.is_multiple_of(5) => origin.z = [f32::NAN, f32::MAX][(pick / 3 % 2) as usize],
         _ => {}
     }
     let (tmin, tmax) = match pick / 16 % 8 {

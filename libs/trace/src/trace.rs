@@ -126,10 +126,10 @@ impl Batch<'_> {
         let none = Met { t: probe.tmax, b1: 0.0, b2: 0.0 };
         let mut best = Best { met: none, id: u32::MAX };
         let wide = Wide::new(s, &probe);
-        let more = through(s, &self.scene.still, &probe, &wide, stack, &mut best, judge);
+        let more = through(s, &self.scene.still, (&probe, &wide), stack, &mut best, judge);
         if more && !self.scene.moving.is_empty() {
             let moving = self.scene.moving.at(ray.time);
-            through(s, &moving, &probe, &wide, stack, &mut best, judge);
+            through(s, &moving, (&probe, &wide), stack, &mut best, judge);
         }
         if best.id == u32::MAX { Hit::MISS } else { self.scene.hit(&probe, &best.met, best.id) }
     }
@@ -140,8 +140,7 @@ impl Batch<'_> {
 fn through<S: Simd>(
     s: S,
     tree: &impl Tree,
-    probe: &Probe,
-    wide: &Wide<S>,
+    (probe, wide): (&Probe, &Wide<S>),
     stack: &mut Stack,
     best: &mut Best,
     judge: &mut impl FnMut(&Probe, &Met, u32) -> Verdict,
