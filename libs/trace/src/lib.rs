@@ -6,9 +6,11 @@
 //!
 //! - **Watertight**: a ray through a shared edge or vertex hits one of the triangles around it (Woop, Benthin, Wald:
 //!   "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013).
-//! - **Deterministic**: of several hits at one distance the one with the smallest (mesh, triangle) is returned,
-//!   whatever the shape of the tree.
-//! - **Any scale**: the tree is built over the normalized scene; nothing depends on absolute sizes.
+//! - **Exact**: a tree finds what a test of all triangles finds, to the bit; of several hits at one distance the one
+//!   with the smallest (mesh, triangle).
+//! - **Deterministic**: neither threads, nor the order of a batch, nor the machine (AVX2 or not; no multiply-add is
+//!   fused) changes a bit.
+//! - **Any scale**: coordinates are scaled by a power of two; nothing depends on absolute sizes.
 //! - Rays with NaN anywhere, or with a zero direction, miss.
 //!
 //! # Deliberately absent
