@@ -16,7 +16,7 @@
 //! | 124 | u32 | CRC-32 of bytes 0 to 123 |
 //!
 //! Then all numbers as 32-bit floats: the records (numbers of the key, then of the value) in the order of a Morton curve, then
-//! the boxes around each 16 of them (lowest corner, highest corner; 2 x 2 or 2 x 3 numbers), the boxes around each 16
+//! the boxes around the keys of each 16 of them (lowest corner, highest corner), the boxes around each 16
 //! boxes, and so on to one. Files are mapped into memory and searched where they are.
 
 use crate::error::{Result, SdbError};

@@ -4,19 +4,19 @@
 use crate::Schema;
 use std::cmp::Ordering;
 
-/// A box around positions; unused dimensions are 0.
+/// A box around keys: positions, and normals where there are any.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Extent {
-    pub(crate) lo: [f32; 3],
-    pub(crate) hi: [f32; 3],
+    pub(crate) lo: [f32; 6],
+    pub(crate) hi: [f32; 6],
 }
 
 impl Extent {
-    pub(crate) const EMPTY: Self = Self { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
+    pub(crate) const EMPTY: Self = Self { lo: [f32::INFINITY; 6], hi: [f32::NEG_INFINITY; 6] };
 
-    /// Grows to hold a position of two or three numbers.
-    pub(crate) fn add(&mut self, position: &[f32]) {
-        for (i, &x) in position.iter().enumerate() {
+    /// Grows to hold a key, or the position in it.
+    pub(crate) fn add(&mut self, key: &[f32]) {
+        for (i, &x) in key.iter().enumerate() {
             self.lo[i] = self.lo[i].min(x);
             self.hi[i] = self.hi[i].max(x);
         }
@@ -24,7 +24,7 @@ impl Extent {
 
     /// Grows to hold another box.
     pub(crate) fn merge(&mut self, other: &Self) {
-        for i in 0..3 {
+        for i in 0..6 {
             self.lo[i] = self.lo[i].min(other.lo[i]);
             self.hi[i] = self.hi[i].max(other.hi[i]);
         }
@@ -80,13 +80,13 @@ mod tests {
 
     #[test]
     fn bits_are_interleaved() {
-        let extent = Extent { lo: [0.0; 3], hi: [2_097_151.0; 3] };
+        let extent = Extent { lo: [0.0; 6], hi: [2_097_151.0; 6] };
         for (x, y, z) in [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (5, 3, 2_097_151), (2_097_151, 2, 7)] {
             let code = place(&extent, &[x as f32, y as f32, z as f32]);
             let back = |shift: u32| (0..21).map(|b| (code >> (3 * b + shift) & 1) << b).sum::<u64>();
             assert_eq!((back(0), back(1), back(2)), (x, y, z));
         }
-        assert_eq!(place(&Extent { lo: [3.0; 3], hi: [3.0; 3] }, &[3.0, 3.0]), 0);
+        assert_eq!(place(&Extent { lo: [3.0; 6], hi: [3.0; 6] }, &[3.0, 3.0]), 0);
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! same order stand in memory and in files.
 
 use crate::order::{Extent, sort};
-use crate::{Schema, map::Map};
+use crate::{Key, Schema, map::Map};
 
 /// Records, or boxes, under one box.
 pub(crate) const FAN: usize = 16;
@@ -37,7 +37,7 @@ pub(crate) struct Level {
 
 /// The levels of boxes over so many records, and the number of numbers of everything; `None` when that overflows.
 pub(crate) fn layout(schema: Schema, count: usize) -> Option<(Vec<Level>, usize)> {
-    let wide = 2 * schema.key.dimensions();
+    let wide = 2 * schema.key.numbers();
     let mut from = count.checked_mul(schema.numbers())?;
     let (mut levels, mut n) = (Vec::new(), count);
     while n > 1 || levels.is_empty() && n > 0 {
@@ -63,7 +63,7 @@ impl Boxes {
 
     /// The next record.
     pub(crate) fn add(&mut self, record: &[f32]) {
-        self.open.add(&record[..self.schema.key.dimensions()]);
+        self.open.add(&record[..self.schema.key.numbers()]);
         self.held += 1;
         if self.held == FAN {
             self.close();
@@ -80,7 +80,7 @@ impl Boxes {
         if self.held > 0 {
             self.close();
         }
-        let d = self.schema.key.dimensions();
+        let d = self.schema.key.numbers();
         let (mut out, mut level) = (Vec::new(), self.first);
         loop {
             for b in &level {
@@ -189,30 +189,46 @@ impl Packed {
         Some(self.corners(self.numbers(), top, 0))
     }
 
-    /// Corners of a box.
+    /// Lowest and highest corner of a box, of keys.
+    #[inline]
+    fn keys<'n>(&self, numbers: &'n [f32], level: &Level, i: usize) -> (&'n [f32], &'n [f32]) {
+        let n = self.schema.key.numbers();
+        numbers[level.from + 2 * n * i..][..2 * n].split_at(n)
+    }
+
+    /// Corners of a box, of positions.
     #[inline]
     fn corners(&self, numbers: &[f32], level: &Level, i: usize) -> ([f32; 3], [f32; 3]) {
         let d = self.schema.key.dimensions();
-        let at = &numbers[level.from + 2 * d * i..][..2 * d];
+        let (low, high) = self.keys(numbers, level, i);
         let (mut lo, mut hi) = ([0.0; 3], [0.0; 3]);
-        lo[..d].copy_from_slice(&at[..d]);
-        hi[..d].copy_from_slice(&at[d..]);
+        lo[..d].copy_from_slice(&low[..d]);
+        hi[..d].copy_from_slice(&high[..d]);
         (lo, hi)
     }
 
-    /// Passes the number of every record whose position may be within `reach` of `at`, nearest boxes first.
-    /// `reach` is asked again and again: it may shrink.
-    pub(crate) fn search(&self, at: [f32; 3], reach: &mut dyn FnMut(Option<usize>) -> f32) {
+    /// Passes the number of every record that may count, nearest boxes first. What it returns is the largest measure that
+    /// still counts; it may shrink from record to record.
+    pub(crate) fn search(&self, near: &Nearness<'_>, take: &mut dyn FnMut(Option<usize>) -> f32) {
         if let Some(top) = self.levels.len().checked_sub(1) {
-            self.visit(self.numbers(), top, 0, at, reach);
+            self.visit(self.numbers(), top, 0, near, take);
         }
     }
 
-    /// Square of the distance of a box.
+    /// What no record under a box is below.
     #[inline]
-    fn distance_squared(&self, numbers: &[f32], level: &Level, i: usize, at: [f32; 3]) -> f32 {
+    fn least(&self, numbers: &[f32], level: &Level, i: usize, near: &Nearness<'_>) -> f32 {
         let (lo, hi) = self.corners(numbers, level, i);
-        (0..3).map(|c| (lo[c] - at[c]).max(at[c] - hi[c]).max(0.0)).map(|x| x * x).sum()
+        let at = near.at;
+        let squared = (0..3).map(|c| (lo[c] - at[c]).max(at[c] - hi[c]).max(0.0)).map(|x| x * x).sum();
+        let cosine = match (self.schema.key, near.normal) {
+            (Key::Oriented, Some(n)) => {
+                let (low, high) = self.keys(numbers, level, i);
+                (0..3).map(|c| (n[c] * low[3 + c]).max(n[c] * high[3 + c])).sum()
+            }
+            _ => 1.0,
+        };
+        (near.least)(squared, cosine)
     }
 
     fn visit(
@@ -220,31 +236,39 @@ impl Packed {
         numbers: &[f32],
         level: usize,
         node: usize,
-        at: [f32; 3],
-        reach: &mut dyn FnMut(Option<usize>) -> f32,
+        near: &Nearness<'_>,
+        take: &mut dyn FnMut(Option<usize>) -> f32,
     ) {
         let below = if level == 0 { self.count } else { self.levels[level - 1].count };
         let children = node * FAN..((node + 1) * FAN).min(below);
         if level == 0 {
             for i in children {
-                reach(Some(i));
+                take(Some(i));
             }
             return;
         }
         let inner = &self.levels[level - 1];
-        let mut near = [(f32::INFINITY, 0_usize); FAN];
+        let mut order = [(f32::INFINITY, 0_usize); FAN];
         let n = children.len();
-        for (slot, i) in near.iter_mut().zip(children) {
-            *slot = (self.distance_squared(numbers, inner, i, at), i);
+        for (slot, i) in order.iter_mut().zip(children) {
+            *slot = (self.least(numbers, inner, i, near), i);
         }
-        let near = &mut near[..n];
-        near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        for &(distance_squared, i) in near.iter() {
-            let reach_now = reach(None);
-            if distance_squared > reach_now * reach_now {
+        let order = &mut order[..n];
+        order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        for &(least, i) in order.iter() {
+            if least > take(None) {
                 return;
             }
-            self.visit(numbers, level - 1, i, at, reach);
+            self.visit(numbers, level - 1, i, near, take);
         }
     }
+}
+
+/// What is near in a search.
+pub(crate) struct Nearness<'a> {
+    pub(crate) at: [f32; 3],
+    pub(crate) normal: Option<[f32; 3]>,
+    /// The smallest measure that records can have whose squared distance is at least the first number, and the cosine
+    /// of whose angle to the normal is at most the second; infinite for none that counts.
+    pub(crate) least: &'a dyn Fn(f32, f32) -> f32,
 }

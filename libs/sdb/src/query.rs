@@ -1,5 +1,6 @@
 //! What stands near a place: values between records, and how dense records are.
 
+use crate::packed::Nearness;
 use crate::{Key, Packed};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -74,17 +75,21 @@ fn dot(a: [f32; 3], b: &[f32]) -> f32 {
 impl Packed {
     /// The `count` records of smallest `measure`, at most `most`; nearest first, and in the order of the database when
     /// they are alike. `measure` gets the square of the distance, the vector to the record, and the record; what it
-    /// returns is not below the distance, or not a number for records that do not count.
+    /// returns is not below what `least` says of its box (see [`Nearness`]), or not a number for records that do not
+    /// count.
     fn nearest(
         &self,
-        at: [f32; 3],
+        probe: &Probe,
         count: usize,
         most: f32,
+        least: impl Fn(f32, f32) -> f32,
         measure: impl Fn(f32, [f32; 3], &[f32]) -> f32,
     ) -> Vec<Near> {
         let d = self.schema().key.dimensions();
+        let at = probe.p;
+        let near = Nearness { at, normal: probe.n, least: &least };
         let mut heap: BinaryHeap<Near> = BinaryHeap::with_capacity(count.min(64) + 1);
-        self.search(at, &mut |record| {
+        self.search(&near, &mut |record| {
             if let Some(index) = record {
                 let record = self.record(index);
                 let mut to = [0.0; 3];
@@ -121,13 +126,16 @@ impl Packed {
         let wanted = how.minsamples.clamp(1, MOST);
         let scale = 4.0 * how.maxdist.max(f32::MIN_POSITIVE);
         let most = if how.always { f32::MAX } else { how.maxerror * scale };
-        let turned = |record: &[f32]| match (self.schema().key, probe.n) {
-            (Key::Oriented, Some(n)) => (1.0 - dot(n, &record[3..6])).max(0.0).sqrt(),
-            _ => 0.0,
-        };
-        let best = self.nearest(probe.p, wanted + 1, most, |squared, _, record| {
+        let turned = |cosine: f32| (1.0 - cosine).max(0.0).sqrt();
+        // A little less than the bound: normals are not quite of unit length.
+        let least = |squared: f32, cosine: f32| squared.sqrt() + scale * (turned(cosine) - 1e-3).max(0.0);
+        let best = self.nearest(probe, wanted + 1, most, least, |squared, _, record| {
             let distance = squared.sqrt();
-            if how.always || distance <= how.maxdist { distance + scale * turned(record) } else { f32::NAN }
+            let cosine = match (self.schema().key, probe.n) {
+                (Key::Oriented, Some(n)) => dot(n, &record[3..6]),
+                _ => 1.0,
+            };
+            if how.always || distance <= how.maxdist { distance + scale * turned(cosine) } else { f32::NAN }
         });
         if best.len() < wanted && (!how.always || best.is_empty()) {
             return None;
@@ -166,7 +174,8 @@ impl Packed {
         }
         let wanted = how.minsamples.max((1.0 / (how.maxerror * how.maxerror)).ceil() as usize).clamp(1, MOST);
         let normal = probe.n.filter(|_| self.schema().key == Key::Oriented);
-        let best = self.nearest(probe.p, wanted + 1, how.maxdist, |squared, to, record| match normal {
+        let least = |squared: f32, cosine: f32| if cosine < 0.499 { f32::INFINITY } else { squared.sqrt() };
+        let best = self.nearest(probe, wanted + 1, how.maxdist, least, |squared, to, record| match normal {
             Some(n) if dot(n, &record[3..6]) < 0.5 => f32::NAN,
             _ => {
                 let along = probe.n.map_or(0.0, |n| dot(n, &to));
@@ -221,7 +230,14 @@ mod tests {
             for q in 0..50 {
                 let at = [unit(q, 5) * 2.0 - 0.5, unit(q, 6), unit(q, 7) * 0.02];
                 let wanted = 1 + q as usize % 9;
-                let got = packed.nearest(at, wanted, 0.4, |squared, _, _| squared.sqrt());
+                let probe = Probe { p: at, n: None };
+                let got = packed.nearest(
+                    &probe,
+                    wanted,
+                    0.4,
+                    |squared, _| squared.sqrt(),
+                    |squared, _, _| squared.sqrt(),
+                );
                 let mut all: Vec<Near> = (0..packed.len())
                     .map(|index| {
                         let r = packed.record(index);
