@@ -3,6 +3,8 @@
 //! - `cargo bench -p granita-benches` measures kernels: dicing, closest hits, texture lookups;
 //! - `cargo run --release -p granita-benches --bin frames` renders whole frames in child processes and prints wall
 //!   clock and peak memory, with one thread and with all;
+//! - `cargo run --release -p granita-benches --bin views` measures what a second eye, more samples, a second thread and
+//!   preview mode cost, as ratios;
 //! - `cargo run --release -p granita-benches --bin peers` runs our tools and the public ones of the field side by
 //!   side, as ratios, and says which it could not find.
 //!
@@ -10,6 +12,8 @@
 
 #![forbid(unsafe_code)]
 
+mod fur;
 mod measure;
 
+pub use fur::Fur;
 pub use measure::{Cost, find_program, measure, release_tool, repository};

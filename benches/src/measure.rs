@@ -1,4 +1,4 @@
-//! Wall clock and peak memory of a child process.
+//! Wall clock, processor time and peak memory of a child process.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 pub struct Cost {
     /// From start to exit.
     pub wall: Duration,
+    /// Processor time of all its threads and its own children; `None` where the system does not tell.
+    pub processor: Option<Duration>,
     /// Largest resident size that was seen, in bytes; `None` where the system does not tell.
     pub peak_bytes: Option<u64>,
 }
@@ -27,6 +29,7 @@ pub fn measure(times: usize, mut command: impl FnMut() -> Command) -> Result<Cos
 }
 
 fn once(mut command: Command) -> Result<Cost, String> {
+    let before = children_time();
     let start = Instant::now();
     let mut child = command
         .stdout(Stdio::null())
@@ -40,12 +43,25 @@ fn once(mut command: Command) -> Result<Cost, String> {
         if let Some(status) = child.try_wait().map_err(|e| e.to_string())? {
             let wall = start.elapsed();
             return match status.success() {
-                true => Ok(Cost { wall, peak_bytes }),
+                true => {
+                    let processor = children_time().zip(before).map(|(after, before)| after - before);
+                    Ok(Cost { wall, processor, peak_bytes })
+                }
                 false => Err(format!("{command:?}: {status}")),
             };
         }
         std::thread::sleep(Duration::from_millis(2));
     }
+}
+
+/// Processor time of all children that have ended.
+fn children_time() -> Option<Duration> {
+    let text = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // The name of the program, in brackets, may hold anything; after it come the state and numbers. User and system
+    // time of children are the fields 16 and 17, in hundredths of a second.
+    let fields: Vec<&str> = text.rsplit_once(')')?.1.split_whitespace().collect();
+    let ticks: u64 = fields.get(13..15)?.iter().map(|f| f.parse::<u64>().unwrap_or(0)).sum();
+    Some(Duration::from_millis(ticks * 10))
 }
 
 fn high_water(status_file: &Path) -> Option<u64> {

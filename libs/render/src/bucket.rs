@@ -51,6 +51,11 @@ impl Buckets {
         Self { order: cells.iter().map(rect).collect(), xs, ys, position }
     }
 
+    /// First rows of the rows of buckets, the end of the last one, and how many buckets stand in a row.
+    pub(crate) fn rows(&self) -> (&[i32], usize) {
+        (&self.ys, self.xs.len() - 1)
+    }
+
     /// Positions of all buckets that share a pixel with `rect`, row by row.
     pub(crate) fn touching(&self, rect: &PixelRect) -> impl Iterator<Item = u32> + '_ {
         let span = |cuts: &[i32], from: i32, to: i32| {

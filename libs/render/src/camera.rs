@@ -4,6 +4,7 @@ mod stereo;
 
 pub use stereo::{EyeProjection, ShadedFrom, Stereo};
 
+use crate::PreviewLimits;
 use granita_base::{Location, MotionTransform, Param, Params, Reporter, Severity, Transform, Vec2, Vec3};
 use granita_scene::Camera;
 use std::sync::Arc;
@@ -114,6 +115,8 @@ pub struct CameraView {
     pub temporalquality: u32,
     /// Least number of different lens positions in a pixel.
     pub dofquality: u32,
+    /// "limits:autopassreduction": what does not blur takes no part in the sampling of times and lens points.
+    pub autopassreduction: bool,
     /// Pixels of a bucket.
     pub bucketsize: [u32; 2],
     /// "horizontal", "vertical" or "spiral".
@@ -122,6 +125,8 @@ pub struct CameraView {
     pub preview: f32,
     /// "dice:curvature" of preview mode, in degrees.
     pub preview_dicecurvature_deg: f32,
+    /// What preview mode leaves out; `None` outside of it.
+    pub preview_limits: Option<PreviewLimits>,
     /// Two views instead of one.
     pub stereo: Option<Stereo>,
 }
@@ -235,6 +240,12 @@ impl CameraView {
         let spatial = or_preview(4, 1);
         let times = or_preview(16, 1);
         let stereo = Stereo::new(&get, &projection);
+        let preview_limits = (preview > 0.0).then(|| PreviewLimits {
+            thincurves: get.counts("preview:thincurves", [10], u32::MAX)[0],
+            thinpoints: get.counts("preview:thinpoints", [10], u32::MAX)[0],
+            limitpixelsize: get.float("preview:limitpixelsize", 0.0),
+            limitdistance: get.float("preview:limitdistance", 1.0e38),
+        });
         Self {
             name: camera.name.clone(),
             world_to_camera: camera.world_to_camera.clone(),
@@ -249,6 +260,7 @@ impl CameraView {
             spatialquality: get.counts(&quality("spatialquality"), [spatial; 2], 256),
             temporalquality: get.counts(&quality("temporalquality"), [times], 65536)[0],
             dofquality: get.counts(&quality("dofquality"), [times], 65536)[0],
+            autopassreduction: get.float("limits:autopassreduction", 1.0) != 0.0,
             bucketsize: get.counts(
                 if preview > 0.0 { "preview:bucketsize" } else { "limits:bucketsize" },
                 [bucket; 2],
@@ -257,6 +269,7 @@ impl CameraView {
             bucketorder: camera.params.string("bucketorder").cloned().unwrap_or_else(|| "horizontal".into()),
             preview,
             preview_dicecurvature_deg: get.float("preview:dicecurvature", 90.0),
+            preview_limits,
             stereo,
         }
     }

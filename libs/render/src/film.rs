@@ -5,7 +5,7 @@
 //! absolute pixel alone, so that buckets and crops cannot change them.
 
 use crate::PixelRect;
-use crate::hider::SampleGrid;
+use crate::hider::{SampleGrid, Tables};
 use granita_base::Filter;
 
 /// How samples become a pixel.
@@ -51,22 +51,21 @@ const TOGETHER: usize = 4;
 /// `values` holds channel `c` of sample `s` at `c * samples.len() + s`; `samples` must reach
 /// [`FilterSpec::margin`] beyond `pixels`. The result has the channels of a pixel side by side, row by row.
 pub(crate) fn filter(
-    spec: &FilterSpec,
+    support: &Support,
     samples: &SampleGrid,
     values: &[f32],
     channels: &[usize],
     pixels: &PixelRect,
 ) -> Vec<f32> {
     let mut out = vec![0.0; pixels.width() * pixels.height() * channels.len()];
-    let support = Support::new(spec, samples);
     let source = Source { samples, values, channels };
     let mut at = 0;
     for y in pixels.y0..pixels.y1 {
         for x in pixels.x0..pixels.x1 {
             let pixel = &mut out[at..at + channels.len()];
-            match spec.filter {
+            match support.spec.filter {
                 PixelFilter::Weighted(_) => support.weighted(&source, [x, y], pixel),
-                _ => support.picked(spec, &source, [x, y], pixel),
+                _ => support.picked(&source, [x, y], pixel),
             }
             at += channels.len();
         }
@@ -83,16 +82,18 @@ struct Source<'a> {
     channels: &'a [usize],
 }
 
-/// Weights of every sample for the pixels around its own.
-struct Support {
+/// Weights of every place in the patterns of samples for the pixels around its own.
+pub(crate) struct Support {
+    spec: FilterSpec,
     margin: [i32; 2],
-    /// `x[k][s]`: weight of sample `s` for the pixel `k - margin` columns to the right of its own.
+    /// `x[k][i]`: weight of place `i` for the pixel `k - margin` columns to the right of its own.
     x: Vec<Vec<f32>>,
     y: Vec<Vec<f32>>,
 }
 
 impl Support {
-    fn new(spec: &FilterSpec, samples: &SampleGrid) -> Self {
+    /// Of a filter.
+    pub(crate) fn new(spec: &FilterSpec, tables: &Tables) -> Self {
         let margin = spec.margin();
         let shape = match spec.filter {
             PixelFilter::Weighted(f) => f,
@@ -104,22 +105,31 @@ impl Support {
                 .collect()
         };
         Self {
+            spec: *spec,
             margin,
-            x: weights(&samples.fx, margin[0], spec.width[0]),
-            y: weights(&samples.fy, margin[1], spec.width[1]),
+            x: weights(&tables.fx, margin[0], spec.width[0]),
+            y: weights(&tables.fy, margin[1], spec.width[1]),
         }
     }
 
-    /// Calls `visit` with the index of the first sample of each pixel in the support, and their weights in x and y.
-    fn each(&self, samples: &SampleGrid, [x, y]: [i32; 2], mut visit: impl FnMut(usize, &[f32], &[f32])) {
-        let n = samples.per_pixel;
+    /// Calls `visit` with the index of the first sample of each pixel in the support, what a sample of this pixel counts
+    /// beside others, and their weights in x and y.
+    fn each(
+        &self,
+        samples: &SampleGrid,
+        [x, y]: [i32; 2],
+        mut visit: impl FnMut(usize, f32, &[f32], &[f32]),
+    ) {
         for dy in -self.margin[1]..=self.margin[1] {
             for dx in -self.margin[0]..=self.margin[0] {
-                let first = samples.pixel(x + dx, y + dy) * n;
+                let pixel = samples.pixel(x + dx, y + dy);
+                let (n, places) = (samples.count(pixel), samples.places(pixel));
                 // Seen from there, this pixel lies the other way.
-                let wx = &self.x[(self.margin[0] - dx) as usize][first..first + n];
-                let wy = &self.y[(self.margin[1] - dy) as usize][first..first + n];
-                visit(first, wx, wy);
+                let wx = &self.x[(self.margin[0] - dx) as usize][places..places + n];
+                let wy = &self.y[(self.margin[1] - dy) as usize][places..places + n];
+                // All pixels count the same, however many samples they have.
+                let counts = samples.per_pixel as f32 / n as f32;
+                visit(pixel * samples.per_pixel, counts, wx, wy);
             }
         }
     }
@@ -138,13 +148,13 @@ impl Support {
             }
             let mut weight = [0.0_f32; LANES];
             let mut sum = [[0.0_f32; LANES]; TOGETHER];
-            self.each(samples, pixel, |first, wx, wy| {
+            self.each(samples, pixel, |first, counts, wx, wy| {
                 let n = wx.len();
                 for k in (0..n).step_by(LANES) {
                     let mut w = [0.0_f32; LANES];
                     let end = (k + LANES).min(n);
                     for ((w, a), b) in w.iter_mut().zip(&wx[k..end]).zip(&wy[k..end]) {
-                        *w = a * b;
+                        *w = a * b * counts;
                     }
                     if w == [0.0; LANES] {
                         continue;
@@ -169,14 +179,14 @@ impl Support {
         }
     }
 
-    fn picked(&self, spec: &FilterSpec, source: &Source<'_>, pixel: [i32; 2], out: &mut [f32]) {
+    fn picked(&self, source: &Source<'_>, pixel: [i32; 2], out: &mut [f32]) {
         let Source { samples, values, channels } = *source;
         let total = samples.len();
         for (out, channel) in out.iter_mut().zip(channels) {
             let plane = &values[channel * total..(channel + 1) * total];
             let (mut least, mut greatest, mut sum, mut count) =
                 (f32::INFINITY, f32::NEG_INFINITY, 0.0_f64, 0);
-            self.each(samples, pixel, |first, wx, wy| {
+            self.each(samples, pixel, |first, _, wx, wy| {
                 for (s, (a, b)) in wx.iter().zip(wy).enumerate() {
                     let v = plane[first + s];
                     if a * b > 0.0 && v.is_finite() {
@@ -187,7 +197,7 @@ impl Support {
                     }
                 }
             });
-            *out = match spec.filter {
+            *out = match self.spec.filter {
                 _ if count == 0 => NO_DEPTH,
                 PixelFilter::Min => least,
                 PixelFilter::Max => greatest,
@@ -210,7 +220,17 @@ mod tests {
             params: Params::new(),
         };
         let camera = crate::CameraView::new(&camera, &Reporter::silent());
-        SampleGrid::new(rect, &SamplePattern::new(&camera, false), &camera)
+        SampleGrid::new(rect, &SamplePattern::new(&camera, false), &camera, &[])
+    }
+
+    fn filter(
+        spec: &FilterSpec,
+        samples: &SampleGrid,
+        values: &[f32],
+        channels: &[usize],
+        pixels: &PixelRect,
+    ) -> Vec<f32> {
+        super::filter(&Support::new(spec, &samples.tables), samples, values, channels, pixels)
     }
 
     const PIXELS: PixelRect = PixelRect { x0: 10, y0: 20, x1: 14, y1: 23 };

@@ -5,8 +5,10 @@ mod cells;
 mod job;
 
 use crate::bucket::Buckets;
+use crate::canvas::{Canvas, Finished};
 use crate::dicing::{Measure, SceneDicing};
 use crate::environment::Progress;
+use crate::film;
 use crate::griddump::GridDump;
 use crate::hider::{CompositeSettings, Projector, SamplePattern};
 use crate::output::OutputSet;
@@ -15,6 +17,7 @@ use crate::unread::is_moving;
 use crate::{CameraView, PixelRect, RenderError};
 use granita_base::{Color, Location, Reporter, Severity};
 use granita_gsl::ir::ValueType;
+use granita_image::FormatRegistry;
 use granita_scene::{Primitive, Scene};
 use granita_shade::Grid;
 use job::Job;
@@ -82,6 +85,8 @@ pub(crate) struct FrameOptions<'a> {
     pub(crate) stop: &'a AtomicBool,
     /// Receives the grids.
     pub(crate) dump: Option<&'a GridDump>,
+    /// Formats, for images that are too large to be kept; without them all are kept.
+    pub(crate) registry: Option<&'a FormatRegistry>,
     /// Scene files, for messages.
     pub(crate) scene_files: &'a [String],
 }
@@ -100,6 +105,8 @@ struct Frame<'a, S: FrameShader> {
     outputs: &'a OutputSet,
     eyes: Vec<Eye<'a>>,
     pattern: SamplePattern,
+    /// The filter of each image.
+    filters: Vec<film::Support>,
     measure: Measure<'a>,
     composite: CompositeSettings,
     buckets: Buckets,
@@ -126,9 +133,6 @@ pub(crate) fn render<S: FrameShader>(
     // The whole scene counts, not what is in view: a crop must not change the samples.
     let moving = is_moving(scene, camera);
     let pattern = SamplePattern::new(camera, moving);
-    // The pixels are filled while the frame reads the plan: they are kept apart.
-    let mut images: Vec<Vec<f32>> =
-        outputs.iter_mut().flat_map(|set| &mut set.images).map(|i| std::mem::take(&mut i.pixels)).collect();
     let Some(plan) = outputs.first() else { return Ok((Statistics::default(), true)) };
     let margin = plan.margin();
     let margin = margin[0].max(margin[1]);
@@ -136,12 +140,21 @@ pub(crate) fn render<S: FrameShader>(
         [r, g, b] => Color::new(r, g, b),
         _ => Color::ONE,
     };
+    let buckets =
+        Buckets::new(&camera.crop, shared(camera, threads), &camera.bucketorder, pattern.per_pixel());
+    let canvas = |image, eye| Mutex::new(Canvas::new(image, eye, &buckets, options.registry));
+    let canvases: Vec<Mutex<Canvas>> = outputs
+        .iter()
+        .zip(options.eyes)
+        .flat_map(|(set, eye)| set.images.iter().map(move |image| (image, eye)))
+        .map(|(image, eye)| canvas(image, eye))
+        .collect();
     let eye = |camera| Eye { camera, projector: Projector::new(camera, pattern.defocus) };
     let frame = Frame {
         shader,
         outputs: plan,
         eyes: options.eyes.iter().map(eye).collect(),
-        pattern,
+        filters: plan.images.iter().map(|i| film::Support::new(&i.filter, &pattern.tables)).collect(),
         measure: Measure::on_raster(options.dicing_camera),
         composite: CompositeSettings {
             opacity_threshold: color("limits:opacitythreshold"),
@@ -156,41 +169,46 @@ pub(crate) fn render<S: FrameShader>(
             },
             depths: plan.wanted.depths,
         },
-        buckets: Buckets::new(&camera.crop, camera.bucketsize, &camera.bucketorder, pattern.per_pixel()),
+        buckets,
         region: camera.crop.grown(margin),
         margin,
+        pattern,
         dicing: SceneDicing::new(scene),
         counters: Counters::default(),
         options,
     };
-    let (failed, filled) = if camera.crop.is_empty() {
-        (0, Vec::new())
-    } else {
+    let mut failed = 0;
+    if !camera.crop.is_empty() {
         let jobs = frame.jobs(scene, threads);
         progress.begin((0..frame.buckets.order.len()).map(|index| jobs.cost(index)).sum());
-        let result = frame.run(&jobs, threads);
+        failed = frame.run(&jobs, &canvases, threads);
         progress.end();
-        result
-    };
+    }
     let statistics = frame.counters.statistics(begin.elapsed(), threads);
-    let crop = camera.crop;
-    let order = std::mem::take(&mut { frame }.buckets.order);
-    for (image, pixels) in outputs.iter_mut().flat_map(|set| &mut set.images).zip(images.drain(..)) {
-        image.pixels = pixels;
-    }
-    for (index, values) in filled {
-        for (image, values) in outputs.iter_mut().flat_map(|set| &mut set.images).zip(&values) {
-            image.store(&crop, &order[index], values);
-        }
-    }
     if stop.load(Ordering::Relaxed) {
         return Err(RenderError::Stopped);
+    }
+    for (image, canvas) in outputs.iter_mut().flat_map(|set| &mut set.images).zip(canvases) {
+        match canvas.into_inner().unwrap_or_else(PoisonError::into_inner).finish() {
+            Finished::Kept(pixels) => image.pixels = pixels,
+            Finished::Written(done) => image.written = Some(done),
+        }
     }
     Ok((statistics, failed == 0))
 }
 
-/// Pixels of the images of one bucket, eye by eye, by the bucket's position in the order.
-type Filled = Vec<(usize, Vec<Vec<f32>>)>;
+/// The size of buckets, so much smaller than asked for that all threads have some to do, as in preview mode, where one
+/// bucket holds the image. No pixel shows it.
+fn shared(camera: &CameraView, threads: usize) -> [u32; 2] {
+    let mut size = camera.bucketsize;
+    let image = [camera.crop.width(), camera.crop.height()].map(|n| n as u32);
+    let buckets = |size: [u32; 2]| image[0].div_ceil(size[0]) as usize * image[1].div_ceil(size[1]) as usize;
+    while threads > 1 && buckets(size) < 4 * threads && (size[0] > 32 || size[1] > 32) {
+        let longer = usize::from(size[1] > size[0]);
+        size[longer] = size[longer].min(image[longer].max(1)).div_ceil(2);
+    }
+    size
+}
 
 impl<S: FrameShader> Frame<'_, S> {
     /// Builds the primitives that this camera sees, for their bounds, and sorts them into buckets.
@@ -249,11 +267,10 @@ impl<S: FrameShader> Frame<'_, S> {
         sets.iter().any(|set| set == name || &**set == "camera")
     }
 
-    /// Renders all buckets; returns how many failed, and the pixels of the others.
-    fn run(&self, jobs: &Jobs<S::Object>, threads: usize) -> (usize, Filled) {
+    /// Renders all buckets; returns how many failed. The others are on the canvases, those of an eye one after the other.
+    fn run(&self, jobs: &Jobs<S::Object>, canvases: &[Mutex<Canvas>], threads: usize) -> usize {
         let total = self.buckets.order.len();
         let (next, done, failed) = (AtomicUsize::new(0), AtomicU64::new(0), AtomicUsize::new(0));
-        let filled: Mutex<Filled> = Mutex::new(Vec::with_capacity(total));
         std::thread::scope(|scope| {
             for _ in 0..threads.min(total) {
                 scope.spawn(|| {
@@ -266,7 +283,10 @@ impl<S: FrameShader> Frame<'_, S> {
                         let result = catch_unwind(AssertUnwindSafe(|| self.bucket(jobs, index, &mut thread)));
                         match result {
                             Ok(values) => {
-                                filled.lock().unwrap_or_else(PoisonError::into_inner).push((index, values));
+                                for (canvas, values) in canvases.iter().zip(&values) {
+                                    let mut canvas = canvas.lock().unwrap_or_else(PoisonError::into_inner);
+                                    canvas.store(&self.buckets.order[index], values);
+                                }
                             }
                             Err(panic) => {
                                 failed.fetch_add(1, Ordering::Relaxed);
@@ -282,7 +302,7 @@ impl<S: FrameShader> Frame<'_, S> {
             }
         });
         add(&self.counters.buckets, total);
-        (failed.into_inner(), filled.into_inner().unwrap_or_else(PoisonError::into_inner))
+        failed.into_inner()
     }
 
     /// Says which bucket failed, and how to render only that one.

@@ -340,7 +340,7 @@ mod tests {
     fn grid(nu: usize, nv: usize, kept: Vec<bool>) -> ShadedGrid {
         let p: Vec<Vec3> = (0..nu * nv).map(|i| Vec3::new((i % nu) as f32, (i / nu) as f32, 3.0)).collect();
         let color = p.clone();
-        let view = ViewedGrid { rim_px: 0.02, ..ViewedGrid::new(&camera(), vec![0.0], vec![p], false) };
+        let view = ViewedGrid { rim_px: 0.02, ..ViewedGrid::new(&camera(), nu, vec![0.0], vec![p], false) };
         ShadedGrid {
             nu,
             nv,

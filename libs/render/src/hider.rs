@@ -5,13 +5,15 @@
 //! one whichever bucket computes it. [`Surfaces`] collects what the samples see of the grids handed to it;
 //! [`Surfaces::resolve`] composites it front to back.
 
+mod blurred;
 mod composite;
+mod lanes;
 mod raster;
 mod samples;
 mod visible;
 
 pub(crate) use composite::{CompositeSettings, Wanted, WantedVariable};
-pub(crate) use samples::{SampleGrid, SamplePattern};
+pub(crate) use samples::{SampleGrid, SamplePattern, Tables};
 pub(crate) use visible::{Holdout, NOWHERE, Projector, ShadedGrid, ViewedGrid, pixels_of};
 
 use granita_base::Vec2;
@@ -104,7 +106,7 @@ impl<'a> Surfaces<'a> {
             for x in rect.x0..rect.x1 {
                 let pixel = self.samples.pixel(x, y);
                 if self.horizon[pixel].is_nan() {
-                    let seen = &self.nearest[pixel * per_pixel..(pixel + 1) * per_pixel];
+                    let seen = &self.nearest[pixel * per_pixel..][..self.samples.count(pixel)];
                     self.horizon[pixel] = seen.iter().map(|f| f.z).fold(f32::NEG_INFINITY, f32::max);
                 }
                 if self.horizon[pixel] > z {

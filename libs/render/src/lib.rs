@@ -26,6 +26,7 @@
 mod arealight;
 mod bucket;
 mod camera;
+mod canvas;
 mod dicing;
 mod environment;
 mod error;
@@ -37,6 +38,7 @@ mod lights;
 mod object;
 mod output;
 mod preshaded;
+mod preview;
 mod raymesh;
 mod raytrace;
 mod renderer;
@@ -56,6 +58,7 @@ mod tests;
 pub use camera::{CameraView, EyeProjection, Lens, PixelRect, Projection, ShadedFrom, Stereo};
 pub use environment::{CallText, NoShader, Progress, RenderEnvironment, ShaderLibrary, Silent};
 pub use error::RenderError;
+pub use preview::PreviewLimits;
 pub use renderer::{FrameReport, Renderer};
 pub use statistics::{ShadingStatistics, Statistics};
 

@@ -2,7 +2,7 @@
 
 use crate::film::{FilterSpec, PixelFilter};
 use crate::hider::{Wanted, WantedVariable};
-use crate::{CameraView, PixelRect, RenderError};
+use crate::{CameraView, RenderError};
 use granita_base::{BaseType, Filter, Location, Param, ParamType, Params, Reporter, Severity};
 use granita_gsl::ir::ValueType;
 use granita_image::{CreateOptions, FormatRegistry, ImageSpec, PixelType, Placement, Quantize};
@@ -75,8 +75,10 @@ pub(crate) struct OutputImage {
     /// Gain and gamma apply.
     is_color: bool,
     params: Params,
-    /// Filtered pixels of the crop window, channels side by side.
+    /// Filtered pixels of the crop window, channels side by side, when the frame is done.
     pub(crate) pixels: Vec<f32>,
+    /// What became of an image that was written while the frame was made.
+    pub(crate) written: Option<Result<(), String>>,
     /// "opaquewidth" of an image whose pixels are no filtered samples but texels of a volume shadow map.
     pub(crate) opaque_width: Option<f32>,
 }
@@ -171,7 +173,8 @@ impl OutputSet {
             path: PathBuf::from(&*output.name),
             format: output.format.to_string(),
             filter: filter_spec(output, data, reporter),
-            pixels: vec![0.0; crop.width() * crop.height() * channels.len()],
+            pixels: Vec::new(),
+            written: None,
             channels,
             names,
             is_color: matches!(data, Data::Color { .. } | Data::Variable { ty: ValueType::Color, .. }),
@@ -392,23 +395,25 @@ fn params(output: &Output, data: &Data) -> Params {
 }
 
 impl OutputImage {
-    /// Takes the filtered pixels of a bucket.
-    pub(crate) fn store(&mut self, crop: &PixelRect, bucket: &PixelRect, values: &[f32]) {
-        let n = self.channels.len();
-        let row = bucket.width() * n;
-        for (j, line) in values.chunks_exact(row).enumerate() {
-            let y = (bucket.y0 - crop.y0) as usize + j;
-            let at = (y * crop.width() + (bucket.x0 - crop.x0) as usize) * n;
-            self.pixels[at..at + row].copy_from_slice(line);
-        }
-    }
-
     /// Writes the image; it appears complete under its name, or not at all.
     pub(crate) fn write(&self, camera: &CameraView, registry: &FormatRegistry) -> Result<(), RenderError> {
+        let mut file = self.open(camera, registry)?;
+        const ROWS: usize = 64;
+        for values in self.pixels.chunks(camera.crop.width() * self.channels.len() * ROWS) {
+            file.write(values)?;
+        }
+        file.close()
+    }
+
+    /// Begins a file of this image.
+    pub(crate) fn open(
+        &self,
+        camera: &CameraView,
+        registry: &FormatRegistry,
+    ) -> Result<ImageWriter, RenderError> {
         let format = registry.by_name(&self.format).ok_or_else(|| RenderError::Misuse {
             what: format!("unknown image format \"{}\"", self.format),
         })?;
-        let crop = &camera.crop;
         let (mut quantize, stored) = Quantize::for_output(&**format, &self.params);
         if !self.is_color {
             (quantize.gain, quantize.gamma) = (1.0, 1.0);
@@ -423,18 +428,16 @@ impl OutputImage {
             other => other,
         };
         let spec = self.spec(camera, stored);
-        let n = self.channels.len();
-        let mut file = format.create(&self.path, &CreateOptions { spec: &spec, levels: 1 })?;
-        let alpha = spec.alpha_channel();
-        let row = crop.width() * n;
-        const ROWS: usize = 64;
-        for (k, values) in self.pixels.chunks(row * ROWS).enumerate() {
-            let y = crop.y0 + (k * ROWS) as i32;
-            let at = Placement { x: crop.x0, y, width: crop.width(), nchannels: n, alpha };
-            file.write_rows(&quantize.apply(values, &at, stored))?;
-        }
-        file.close()?;
-        Ok(())
+        let crop = &camera.crop;
+        let at = Placement {
+            x: crop.x0,
+            y: crop.y0,
+            width: crop.width(),
+            nchannels: self.channels.len(),
+            alpha: spec.alpha_channel(),
+        };
+        let file = format.create(&self.path, &CreateOptions { spec: &spec, levels: 1 })?;
+        Ok(ImageWriter { file, quantize, stored, at })
     }
 
     fn spec(&self, camera: &CameraView, stored: PixelType) -> ImageSpec {
@@ -457,6 +460,30 @@ impl OutputImage {
             spec.attributes.set(param.clone());
         }
         spec
+    }
+}
+
+/// A file that takes its rows from the top downward.
+pub(crate) struct ImageWriter {
+    file: Box<dyn granita_image::ImageOutput>,
+    quantize: Quantize,
+    stored: PixelType,
+    /// Of the next row.
+    at: Placement,
+}
+
+impl ImageWriter {
+    /// The next whole rows, channels side by side.
+    pub(crate) fn write(&mut self, values: &[f32]) -> Result<(), RenderError> {
+        self.file.write_rows(&self.quantize.apply(values, &self.at, self.stored))?;
+        self.at.y += (values.len() / (self.at.width * self.at.nchannels).max(1)) as i32;
+        Ok(())
+    }
+
+    /// After the last row: the file appears under its name.
+    pub(crate) fn close(self) -> Result<(), RenderError> {
+        self.file.close()?;
+        Ok(())
     }
 }
 
@@ -530,8 +557,8 @@ mod tests {
         let camera = camera();
         let mut set = OutputSet::new(&[&output], &camera, &registry, &Reporter::silent()).unwrap();
         let image = &mut set.images[0];
-        let bucket = PixelRect { x0: 4, y0: 4, x1: 6, y1: 5 };
-        image.store(&camera.crop, &bucket, &[0.1, 0.2, 0.3, 0.5, 0.4, 0.4, 0.4, 1.0]);
+        image.pixels = vec![0.0; 6 * 3 * 4];
+        image.pixels[(6 + 2) * 4..][..8].copy_from_slice(&[0.1, 0.2, 0.3, 0.5, 0.4, 0.4, 0.4, 1.0]);
         image.write(&camera, &registry).unwrap();
         let file = registry.open(&path).unwrap();
         let spec = file.spec(0, 0).unwrap();

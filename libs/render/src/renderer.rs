@@ -5,6 +5,7 @@ use crate::frame::{self, FrameOptions, FrameShader, ObjectTraits};
 use crate::griddump::GridDump;
 use crate::object::{Holdout, ObjectState};
 use crate::output::OutputSet;
+use crate::preview;
 use crate::shading::{ShaderThread, ShadingContext};
 use crate::{CameraView, RenderError, ShadingStatistics, Statistics, hider};
 use granita_gsl::ir::ValueType;
@@ -65,6 +66,7 @@ impl Renderer {
             n => n,
         };
         environment.databases.begin();
+        let scene = &preview::simplified(scene, &first, reporter);
         let mut report = FrameReport { complete: true, ..FrameReport::default() };
         let mut shading = None;
         for view in views.iter().filter(|v| camera.is_none_or(|name| &*v.name == name)) {
@@ -96,6 +98,7 @@ impl Renderer {
                 progress: &*environment.progress,
                 dump: dump.as_ref(),
                 stop: &environment.stop,
+                registry: Some(&environment.registry),
                 scene_files: &environment.scene_files,
             };
             let (statistics, complete) = frame::render(scene, &*shading, options, &mut outputs)?;
@@ -104,9 +107,13 @@ impl Renderer {
             }
             report.complete &= complete;
             for k in 0..outputs[0].images.len() {
-                for (eye, set) in eyes.iter().zip(&outputs) {
-                    let image = &set.images[k];
-                    match image.write(eye, &environment.registry) {
+                for (eye, set) in eyes.iter().zip(&mut outputs) {
+                    let image = &mut set.images[k];
+                    let written = match image.written.take() {
+                        Some(done) => done,
+                        None => image.write(eye, &environment.registry).map_err(|e| e.to_string()),
+                    };
+                    match written {
                         Ok(()) => report.images.push(image.path.clone()),
                         Err(error) => {
                             reporter.error(format!("output \"{}\": {error}", image.path.display()));

@@ -534,6 +534,7 @@ fn picture(fixture: &Fixture, threads: usize, bucket: i32) -> Vec<f32> {
         reporter: &environment.reporter,
         progress: &crate::Silent,
         stop: &environment.stop,
+        registry: None,
         dump: None,
         scene_files: &[],
     };

@@ -23,7 +23,7 @@ impl Renderer {
             return vec![true; unread.len()];
         };
         // Whether anything moves changes the samples, and an unread input may.
-        let moves = views.iter().any(|v| SamplePattern::new(v, true).blur && !is_moving(scene, v));
+        let moves = views.iter().any(|v| SamplePattern::blurs(v, true) && !is_moving(scene, v));
         if moves || RaySeeker::new(&*self.environment.shaders).may_trace(scene, unread) {
             return vec![true; unread.len()];
         }

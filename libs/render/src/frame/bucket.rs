@@ -9,7 +9,7 @@ use crate::griddump::{Described, is_identity};
 use crate::hider::{SampleGrid, ShadedGrid, Surfaces, ViewedGrid};
 use crate::preshaded::GridTraits;
 use crate::statistics::{add, add_time};
-use crate::{CameraView, Projection};
+use crate::{CameraView, PixelRect, Projection};
 use granita_base::{Color, Severity, Vec2, Vec3};
 use granita_geom::Dice;
 use granita_shade::{Grid, Lanes3, RayKind};
@@ -27,35 +27,54 @@ impl<S: FrameShader> Frame<'_, S> {
         thread: &mut S::Thread<'_>,
     ) -> Vec<Vec<f32>> {
         let rect = self.buckets.order[index];
-        let samples = SampleGrid::new(rect.grown(self.margin), &self.pattern, self.options.camera);
-        let eyes = 0..self.eyes.len();
-        let pixels = eyes.flat_map(|eye| self.seen_by(eye, jobs, index, &samples, thread)).collect();
-        add(&self.counters.samples, self.eyes.len() * rect.width() * rect.height() * samples.per_pixel);
+        let mut blurred = Vec::new();
+        let orders: Vec<Vec<Visit>> =
+            (0..self.eyes.len()).map(|eye| self.visits(eye, jobs, index, &mut blurred)).collect();
+        let samples = SampleGrid::new(rect.grown(self.margin), &self.pattern, self.options.camera, &blurred);
+        let see = |(eye, order)| self.seen_by(eye, order, jobs, index, &samples, thread);
+        let pixels = orders.into_iter().enumerate().flat_map(see).collect();
+        add(&self.counters.samples, self.eyes.len() * samples.within(&rect));
         pixels
+    }
+
+    /// The grids that an eye may see in a bucket, front to back, so that what is hidden is found hidden before it is
+    /// shaded. The order among any two grids is the same in every bucket. Adds to `blurred` where blurred ones may be.
+    fn visits(
+        &self,
+        eye: usize,
+        jobs: &Jobs<S::Object>,
+        index: usize,
+        blurred: &mut Vec<PixelRect>,
+    ) -> Vec<Visit> {
+        let bucket = u32::try_from(index).unwrap_or(u32::MAX);
+        let mut order = Vec::new();
+        for &job in &jobs.of_bucket[index] {
+            let split = self.split(&jobs.list[job]);
+            for leaf in split.leaves_of(eye, bucket) {
+                let seen = &split.leaves[leaf as usize].seen[eye];
+                order.push(Visit { z_min: seen.z_min, job, leaf });
+                if seen.blurs {
+                    blurred.push(seen.rect);
+                }
+            }
+        }
+        order.sort_by(|a, b| a.z_min.total_cmp(&b.z_min).then(a.job.cmp(&b.job)).then(a.leaf.cmp(&b.leaf)));
+        order
     }
 
     /// What an eye sees in a bucket; the pixels of every image.
     fn seen_by(
         &self,
         eye: usize,
+        order: Vec<Visit>,
         jobs: &Jobs<S::Object>,
         index: usize,
         samples: &SampleGrid,
         thread: &mut S::Thread<'_>,
     ) -> Vec<Vec<f32>> {
         let mut surfaces = Surfaces::new(samples, self.composite);
-        let bucket = u32::try_from(index).unwrap_or(u32::MAX);
-        // Front to back, so that what is hidden is found hidden before it is shaded. The order among any two grids
-        // is the same in every bucket.
-        let mut order: Vec<(f32, usize, u32)> = Vec::new();
-        for &j in &jobs.of_bucket[index] {
-            let split = self.split(&jobs.list[j]);
-            let z_min = |leaf: u32| split.leaves[leaf as usize].seen[eye].z_min;
-            order.extend(split.leaves_of(eye, bucket).map(|leaf| (z_min(leaf), j, leaf)));
-        }
-        order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
         let mut hiding = std::time::Duration::ZERO;
-        for (z_min, j, slot_number) in order {
+        for Visit { z_min, job: j, leaf: slot_number } in order {
             let job = &jobs.list[j];
             let slot = &self.split(job).leaves[slot_number as usize];
             // What lies behind the first surface counts for "avgz".
@@ -80,9 +99,10 @@ impl<S: FrameShader> Frame<'_, S> {
         let (images, rect) = (&self.outputs.images, &self.buckets.order[index]);
         let pixels = images
             .iter()
-            .map(|image| match image.opaque_width {
+            .zip(&self.filters)
+            .map(|(image, filter)| match image.opaque_width {
                 Some(width) => surfaces.volumes(rect, image.channels.len(), width),
-                None => film::filter(&image.filter, samples, &values, &image.channels, rect),
+                None => film::filter(filter, samples, &values, &image.channels, rect),
             })
             .collect();
         add_time(&self.counters.filter_nanos, begin.elapsed());
@@ -229,7 +249,12 @@ impl<S: FrameShader> Frame<'_, S> {
             if diced.per_side > 1 {
                 p_cam.iter_mut().for_each(|p| *p = finer(p, nu, diced.per_side));
             }
-            let grid = ViewedGrid::new(eye.camera, times.to_vec(), p_cam, self.pattern.defocus);
+            // What does not blur is where it is when the shutter opens.
+            let keys = if seen.blurs { times.len() } else { 1 };
+            p_cam.truncate(keys);
+            let defocus = self.pattern.defocus && seen.blurs;
+            let nu = (nu - 1) * diced.per_side + 1;
+            let grid = ViewedGrid::new(eye.camera, nu, times[..keys].to_vec(), p_cam, defocus);
             ViewedGrid { rect: seen.rect, z_min: seen.z_min, rim_px, ..grid }
         };
         self.eyes.iter().zip(&slot.seen).map(view).collect()
@@ -287,6 +312,14 @@ impl<S: FrameShader> Frame<'_, S> {
             );
         }
     }
+}
+
+/// A look at a grid.
+struct Visit {
+    z_min: f32,
+    /// Index in [`Jobs::list`].
+    job: usize,
+    leaf: u32,
 }
 
 /// A grid after shading, with what it was diced from.

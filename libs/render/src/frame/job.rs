@@ -5,7 +5,7 @@ use crate::dicing::trimming;
 use crate::dicing::{DiceSettings, Leaf, Placement, Plan, Viewer, key_at};
 use crate::hider::{NOWHERE, ShadedGrid, pixels_of};
 use crate::statistics::add;
-use crate::{PixelRect, preshaded};
+use crate::{PixelRect, Projection, preshaded};
 use granita_base::{Bound, Severity, Transform, Vec3};
 use granita_geom::{Piece, ShapeKey, SplitDirection, Surface};
 use granita_scene::Primitive;
@@ -90,13 +90,20 @@ pub(super) struct Sighting {
     pub(super) rect: PixelRect,
     /// Nothing of it is nearer.
     pub(super) z_min: f32,
+    /// Whether motion or the lens may blur it.
+    pub(super) blurs: bool,
 }
 
 /// Where a piece may be seen.
 struct Seen {
     bound_px: [f32; 4],
     z_min: f32,
+    blurs: bool,
 }
+
+/// What moves or is out of focus by less than this (pixels) counts as still and sharp. It is less than rims are widened,
+/// so that no crack opens beside what blurs a little more.
+const LEAST_BLUR_PX: f32 = 0.01;
 
 impl<S: FrameShader> Frame<'_, S> {
     /// Builds a primitive for its bound; `None` when there is nothing to see.
@@ -138,6 +145,7 @@ impl<S: FrameShader> Frame<'_, S> {
             pixels_of(seen.fold(NOWHERE, union), &self.region)
         };
         let rects: Vec<PixelRect> = self.eyes.iter().map(rect).collect();
+        self.check_precision(primitive, &pieces, &placement);
         if rects.iter().all(PixelRect::is_empty) {
             add(&self.counters.primitives_off_screen, 1);
             return None;
@@ -155,6 +163,32 @@ impl<S: FrameShader> Frame<'_, S> {
         })
     }
 
+    /// Says when an object lies so far from the origin that the numbers of its points leave gaps which can be seen.
+    fn check_precision(&self, primitive: &Primitive, pieces: &[Piece], placement: &Placement) {
+        let time = placement.times()[0];
+        let camera = self.eyes[0].camera;
+        let object =
+            pieces.iter().map(|p| Placement::object_bound(&**p, time)).fold(Bound::EMPTY, Bound::union);
+        let middle = placement.to_world.at(time).point((object.min + object.max) * 0.5);
+        let z = camera.world_to_camera.at(time).point(middle).z;
+        let distance = middle.abs().max_element();
+        let step = distance * f32::EPSILON;
+        let step_px = (camera.raster_scale(z) * step).abs().max_element();
+        if z > camera.near && step_px > 1.0 && step_px.is_finite() {
+            let name = primitive.attributes.name();
+            self.options.reporter.once(
+                "far from the origin",
+                Severity::Warning,
+                &primitive.at,
+                format!(
+                    "object \"{name}\": it lies {distance:e} from the origin of the world, where numbers are {step} apart, \
+                     {step_px:.0} pixels as camera \"{}\" sees it; move the scene closer to the origin",
+                    camera.name
+                ),
+            );
+        }
+    }
+
     /// The grids of a primitive, made for the first bucket that asks.
     pub(super) fn split<'j>(&self, job: &'j Job<S::Object>) -> &'j Split {
         job.split.get_or_init(|| {
@@ -166,7 +200,8 @@ impl<S: FrameShader> Frame<'_, S> {
             while let Some((piece, depth)) = stack.pop() {
                 let sighting = |eye: &Eye<'_>| {
                     let seen = self.seen(eye, &*piece, &job.placement, &job.traits);
-                    Sighting { rect: pixels_of(seen.bound_px, &self.region), z_min: seen.z_min }
+                    let rect = pixels_of(seen.bound_px, &self.region);
+                    Sighting { rect, z_min: seen.z_min, blurs: seen.blurs }
                 };
                 let seen: Box<[Sighting]> = self.eyes.iter().map(sighting).collect();
                 if seen.iter().all(|s| s.rect.is_empty()) {
@@ -222,7 +257,7 @@ impl<S: FrameShader> Frame<'_, S> {
         }
         let hull = boxes.iter().copied().fold(Bound::EMPTY, Bound::union);
         if !hull.is_finite() || hull.is_empty() {
-            return Seen { bound_px: NOWHERE, z_min: f32::INFINITY };
+            return Seen { bound_px: NOWHERE, z_min: f32::INFINITY, blurs: false };
         }
         // What passes the near plane is bounded as a whole: its parts move through it between the times.
         let bound_px = if hull.min.z < eye.camera.near {
@@ -258,13 +293,70 @@ impl<S: FrameShader> Frame<'_, S> {
             if hull.is_finite() && !hull.is_empty() {
                 let [x0, y0, x1, y1] = eye.projector.raster_box(&hull);
                 let bound_px = [x0 - 0.3, y0 - 0.3, x1 + 0.3, y1 + 0.3];
-                return Seen { bound_px, z_min: hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6 };
+                let blurs = self.blurs(eye, piece, placement, traits, &hull);
+                return Seen { bound_px, z_min: hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6, blurs };
             }
         }
         // A little room for rounding, for widened rims, and for widths given in pixels.
         let room = 0.3 + piece.raster_width() * 0.5;
         let bound_px = [bound_px[0] - room, bound_px[1] - room, bound_px[2] + room, bound_px[3] + room];
-        Seen { bound_px, z_min: hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6 }
+        let blurs = self.blurs(eye, piece, placement, traits, &hull);
+        Seen { bound_px, z_min: hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6, blurs }
+    }
+
+    /// Whether a piece inside of `hull` (camera space, over the whole shutter) may be blurred.
+    fn blurs(
+        &self,
+        eye: &Eye<'_>,
+        piece: &dyn Surface,
+        placement: &Placement,
+        traits: &ObjectTraits,
+        hull: &Bound,
+    ) -> bool {
+        let camera = eye.camera;
+        let moves = placement.times().len() > 1;
+        if !moves && !self.pattern.defocus {
+            return false;
+        }
+        if !camera.autopassreduction {
+            return true;
+        }
+        let perspective = matches!(camera.projection, Projection::Perspective { .. });
+        if perspective && hull.min.z < camera.near {
+            return true;
+        }
+        let mut blur_px = 0.0;
+        if self.pattern.defocus {
+            let confusion = |z: f32| camera.confusion(z).abs().max_element();
+            blur_px = confusion(hull.min.z).max(confusion(hull.max.z));
+        }
+        if moves {
+            // Of points that deform or are displaced a box says nothing.
+            if piece.key_times().len() > 1 || traits.displaces {
+                return true;
+            }
+            let corners = Placement::object_bound(piece, placement.times()[0]).corners();
+            let at = |time: f32| {
+                let to_camera = placement.to_world.at(time).then(&camera.world_to_camera.at(time));
+                corners.map(|p| to_camera.point(p))
+            };
+            let start = at(placement.times()[0]);
+            // How far points move is linear in where they are: the corners move farthest.
+            let mut path = Vec3::ZERO;
+            for time in &placement.times()[1..] {
+                for (p, q) in start.iter().zip(at(*time)) {
+                    path = path.max((q - p).abs());
+                }
+            }
+            let mut aside = path.truncate();
+            if perspective {
+                let widest = hull.min.abs().max(hull.max.abs()).truncate();
+                aside += widest * (path.z / hull.min.z);
+            }
+            blur_px += (aside * camera.raster_scale(hull.min.z).abs()).max_element();
+        }
+        // Not so where it is not known.
+        !(blur_px < LEAST_BLUR_PX)
     }
 
     /// Object space bound at a time of a piece of a point or curve as it is turned towards the dicing camera.

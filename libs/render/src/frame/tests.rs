@@ -1,6 +1,8 @@
 //! Whole frames with shaders that are Rust functions: geometry, sampling, filtering, determinism.
 
 mod cracks;
+mod extremes;
+mod passes;
 mod stereo;
 
 use super::*;
@@ -199,6 +201,7 @@ fn render_with<S: FrameShader>(
         reporter: &reporter,
         progress: &Silent,
         stop: &stop,
+        registry: None,
         dump: None,
         scene_files: &[],
     };
@@ -706,6 +709,7 @@ fn a_panic_costs_one_bucket() {
         reporter: &reporter,
         progress: &Silent,
         stop: &stop,
+        registry: None,
         dump: None,
         scene_files: &files,
     };

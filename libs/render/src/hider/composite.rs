@@ -123,8 +123,9 @@ pub(super) fn volumes(
     let mut volume = VolumePixel::default();
     let places = (pixels.y0..pixels.y1).flat_map(|y| (pixels.x0..pixels.x1).map(move |x| (x, y)));
     for (texel, (x, y)) in out.chunks_exact_mut(texel).zip(places) {
-        let first = samples.pixel(x, y) * samples.per_pixel;
-        for s in first..first + samples.per_pixel {
+        let pixel = samples.pixel(x, y);
+        let first = pixel * samples.per_pixel;
+        for s in first..first + samples.count(pixel) {
             collect(surfaces, s, &mut layers);
             steps.clear();
             let mut through = Color::ONE;

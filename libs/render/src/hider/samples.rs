@@ -2,6 +2,7 @@
 
 use crate::{CameraView, PixelRect};
 use granita_base::{hash, sample};
+use std::sync::Arc;
 
 /// Dimensions that are hashed separately.
 #[derive(Clone, Copy)]
@@ -13,14 +14,39 @@ enum Dimension {
 }
 
 /// How many samples a pixel has, and what varies among them.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub(crate) struct SamplePattern {
     /// Strata across and down a pixel.
     pub(crate) strata: [u32; 2],
+    /// Strata of a pixel in which nothing blurs; the same as `strata` unless "limits:autopassreduction" saves samples.
+    pub(crate) still_strata: [u32; 2],
     /// Whether samples differ in time.
     pub(crate) blur: bool,
     /// Whether samples differ in their lens point.
     pub(crate) defocus: bool,
+    /// What the pixels choose from.
+    pub(crate) tables: Arc<Tables>,
+}
+
+/// Patterns of samples. Every pixel takes one of each kind, by a hash of where it is: they differ from pixel to pixel
+/// without being computed for each.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Tables {
+    /// Places inside the pixel, 0 to 1, pattern by pattern: first those of whole pixels, then those of still ones.
+    pub(crate) fx: Vec<f32>,
+    pub(crate) fy: Vec<f32>,
+    /// Times, pattern by pattern: sample `k` of `n` is in the k-th of `n` equal parts of the shutter.
+    time: Vec<f32>,
+    /// Points on the lens in camera space.
+    lens_x: Vec<f32>,
+    lens_y: Vec<f32>,
+    /// Boxes (x0, x1, y0, y1) around the lens points of every eight samples in order, of all patterns.
+    pub(crate) lens_boxes: Vec<[f32; 4]>,
+}
+
+/// Patterns of `n` samples in the table of a kind: a power of two; many, but not so many that tables grow large.
+fn variants(n: u32) -> u32 {
+    ((1 << 13) / n).clamp(16, 256).next_power_of_two()
 }
 
 impl SamplePattern {
@@ -29,111 +55,222 @@ impl SamplePattern {
     /// "temporalquality" and "dofquality" are least numbers of different values in a pixel: where they ask
     /// for more than `spatialquality` gives, pixels get more samples. A quality of 1 turns the blur off.
     pub(crate) fn new(camera: &CameraView, moving: bool) -> Self {
-        let blur = moving && camera.has_motion_blur() && camera.temporalquality > 1;
+        let blur = Self::blurs(camera, moving);
         let defocus = camera.lens.is_some() && camera.dofquality > 1;
         let least = u64::from(1.max(if blur { camera.temporalquality } else { 1 }).max(if defocus {
             camera.dofquality
         } else {
             1
         }));
-        let [mut x, mut y] = camera.spatialquality;
+        let asked = camera.spatialquality;
+        let [mut x, mut y] = asked;
         // The shape of the strata stays about as it was asked for.
         while u64::from(x) * u64::from(y) < least {
             if x <= y { x += 1 } else { y += 1 }
         }
-        Self { strata: [x, y], blur, defocus }
+        let strata = [x, y];
+        let still_strata = if camera.autopassreduction { asked } else { strata };
+        let n = x * y;
+        let mut tables = Tables::default();
+        tables.add_places(strata);
+        if still_strata != strata {
+            tables.add_places(still_strata);
+        }
+        if blur {
+            tables.add_times(n, camera.shutter);
+        }
+        if let Some(lens) = camera.lens.filter(|_| defocus) {
+            tables.add_lens(strata, lens.radius, blur);
+        }
+        Self { strata, still_strata, blur, defocus, tables: Arc::new(tables) }
+    }
+
+    /// Whether samples differ in time.
+    pub(crate) fn blurs(camera: &CameraView, moving: bool) -> bool {
+        moving && camera.has_motion_blur() && camera.temporalquality > 1
     }
 
     /// Samples of a pixel.
     pub(crate) fn per_pixel(&self) -> usize {
         self.strata[0] as usize * self.strata[1] as usize
     }
+
+    /// Samples of a pixel in which nothing blurs.
+    fn per_still_pixel(&self) -> usize {
+        self.still_strata[0] as usize * self.still_strata[1] as usize
+    }
+
+    /// Whether pixels in which nothing blurs have fewer samples.
+    pub(crate) fn is_reducible(&self) -> bool {
+        self.strata != self.still_strata
+    }
+}
+
+impl Tables {
+    fn add_places(&mut self, strata: [u32; 2]) {
+        let n = strata[0] * strata[1];
+        for variant in 0..variants(n) {
+            let seed = hash::words(&[variant, Dimension::Place as u32]);
+            for k in 0..n {
+                // In no order, so that place and time are not related.
+                let (fx, fy) = jittered(sample::permute(k, n, !seed), strata, seed);
+                self.fx.push(fx);
+                self.fy.push(fy);
+            }
+        }
+    }
+
+    fn add_times(&mut self, n: u32, [open, close]: [f32; 2]) {
+        for variant in 0..variants(n) {
+            let seed = hash::words(&[variant, Dimension::Time as u32]);
+            self.time.extend((0..n).map(|k| {
+                let t = (k as f32 + hash::unit(hash::words(&[seed, k]))) / n as f32;
+                open + (close - open) * t
+            }));
+        }
+    }
+
+    /// `shuffled`: samples in order are ordered by something else.
+    fn add_lens(&mut self, strata: [u32; 2], radius: f32, shuffled: bool) {
+        let n = strata[0] * strata[1];
+        for variant in 0..variants(n) {
+            let seed = hash::words(&[variant, Dimension::Lens as u32]);
+            for k in 0..n {
+                let k = if shuffled { sample::permute(k, n, !seed) } else { k };
+                let (a, b) = jittered(k, strata, seed);
+                let [x, y] = disk(a, b);
+                self.lens_x.push(x * radius);
+                self.lens_y.push(y * radius);
+            }
+        }
+        let nowhere = [f32::INFINITY, f32::NEG_INFINITY, f32::INFINITY, f32::NEG_INFINITY];
+        self.lens_boxes = vec![nowhere; n.div_ceil(8) as usize];
+        for (i, (x, y)) in self.lens_x.iter().zip(&self.lens_y).enumerate() {
+            let [x0, x1, y0, y1] = &mut self.lens_boxes[i % n as usize / 8];
+            (*x0, *x1) = (x0.min(*x), x1.max(*x));
+            (*y0, *y1) = (y0.min(*y), y1.max(*y));
+        }
+    }
 }
 
 /// The samples of a rectangle of pixels: pixels row by row, the samples of a pixel side by side.
+///
+/// All lists are [`SampleGrid::PADDING`] longer than there are samples.
 #[derive(Clone, Debug)]
 pub(crate) struct SampleGrid {
     /// Pixels, in absolute raster coordinates; may reach beyond the image.
     pub(crate) rect: PixelRect,
-    /// Samples of a pixel.
+    /// Distance of the first samples of neighbouring pixels: most samples that a pixel has.
     pub(crate) per_pixel: usize,
-    /// Place inside the pixel, 0 to 1.
-    pub(crate) fx: Vec<f32>,
-    /// Place inside the pixel, 0 to 1.
-    pub(crate) fy: Vec<f32>,
+    /// Samples of each pixel in which nothing blurs.
+    per_still_pixel: usize,
     /// Absolute raster place.
     pub(crate) x: Vec<f32>,
     /// Absolute raster place.
     pub(crate) y: Vec<f32>,
-    /// Time, from shutter open to close; empty without motion blur.
+    /// Time, from shutter open to close; empty without motion blur. Sample `k` of a pixel is in the k-th of `per_pixel`
+    /// equal parts of the shutter.
     pub(crate) time: Vec<f32>,
     /// Shutter open and close.
     pub(crate) shutter: [f32; 2],
-    /// The samples of a pixel in order of their times: sample `by_time[pixel * per_pixel + k]` of the pixel is in the
-    /// k-th of `per_pixel` equal parts of the shutter. Empty without motion blur.
-    pub(crate) by_time: Vec<u32>,
     /// Point on the lens in camera space; empty without depth of field.
-    pub(crate) lens: Vec<[f32; 2]>,
+    pub(crate) lens_x: Vec<f32>,
+    pub(crate) lens_y: Vec<f32>,
+    /// The patterns, and for each pixel where its places begin in them.
+    pub(crate) tables: Arc<Tables>,
+    places: Vec<u32>,
+    /// Places from here on are of still pixels.
+    still_from: u32,
 }
 
 impl SampleGrid {
-    /// The samples of `rect`.
-    pub(crate) fn new(rect: PixelRect, pattern: &SamplePattern, camera: &CameraView) -> Self {
+    /// Numbers that may be read beyond the last sample.
+    pub(crate) const PADDING: usize = 8;
+
+    /// The samples of `rect`. `blurred`: the pixels in which something may blur; the others have fewer samples where
+    /// the pattern allows.
+    pub(crate) fn new(
+        rect: PixelRect,
+        pattern: &SamplePattern,
+        camera: &CameraView,
+        blurred: &[PixelRect],
+    ) -> Self {
         let per_pixel = pattern.per_pixel();
-        let total = rect.width() * rect.height() * per_pixel;
+        let pixels = rect.width() * rect.height();
+        let total = pixels * per_pixel + Self::PADDING;
+        let tables = &*pattern.tables;
+        let count = |strata: [u32; 2]| strata[0] * strata[1];
+        let [some, few] = [pattern.strata, pattern.still_strata].map(|s| variants(count(s)));
+        let still_from = some * per_pixel as u32;
         let mut grid = Self {
             rect,
             per_pixel,
-            fx: Vec::with_capacity(total),
-            fy: Vec::with_capacity(total),
+            per_still_pixel: pattern.per_still_pixel(),
             x: Vec::with_capacity(total),
             y: Vec::with_capacity(total),
-            time: Vec::new(),
+            time: Vec::with_capacity(if pattern.blur { total } else { 0 }),
             shutter: camera.shutter,
-            by_time: Vec::new(),
-            lens: Vec::new(),
+            lens_x: Vec::with_capacity(if pattern.defocus { total } else { 0 }),
+            lens_y: Vec::with_capacity(if pattern.defocus { total } else { 0 }),
+            tables: pattern.tables.clone(),
+            places: Vec::with_capacity(pixels),
+            still_from,
         };
-        let n = u32::try_from(per_pixel).unwrap_or(u32::MAX);
-        let radius = camera.lens.map_or(0.0, |l| l.radius);
-        let [open, close] = camera.shutter;
+        let mut still = vec![pattern.is_reducible(); pixels];
+        for part in blurred.iter().filter(|_| pattern.is_reducible()) {
+            let part = part.intersection(&rect);
+            for y in part.y0..part.y1 {
+                let row = grid.pixel(part.x0, y);
+                still[row..row + part.width()].fill(false);
+            }
+        }
+        let mut still = still.into_iter();
         for y in rect.y0..rect.y1 {
             for x in rect.x0..rect.x1 {
-                let seed = |d: Dimension| hash::words(&[x.cast_unsigned(), y.cast_unsigned(), d as u32]);
-                let place = seed(Dimension::Place);
-                for s in 0..n {
-                    let (fx, fy) = jittered(s, pattern.strata, place);
-                    grid.fx.push(fx);
-                    grid.fy.push(fy);
-                    grid.x.push(x as f32 + fx);
-                    grid.y.push(y as f32 + fy);
-                }
+                let choose = |d: Dimension, variants: u32| {
+                    let h = hash::words(&[x.cast_unsigned(), y.cast_unsigned(), d as u32]);
+                    (h & (variants - 1)) as usize
+                };
+                let (first, n) = match still.next() {
+                    Some(true) => {
+                        let n = grid.per_still_pixel;
+                        (still_from as usize + choose(Dimension::Place, few) * n, n)
+                    }
+                    _ => (choose(Dimension::Place, some) * per_pixel, per_pixel),
+                };
+                grid.places.push(first as u32);
+                let (x0, y0) = (x as f32, y as f32);
+                grid.x.extend(tables.fx[first..first + n].iter().map(|fx| x0 + fx));
+                grid.y.extend(tables.fy[first..first + n].iter().map(|fy| y0 + fy));
+                let end = grid.places.len() * per_pixel;
+                grid.x.resize(end, f32::NAN);
+                grid.y.resize(end, f32::NAN);
                 if pattern.blur {
-                    let seed = seed(Dimension::Time);
-                    let first = grid.by_time.len();
-                    grid.by_time.resize(first + per_pixel, 0);
-                    grid.time.extend((0..n).map(|s| {
-                        let stratum = sample::permute(s, n, seed);
-                        grid.by_time[first + stratum as usize] = s;
-                        let t = (stratum as f32 + hash::unit(hash::words(&[seed, s]))) / n as f32;
-                        open + (close - open) * t
-                    }));
+                    let first = choose(Dimension::Time, some) * per_pixel;
+                    grid.time.extend_from_slice(&tables.time[first..first + per_pixel]);
                 }
                 if pattern.defocus {
-                    let seed = seed(Dimension::Lens);
-                    grid.lens.extend((0..n).map(|s| {
-                        // Shuffled, so that lens and place are not related.
-                        let (a, b) = jittered(sample::permute(s, n, seed), pattern.strata, seed);
-                        disk(a, b).map(|c| c * radius)
-                    }));
+                    let first = choose(Dimension::Lens, some) * per_pixel;
+                    grid.lens_x.extend_from_slice(&tables.lens_x[first..first + per_pixel]);
+                    grid.lens_y.extend_from_slice(&tables.lens_y[first..first + per_pixel]);
                 }
+            }
+        }
+        // Padding is nowhere.
+        for list in [&mut grid.x, &mut grid.y] {
+            list.extend([f32::NAN; Self::PADDING]);
+        }
+        for list in [&mut grid.time, &mut grid.lens_x, &mut grid.lens_y] {
+            if !list.is_empty() {
+                list.extend([0.0; Self::PADDING]);
             }
         }
         grid
     }
 
-    /// Number of samples.
+    /// Room for samples; some pixels may have fewer, the rest of their room is nowhere.
     pub(crate) fn len(&self) -> usize {
-        self.x.len()
+        self.pixels() * self.per_pixel
     }
 
     /// Number of pixels.
@@ -141,9 +278,25 @@ impl SampleGrid {
         self.rect.width() * self.rect.height()
     }
 
+    /// Samples of a pixel.
+    pub(crate) fn count(&self, pixel: usize) -> usize {
+        if self.places[pixel] < self.still_from { self.per_pixel } else { self.per_still_pixel }
+    }
+
+    /// Samples of all pixels in a rectangle inside of this one.
+    pub(crate) fn within(&self, rect: &PixelRect) -> usize {
+        let row = |y| (0..rect.width()).map(move |i| self.count(self.pixel(rect.x0, y) + i)).sum::<usize>();
+        (rect.y0..rect.y1).map(row).sum()
+    }
+
+    /// Where the places of a pixel begin in the tables.
+    pub(crate) fn places(&self, pixel: usize) -> usize {
+        self.places[pixel] as usize
+    }
+
     /// Number of equal parts of the shutter that have one sample of every pixel each; 1 without motion blur.
     pub(crate) fn time_strata(&self) -> usize {
-        if self.by_time.is_empty() { 1 } else { self.per_pixel }
+        if self.time.is_empty() { 1 } else { self.per_pixel }
     }
 
     /// The time at which a part begins, or at which the last one ends.
@@ -152,18 +305,18 @@ impl SampleGrid {
         open + (close - open) * (stratum as f32 / self.time_strata() as f32)
     }
 
-    /// Indices of the samples of a pixel that are in the given parts of the shutter.
-    pub(crate) fn within(
-        &self,
-        pixel: usize,
-        strata: &std::ops::Range<usize>,
-    ) -> impl Iterator<Item = usize> {
-        let first = pixel * self.per_pixel;
-        let (listed, all) = match self.by_time.get(first + strata.start..first + strata.end) {
-            Some(listed) => (listed, 0..0),
-            None => (&[][..], 0..self.per_pixel),
-        };
-        listed.iter().map(|s| *s as usize).chain(all).map(move |s| first + s)
+    /// The samples of some pixels inside the rectangle, in runs of neighbours.
+    pub(crate) fn runs(&self, rect: PixelRect) -> impl Iterator<Item = std::ops::Range<usize>> {
+        // Rows, or where pixels have room to spare, pixels.
+        let rows = self.per_still_pixel == self.per_pixel;
+        let (width, columns) = if rows { (rect.width(), 1) } else { (1, rect.width() as i32) };
+        (rect.y0..rect.y1).flat_map(move |y| {
+            (0..columns).map(move |column| {
+                let pixel = self.pixel(rect.x0 + column, y);
+                let first = pixel * self.per_pixel;
+                first..first + if rows { width * self.per_pixel } else { self.count(pixel) }
+            })
+        })
     }
 
     /// Index of a pixel inside the rectangle.
@@ -171,7 +324,6 @@ impl SampleGrid {
         (y - self.rect.y0) as usize * self.rect.width() + (x - self.rect.x0) as usize
     }
 }
-
 /// Point `s` of a correlated multi-jittered pattern of `nx x ny` strata (Kensler, Correlated Multi-Jittered
 /// Sampling, Pixar technical memo 13-01, 2013): stratified in both dimensions together and in each alone.
 fn jittered(s: u32, [nx, ny]: [u32; 2], seed: u32) -> (f32, f32) {

@@ -95,14 +95,22 @@ pub(crate) struct ViewedGrid {
     /// bucket looks.
     pub(crate) rect: PixelRect,
     pub(crate) z_min: f32,
+    /// Raster boxes (x0, y0, x1, y1) of the micropolygons, u fastest; empty where `raster` is not.
+    pub(crate) boxes: Vec<[f32; 4]>,
     /// How far (pixels) the rim is widened, to close the hairline between grids diced at different rates.
     pub(crate) rim_px: f32,
 }
 
 impl ViewedGrid {
-    /// From camera space positions at each of `times`. Nothing is cut off but what lies before the near plane, and the
-    /// rim is not widened.
-    pub(crate) fn new(camera: &CameraView, times: Vec<f32>, p_cam: Vec<Vec<Vec3>>, defocus: bool) -> Self {
+    /// From camera space positions of a lattice, `nu` points along u, at each of `times`. Nothing is cut off but what lies
+    /// before the near plane, and the rim is not widened. `defocus`: the lens counts.
+    pub(crate) fn new(
+        camera: &CameraView,
+        nu: usize,
+        times: Vec<f32>,
+        p_cam: Vec<Vec<Vec3>>,
+        defocus: bool,
+    ) -> Self {
         let perspective = matches!(camera.projection, Projection::Perspective { .. });
         let lens = camera.lens.filter(|_| defocus);
         let mut grid = Self {
@@ -118,6 +126,7 @@ impl ViewedGrid {
             lens_radius: lens.map_or(0.0, |l| l.radius),
             rect: PixelRect::EVERYWHERE,
             z_min: f32::NEG_INFINITY,
+            boxes: Vec::new(),
             rim_px: 0.0,
         };
         let simple = grid.times.len() == 1 && lens.is_none();
@@ -127,6 +136,10 @@ impl ViewedGrid {
                 Vec3::new(q.x, q.y, if perspective { 1.0 / p.z } else { p.z })
             };
             grid.raster = grid.p_cam[0].iter().map(project).collect();
+        } else if let Some(nv) = grid.p_cam[0].len().checked_div(nu) {
+            let corners = |at: usize| [at, at + 1, at + nu, at + nu + 1].into_iter();
+            let cells = (1..nv).flat_map(|j| (1..nu).map(move |i| (j - 1) * nu + i - 1));
+            grid.boxes = cells.map(|at| grid.bound(corners(at)).0).collect();
         }
         grid
     }

@@ -40,6 +40,7 @@ fn seen<S: FrameShader>(
         reporter: &reporter,
         progress: &Silent,
         stop: &stop,
+        registry: None,
         dump: None,
         scene_files: &[],
     };

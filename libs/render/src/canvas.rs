@@ -1,0 +1,205 @@
+//! Pixels of one image while a frame is rendered.
+//!
+//! A small image is kept until the frame is done. Of a large one only the rows are kept that have begun and are not
+//! finished: they are written as soon as all rows above them are. That bounds memory as long as buckets come in rows from
+//! the top (the "bucketorder" "horizontal").
+
+use crate::bucket::Buckets;
+use crate::output::{ImageWriter, OutputImage};
+use crate::{CameraView, PixelRect};
+use granita_image::FormatRegistry;
+
+/// Images of more bytes are written while they are rendered.
+const LARGE_BYTES: usize = 1 << 28;
+
+/// See the module.
+pub(crate) struct Canvas {
+    crop: PixelRect,
+    channels: usize,
+    state: State,
+}
+
+enum State {
+    /// Pixels of the crop window, channels side by side.
+    Kept(Vec<f32>),
+    Written(Bands),
+}
+
+/// Rows of buckets.
+struct Bands {
+    /// First rows, and the end.
+    rows: Vec<i32>,
+    bands: Vec<Band>,
+    /// The first one that is not written.
+    next: usize,
+    file: Result<ImageWriter, String>,
+}
+
+struct Band {
+    /// Empty before its first bucket and after it was written.
+    pixels: Vec<f32>,
+    /// Buckets that have not come.
+    missing: usize,
+}
+
+/// What became of an image.
+pub(crate) enum Finished {
+    /// Its pixels, to be written.
+    Kept(Vec<f32>),
+    /// It was written, or why it was not.
+    Written(Result<(), String>),
+}
+
+impl Canvas {
+    /// For an image as `camera` sees it. A large one is begun in its format; without `registry` all are kept.
+    pub(crate) fn new(
+        image: &OutputImage,
+        camera: &CameraView,
+        buckets: &Buckets,
+        registry: Option<&FormatRegistry>,
+    ) -> Self {
+        Self::with_limit(image, camera, buckets, registry, LARGE_BYTES)
+    }
+
+    fn with_limit(
+        image: &OutputImage,
+        camera: &CameraView,
+        buckets: &Buckets,
+        registry: Option<&FormatRegistry>,
+        large_bytes: usize,
+    ) -> Self {
+        let (crop, channels) = (camera.crop, image.channels.len());
+        let values = crop.width() * crop.height() * channels;
+        let state = match registry.filter(|_| values * size_of::<f32>() > large_bytes) {
+            None => State::Kept(vec![0.0; values]),
+            Some(registry) => {
+                let (rows, columns) = buckets.rows();
+                let band = |_| Band { pixels: Vec::new(), missing: columns };
+                State::Written(Bands {
+                    rows: rows.to_vec(),
+                    bands: (1..rows.len()).map(band).collect(),
+                    next: 0,
+                    file: image.open(camera, registry).map_err(|e| e.to_string()),
+                })
+            }
+        };
+        Self { crop, channels, state }
+    }
+
+    /// Takes the filtered pixels of a bucket.
+    pub(crate) fn store(&mut self, bucket: &PixelRect, values: &[f32]) {
+        let n = self.channels;
+        let (width, row) = (self.crop.width() * n, bucket.width() * n);
+        let column = (bucket.x0 - self.crop.x0) as usize * n;
+        let (pixels, top) = match &mut self.state {
+            State::Kept(pixels) => (pixels, self.crop.y0),
+            State::Written(bands) => {
+                let k = bands.rows.partition_point(|y| *y <= bucket.y0).saturating_sub(1);
+                let (top, height) = (bands.rows[k], bands.height(k));
+                let band = &mut bands.bands[k];
+                band.pixels.resize(width * height, 0.0);
+                band.missing -= 1;
+                (&mut band.pixels, top)
+            }
+        };
+        for (j, line) in values.chunks_exact(row).enumerate() {
+            let at = ((bucket.y0 - top) as usize + j) * width + column;
+            pixels[at..at + row].copy_from_slice(line);
+        }
+        if let State::Written(bands) = &mut self.state {
+            while bands.bands.get(bands.next).is_some_and(|band| band.missing == 0) {
+                bands.write(width);
+            }
+        }
+    }
+
+    /// After the last bucket. What did not come is black.
+    pub(crate) fn finish(self) -> Finished {
+        match self.state {
+            State::Kept(pixels) => Finished::Kept(pixels),
+            State::Written(mut bands) => {
+                while bands.next < bands.bands.len() {
+                    bands.write(self.crop.width() * self.channels);
+                }
+                Finished::Written(bands.file.and_then(|file| file.close().map_err(|e| e.to_string())))
+            }
+        }
+    }
+}
+
+impl Bands {
+    fn height(&self, k: usize) -> usize {
+        (self.rows[k + 1] - self.rows[k]) as usize
+    }
+
+    /// Writes the next band. After the first failure nothing more is written.
+    fn write(&mut self, width: usize) {
+        let height = self.height(self.next);
+        let mut pixels = std::mem::take(&mut self.bands[self.next].pixels);
+        pixels.resize(width * height, 0.0);
+        self.next += 1;
+        if let Ok(file) = &mut self.file
+            && let Err(error) = file.write(&pixels)
+        {
+            self.file = Err(error.to_string());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::OutputSet;
+    use granita_base::{Param, Params, Reporter};
+    use granita_image::Limits;
+
+    #[test]
+    fn images_written_row_by_row_are_those_written_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        let camera = granita_scene::Camera {
+            name: "main".into(),
+            world_to_camera: Default::default(),
+            params: Params(vec![
+                Param::declared("int[2] resolution", &[50, 41][..]).unwrap(),
+                Param::declared("float[4] crop", &[0.1_f32, 1.0, 0.2, 1.0][..]).unwrap(),
+            ]),
+        };
+        let camera = CameraView::new(&camera, &Reporter::silent());
+        for order in ["horizontal", "vertical", "spiral"] {
+            let buckets = Buckets::new(&camera.crop, [16, 7], order, 16);
+            let files = [usize::MAX, 0].map(|limit| {
+                let path = folder.path().join(format!("{order}{limit}.tif"));
+                let output = granita_scene::Output {
+                    name: path.to_str().unwrap().into(),
+                    format: "tiff".into(),
+                    data: "rgba".into(),
+                    camera: "main".into(),
+                    params: Params::new(),
+                };
+                let mut set = OutputSet::new(&[&output], &camera, &registry, &Reporter::silent()).unwrap();
+                let image = &mut set.images[0];
+                let mut canvas = Canvas::with_limit(image, &camera, &buckets, Some(&registry), limit);
+                for (k, bucket) in buckets.order.iter().enumerate() {
+                    // One bucket is missing.
+                    if k == 3 {
+                        continue;
+                    }
+                    let value =
+                        |i: usize| ((bucket.x0 * 7 + bucket.y0 * 3) as usize + i) as f32 % 97.0 / 97.0;
+                    let values: Vec<f32> = (0..bucket.width() * bucket.height() * 4).map(value).collect();
+                    canvas.store(bucket, &values);
+                }
+                match canvas.finish() {
+                    Finished::Written(done) => done.unwrap(),
+                    Finished::Kept(pixels) => {
+                        image.pixels = pixels;
+                        image.write(&camera, &registry).unwrap();
+                    }
+                }
+                registry.open(&path).unwrap().read_level(0, 0).unwrap().to_floats()
+            });
+            assert!(files[0] == files[1], "{order}");
+        }
+    }
+}

@@ -1,0 +1,489 @@
+//! Micropolygons that move, that are out of focus, or that reach before the near plane.
+
+use super::lanes::{LANES, Lanes, Points, first_lanes};
+use super::raster::{Hit, Hits, Raster, place, spans};
+use super::visible::pixels_of;
+use crate::PixelRect;
+use granita_base::{Vec2, Vec3};
+
+/// Room for the work on a micropolygon, kept from one to the next.
+#[derive(Default)]
+pub(super) struct Room {
+    borders: Borders,
+    /// Samples that it may hit.
+    candidates: Vec<u32>,
+}
+
+/// Where a micropolygon is at some times, one after the other: its raster box as a pinhole shows it, and for the lens
+/// `1 / focus - 1 / z` of its nearest and farthest corner (a point at depth `z`, seen through the lens point `l`, appears
+/// `scale * l * (1 / focus - 1 / z)` away from where a pinhole shows it).
+///
+/// Where that cannot be told, too close to the camera, the box is infinite.
+#[derive(Default)]
+struct Borders {
+    lo_x: Vec<f32>,
+    hi_x: Vec<f32>,
+    lo_y: Vec<f32>,
+    hi_y: Vec<f32>,
+    near: Vec<f32>,
+    far: Vec<f32>,
+}
+
+/// A micropolygon whose hits are looked for.
+struct Polygon {
+    /// Points of the grid, in order around it.
+    corners: [usize; 4],
+    rim: [bool; 4],
+    /// Camera space size of a pixel at z = 1.
+    pixel: Vec2,
+}
+
+impl Raster<'_> {
+    /// Any micropolygon: a ray through each sample's lens point at its time, against the corners where they are then.
+    ///
+    /// Two sieves come before the rays. What moves far is in few places at any one time: samples look only where it is in
+    /// their part of the shutter (Fatahalian et al., Data-Parallel Rasterization of Micropolygons with Defocus and
+    /// Motion Blur, 2009); and of the samples there only those are taken whose lens point may see it.
+    #[inline(always)]
+    pub(super) fn moving(&self, at: usize, mp: usize, rim: [bool; 4], room: &mut Room, hit: &mut Hits<'_>) {
+        let (samples, view, nu) = (self.samples, self.view, self.grid.nu);
+        let any_rim = rim.contains(&true);
+        let pad = self.widening(any_rim);
+        let b = view.boxes[mp];
+        let whole = pixels_of([b[0] - pad, b[1] - pad, b[2] + pad, b[3] + pad], &self.window());
+        if whole.is_empty() {
+            return;
+        }
+        let corners = [at, at + 1, at + nu + 1, at + nu];
+        let strata = samples.time_strata();
+        let groups = samples.per_pixel.div_ceil(LANES);
+        // Each sample looks at its own part of the shutter, or those of a group at theirs together.
+        let together = self.travel_px(corners[0]) <= groups as f32;
+        let step = if together { LANES } else { 1 };
+        self.find_borders(&corners, step, pad, &mut room.borders);
+        room.candidates.clear();
+        for group in 0..groups {
+            let slice = match together {
+                _ if strata == 1 => Slice::All(0),
+                true => Slice::All(group),
+                false => Slice::Each(group * LANES),
+            };
+            self.sift(group, slice, &whole, room);
+        }
+        let polygon = Polygon { corners, rim, pixel: Vec2::new(1.0 / view.scale.x, 1.0 / view.scale.y) };
+        let near = view.near.max(view.z_min);
+        for samples in room.candidates.chunks(LANES) {
+            // Unused lanes do what the first one does.
+            let mut all = [samples[0]; LANES];
+            all[..samples.len()].copy_from_slice(samples);
+            self.rays(&polygon, &all, samples.len(), &mut |sample, z, u, v, beside| {
+                if z >= near && z <= view.far {
+                    hit(Hit { sample, z, at: at as u32, u, v, rim: any_rim, beside });
+                }
+            });
+        }
+    }
+
+    /// Takes those samples for candidates that may see the micropolygon, of every eight of each pixel in `whole` the
+    /// `group`-th.
+    #[inline(always)]
+    fn sift(&self, group: usize, slice: Slice, whole: &PixelRect, room: &mut Room) {
+        let (samples, view) = (self.samples, self.view);
+        let Room { borders, candidates } = room;
+        let first = group * LANES;
+        let boxes = borders.during(slice);
+        let scale = view.scale;
+        let defocused = view.lens_radius > 0.0;
+        let lens = match samples.tables.lens_boxes.get(group) {
+            Some(lens) if defocused => *lens,
+            _ => [0.0; 4],
+        };
+        let rect = pixels_of(boxes.reach(lens, scale), whole);
+        let mask = first_lanes(samples.per_pixel - first);
+        for y in rect.y0..rect.y1 {
+            let mut at = samples.pixel(rect.x0, y) * samples.per_pixel + first;
+            for _ in rect.x0..rect.x1 {
+                let (px, py) = (Lanes::load(&samples.x, at), Lanes::load(&samples.y, at));
+                let mut inside = if defocused {
+                    let sx = Lanes::load(&samples.lens_x, at) * scale.x;
+                    let sy = Lanes::load(&samples.lens_y, at) * scale.y;
+                    let (ax, bx) = (px - sx * boxes.near, px - sx * boxes.far);
+                    let (ay, by) = (py - sy * boxes.near, py - sy * boxes.far);
+                    let x_room = (ax.max(bx) - boxes.lo_x).min(boxes.hi_x - ax.min(bx));
+                    x_room.min(ay.max(by) - boxes.lo_y).min(boxes.hi_y - ay.min(by)).positive()
+                } else {
+                    let x_room = (px - boxes.lo_x).min(boxes.hi_x - px);
+                    x_room.min(py - boxes.lo_y).min(boxes.hi_y - py).positive()
+                };
+                inside &= mask;
+                while inside != 0 {
+                    candidates.push(at as u32 + inside.trailing_zeros());
+                    inside &= inside - 1;
+                }
+                at += samples.per_pixel;
+            }
+        }
+    }
+
+    /// About how many pixels a point moves from the first to the last key.
+    #[inline(always)]
+    fn travel_px(&self, point: usize) -> f32 {
+        let view = self.view;
+        let (Some(first), Some(last)) = (view.p_cam.first(), view.p_cam.last()) else { return 0.0 };
+        let (a, b) = (first[point], last[point]);
+        let path = view.project(b) - view.project(a);
+        let far_enough = !view.perspective || a.z >= view.near && b.z >= view.near;
+        if far_enough { path.abs().max_element() } else { f32::INFINITY }
+    }
+
+    /// Where a micropolygon is at the beginnings of every so many strata of the shutter, and at its end, with room for
+    /// rounding and `pad` pixels for its rim.
+    #[inline(always)]
+    fn find_borders(&self, corners: &[usize; 4], step: usize, pad: f32, borders: &mut Borders) {
+        let (samples, view) = (self.samples, self.view);
+        borders.clear();
+        let strata = samples.time_strata();
+        let slices = strata.div_ceil(step);
+        let still = view.times.len() == 1;
+        for first in (0..=slices).step_by(LANES) {
+            let mut time = Lanes::splat(0.0);
+            for (k, time) in time.0.iter_mut().enumerate() {
+                *time = samples.stratum_time(((first + k) * step).min(strata));
+            }
+            borders.extend(&self.outlines(self.corners_at(corners, time), pad));
+            if still {
+                // It is where it is.
+                break;
+            }
+        }
+        if still {
+            borders.repeat_first(slices + 1);
+        }
+        // Between keys points move along straight lines, which the projection keeps straight. A key between two borders
+        // counts for both.
+        let [open, close] = samples.shutter;
+        for key in 1..view.times.len().saturating_sub(1) {
+            let time = view.times[key];
+            let at = (time - open) / (close - open) * (strata as f32 / step as f32);
+            if at > 0.0 && at <= slices as f32 {
+                let outline = self.outlines(self.corners_at(corners, Lanes::splat(time)), pad);
+                let slice = (at as usize).min(slices - 1);
+                for border in slice.saturating_sub(1)..=(slice + 2).min(slices) {
+                    borders.include(border, &outline);
+                }
+            }
+        }
+        borders.pad();
+    }
+
+    /// The outlines of corners at eight times.
+    #[inline(always)]
+    fn outlines(&self, p: [Points; 4], pad: f32) -> LaneBoxes {
+        let view = self.view;
+        let [most, least] = [f32::INFINITY, f32::NEG_INFINITY].map(Lanes::splat);
+        let mut boxes =
+            LaneBoxes { lo_x: most, hi_x: least, lo_y: most, hi_y: least, near: most, far: least };
+        for p in &p {
+            let (mut x, mut y) = (p.x * view.scale.x, p.y * view.scale.y);
+            if view.perspective {
+                (x, y) = (x / p.z, y / p.z);
+            }
+            (boxes.lo_x, boxes.hi_x) = (boxes.lo_x.min(x), boxes.hi_x.max(x));
+            (boxes.lo_y, boxes.hi_y) = (boxes.lo_y.min(y), boxes.hi_y.max(y));
+            (boxes.near, boxes.far) = (boxes.near.min(p.z), boxes.far.max(p.z));
+        }
+        let largest = boxes.hi_x.max(-boxes.lo_x).max(boxes.hi_y).max(-boxes.lo_y);
+        let room = largest.max(-largest) * 1e-5 + (pad + 0.01 + 1e-5 * view.center.abs().max_element());
+        let too_close = if view.perspective { view.near.max(f32::MIN_POSITIVE) } else { -f32::MAX };
+        let clear = boxes.near - too_close;
+        (boxes.lo_x, boxes.hi_x) = (boxes.lo_x + view.center.x - room, boxes.hi_x + view.center.x + room);
+        (boxes.lo_y, boxes.hi_y) = (boxes.lo_y + view.center.y - room, boxes.hi_y + view.center.y + room);
+        if view.lens_radius > 0.0 {
+            let (focus, one) = (Lanes::splat(1.0 / view.focus), Lanes::splat(1.0));
+            (boxes.near, boxes.far) = (focus - one / boxes.near, focus - one / boxes.far);
+        }
+        let zero = Lanes::splat(0.0);
+        LaneBoxes {
+            lo_x: clear.choose(boxes.lo_x, least),
+            hi_x: clear.choose(boxes.hi_x, most),
+            lo_y: clear.choose(boxes.lo_y, least),
+            hi_y: clear.choose(boxes.hi_y, most),
+            near: clear.choose(boxes.near, zero),
+            far: clear.choose(boxes.far, zero),
+        }
+    }
+
+    /// Rays from the lens points of samples through the two triangles of a micropolygon where it is at their times: depth
+    /// along z, place, and where they are when a ray passes beside them, on the widened rim ([`Hit::beside`]).
+    ///
+    /// The edge functions are those of homogeneous rasterization (Olano and Greer, Triangle Scan Conversion using
+    /// 2D Homogeneous Coordinates, 1997), so that corners behind the camera need no clipping.
+    #[inline(always)]
+    fn rays(
+        &self,
+        polygon: &Polygon,
+        list: &[u32; LANES],
+        used: usize,
+        hit: &mut dyn FnMut(usize, f32, f32, f32, Option<Vec2>),
+    ) {
+        let (samples, view) = (self.samples, self.view);
+        let Polygon { corners, rim, pixel } = polygon;
+        let on_plane = [
+            (Lanes::gather(&samples.x, list) - view.center.x) * pixel.x,
+            (Lanes::gather(&samples.y, list) - view.center.y) * pixel.y,
+        ];
+        let (zero, one) = (Lanes::splat(0.0), Lanes::splat(1.0));
+        let (origin, direction) = if !view.perspective {
+            (on_plane, Points { x: zero, y: zero, z: one })
+        } else if view.lens_radius > 0.0 {
+            let lens = [Lanes::gather(&samples.lens_x, list), Lanes::gather(&samples.lens_y, list)];
+            let [x, y] = [0, 1].map(|k| on_plane[k] - lens[k] / view.focus);
+            (lens, Points { x, y, z: one })
+        } else {
+            ([zero; 2], Points { x: on_plane[0], y: on_plane[1], z: one })
+        };
+        let time = match samples.time.is_empty() {
+            true => Lanes::splat(samples.shutter[0]),
+            false => Lanes::gather(&samples.time, list),
+        };
+        let mut p = self.corners_at(corners, time);
+        for p in &mut p {
+            (p.x, p.y) = (p.x - origin[0], p.y - origin[1]);
+        }
+        // Normals of the planes through the origin and an edge; exactly opposite for opposite directions.
+        let d = p[0].cross(&p[2]).dot(&direction);
+        let (mut sides, mut e, mut pad) = ([p[0]; 4], [zero; 4], [zero; 4]);
+        for k in 0..4 {
+            sides[k] = p[k].cross(&p[(k + 1) % 4]);
+            e[k] = sides[k].dot(&direction);
+        }
+        // How the edge functions change over one pixel, where that matters.
+        let slope = |k: usize| match view.perspective {
+            true => [sides[k].x * pixel.x, sides[k].y * pixel.y],
+            // Both ends are as deep as they are.
+            false => {
+                let (a, b) = (&p[k], &p[(k + 1) % 4]);
+                [(a.y - b.y) * pixel.x, (b.x - a.x) * pixel.y]
+            }
+        };
+        let widened = view.rim_px > 0.0;
+        for k in 0..4 {
+            if rim[k] && widened {
+                let [x, y] = slope(k);
+                pad[k] = (x * x + y * y).root() * view.rim_px;
+            }
+        }
+        // The triangles (0, 1, 2) and (0, 2, 3); the diagonal is no rim.
+        let signs = [(e[0] + e[1] - d).sign(), (d + e[2] + e[3]).sign()];
+        let slack = |k: usize, sign: Lanes| e[k] * sign + pad[k];
+        let found = [
+            slack(0, signs[0]).min(slack(1, signs[0])).min(-d * signs[0]).not_negative(),
+            slack(2, signs[1]).min(slack(3, signs[1])).min(d * signs[1]).not_negative(),
+        ];
+        let mut either = (found[0] | found[1]) & first_lanes(used);
+        while either != 0 {
+            let lane = either.trailing_zeros() as usize;
+            either &= either - 1;
+            let mut on_rim = None;
+            let mut inside = None;
+            let at = |k: usize| e[k].0[lane];
+            for (second, corner, e, side) in [
+                (false, [0, 1, 2], [at(0), at(1), -d.0[lane]], [Some(0), Some(1), None]),
+                (true, [0, 2, 3], [d.0[lane], at(2), at(3)], [None, Some(2), Some(3)]),
+            ] {
+                if found[usize::from(second)] & 1 << lane == 0 {
+                    continue;
+                }
+                let sum = e[0] + e[1] + e[2];
+                if sum == 0.0 || !sum.is_finite() {
+                    continue;
+                }
+                let sign = if sum < 0.0 { -1.0 } else { 1.0 };
+                let w = [e[1], e[2], e[0]].map(|w| (w / sum).clamp(0.0, 1.0));
+                let total = w[0] + w[1] + w[2];
+                let w = w.map(|w| w / total);
+                let z = corner.map(|k: usize| p[k].z.0[lane]);
+                let z = w[0] * z[0] + w[1] * z[1] + w[2] * z[2];
+                let (u, v) = place(second, w);
+                match (0..3).find(|k| e[*k] * sign < 0.0) {
+                    None => {
+                        inside = Some((z, u, v, None));
+                        break;
+                    }
+                    Some(k) => {
+                        let ends = [corner[k], corner[(k + 1) % 3]];
+                        let ends = ends.map(|k| Vec3::new(p[k].x.0[lane], p[k].y.0[lane], p[k].z.0[lane]));
+                        let ray = Vec2::new(direction.x.0[lane], direction.y.0[lane]);
+                        if !self.is_along(ends, ray, *pixel) {
+                            continue;
+                        }
+                        let toward =
+                            side[k].filter(|side| rim[*side] && widened).map_or(Vec2::ZERO, |side| {
+                                let [x, y] = slope(side);
+                                Vec2::new(x.0[lane], y.0[lane]) * sign
+                            });
+                        on_rim.get_or_insert((z, u, v, Some(toward)));
+                    }
+                }
+            }
+            if let Some((z, u, v, beside)) = inside.or(on_rim) {
+                hit(list[lane] as usize, z, u, v, beside);
+            }
+        }
+    }
+
+    /// As [`spans`], for a ray from the origin to `ray` at depth 1 past an edge; edges that reach behind the camera have no
+    /// ends.
+    fn is_along(&self, ends: [Vec3; 2], ray: Vec2, pixel: Vec2) -> bool {
+        let view = self.view;
+        if view.perspective && !ends.iter().all(|p| p.z > 0.0) {
+            return true;
+        }
+        let seen = |p: Vec3| p.truncate() / if view.perspective { p.z } else { 1.0 } / pixel;
+        let at = if view.perspective { ray / pixel } else { Vec2::ZERO };
+        let [from, to] = ends.map(seen);
+        spans(to - from, at - from, view.rim_px)
+    }
+
+    /// Where the corners are at some times.
+    #[inline(always)]
+    fn corners_at(&self, corners: &[usize; 4], time: Lanes) -> [Points; 4] {
+        let view = self.view;
+        let mut out = [Points::splat(Vec3::ZERO); 4];
+        match (&view.times[..], &view.p_cam[..]) {
+            ([_], [p]) => {
+                for k in 0..4 {
+                    out[k] = Points::splat(p[corners[k]]);
+                }
+            }
+            ([t0, t1], [a, b]) => {
+                let alpha = (time - *t0) / (t1 - t0);
+                let alpha = alpha.max(Lanes::splat(0.0)).min(Lanes::splat(1.0));
+                let rest = Lanes::splat(1.0) - alpha;
+                for k in 0..4 {
+                    let (a, b) = (Points::splat(a[corners[k]]), Points::splat(b[corners[k]]));
+                    out[k] = Points {
+                        x: a.x * rest + b.x * alpha,
+                        y: a.y * rest + b.y * alpha,
+                        z: a.z * rest + b.z * alpha,
+                    };
+                }
+            }
+            _ => {
+                let keys = time.0.map(|time| crate::dicing::key_at(&view.times, time));
+                for k in 0..4 {
+                    let p = keys.map(|(key, next, alpha)| view.between(key, next, alpha, corners[k]));
+                    let [x, y, z] = [p.map(|p| p.x), p.map(|p| p.y), p.map(|p| p.z)];
+                    out[k] = Points { x: Lanes(x), y: Lanes(y), z: Lanes(z) };
+                }
+            }
+        }
+        out
+    }
+}
+
+/// Which slices of the shutter eight samples look at.
+#[derive(Clone, Copy)]
+enum Slice {
+    /// All of them this one.
+    All(usize),
+    /// Each its own, from this one on.
+    Each(usize),
+}
+
+impl Borders {
+    fn lists(&mut self) -> [&mut Vec<f32>; 6] {
+        [&mut self.lo_x, &mut self.hi_x, &mut self.lo_y, &mut self.hi_y, &mut self.near, &mut self.far]
+    }
+
+    #[inline(always)]
+    fn clear(&mut self) {
+        self.lists().into_iter().for_each(Vec::clear);
+    }
+
+    /// Appends eight.
+    #[inline(always)]
+    fn extend(&mut self, boxes: &LaneBoxes) {
+        for (list, lanes) in self.lists().into_iter().zip(boxes.lists()) {
+            list.extend_from_slice(&lanes.0);
+        }
+    }
+
+    /// All as the first one.
+    #[inline(always)]
+    fn repeat_first(&mut self, n: usize) {
+        for list in self.lists() {
+            let first = list[0];
+            list.clear();
+            list.resize(n, first);
+        }
+    }
+
+    /// Room for loads beyond the last one.
+    #[inline(always)]
+    fn pad(&mut self) {
+        for list in self.lists() {
+            let last = list.last().copied().unwrap_or(0.0);
+            list.extend_from_slice(&[last; LANES + 1]);
+        }
+    }
+
+    /// Widens one by the first lane of others.
+    fn include(&mut self, border: usize, boxes: &LaneBoxes) {
+        for (k, (list, lanes)) in self.lists().into_iter().zip(boxes.lists()).enumerate() {
+            let value = &mut list[border];
+            *value = if k % 2 == 0 { value.min(lanes.0[0]) } else { value.max(lanes.0[0]) };
+        }
+    }
+
+    /// What lies between the borders of slices.
+    #[inline(always)]
+    fn during(&self, slice: Slice) -> LaneBoxes {
+        let at = |list: &[f32], offset: usize| match slice {
+            Slice::All(k) => Lanes::splat(list[k + offset]),
+            Slice::Each(k) => Lanes::load(list, k + offset),
+        };
+        let least = |list: &[f32]| at(list, 0).min(at(list, 1));
+        let most = |list: &[f32]| at(list, 0).max(at(list, 1));
+        LaneBoxes {
+            lo_x: least(&self.lo_x),
+            hi_x: most(&self.hi_x),
+            lo_y: least(&self.lo_y),
+            hi_y: most(&self.hi_y),
+            near: least(&self.near),
+            far: most(&self.far),
+        }
+    }
+}
+
+/// The outlines that eight samples look at, as [`Borders`] has them.
+struct LaneBoxes {
+    lo_x: Lanes,
+    hi_x: Lanes,
+    lo_y: Lanes,
+    hi_y: Lanes,
+    near: Lanes,
+    far: Lanes,
+}
+
+impl LaneBoxes {
+    #[inline(always)]
+    fn lists(&self) -> [&Lanes; 6] {
+        [&self.lo_x, &self.hi_x, &self.lo_y, &self.hi_y, &self.near, &self.far]
+    }
+
+    /// Raster box of all of them as a part (x0, x1, y0, y1) of the lens shows them.
+    #[inline(always)]
+    fn reach(&self, [x0, x1, y0, y1]: [f32; 4], scale: Vec2) -> [f32; 4] {
+        let side = |lo: Lanes, hi: Lanes, l0: f32, l1: f32, scale: f32| {
+            let (l0, l1) = (l0 * scale, l1 * scale);
+            let [a, b, c, d] = [self.near * l0, self.far * l0, self.near * l1, self.far * l1];
+            let least = a.min(b).min(c).min(d);
+            let most = a.max(b).max(c).max(d);
+            ((lo + least).least(), (hi + most).most())
+        };
+        let x = side(self.lo_x, self.hi_x, x0, x1, scale.x);
+        let y = side(self.lo_y, self.hi_y, y0, y1, scale.y);
+        [x.0, y.0, x.1, y.1]
+    }
+}
