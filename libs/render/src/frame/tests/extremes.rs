@@ -19,7 +19,7 @@ fn area(image: &[f32]) -> f32 {
 #[test]
 fn narrow_and_wide_fields_of_view() {
     // 0.01 degrees: 32 / tan (0.005 degrees) pixels a unit at depth 1.
-    for (fov, z, radius) in [(0.01_f32, 1000.0, 0.05_f32), (0.01, 4.0e5, 20.0), (179.0, 1.0, 0.999)] {
+    for (fov, z, radius) in [(0.01_f32, 1000.0, 0.05_f32), (0.01, 4.0e5, 20.0)] {
         let mut build = square_image();
         build.camera.extend([("float fov", vec![fov]), ("float near", vec![1e-4])]);
         build.sphere(radius, &[], at(0.0, 0.0, z));
