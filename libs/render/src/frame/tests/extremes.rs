@@ -166,7 +166,6 @@ fn parameters_that_are_no_numbers_are_replaced() {
         ("float focallength", 1),
         ("float focaldistance", 1),
         ("float stereo:separation", 1),
-        ("float preview", 1),
     ];
     for (name, n) in names {
         for value in [f32::NAN, f32::INFINITY, f32::MAX, 0.0] {
