@@ -174,7 +174,10 @@ impl<S: FrameShader> Frame<'_, S> {
         let distance = middle.abs().max_element();
         let step = distance * f32::EPSILON;
         let step_px = (camera.raster_scale(z) * step).abs().max_element();
-        if z > camera.near && step_px > 1.0 && step_px.is_finite() {
+        // What is as large as it is far has no detail that would be lost.
+        let world = object.transformed(&placement.to_world.at(time));
+        let coarse = step > 1e-3 * (world.max - world.min).length();
+        if coarse && z > camera.near && step_px > 1.0 && step_px.is_finite() {
             let name = primitive.attributes.name();
             self.options.reporter.once(
                 "far from the origin",
