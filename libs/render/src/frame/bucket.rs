@@ -31,7 +31,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let orders: Vec<Vec<Visit>> =
             (0..self.eyes.len()).map(|eye| self.visits(eye, jobs, index, &mut blurred)).collect();
         let samples = SampleGrid::new(rect.grown(self.margin), &self.pattern, self.options.camera, &blurred);
-        let see = |(eye, order)| self.seen_by(eye, order, jobs, index, &samples, thread);
+        let see = |(eye, order)| self.seen_by(eye, order, (jobs, index), &samples, thread);
         let pixels = orders.into_iter().enumerate().flat_map(see).collect();
         add(&self.counters.samples, self.eyes.len() * samples.within(&rect));
         pixels
@@ -67,8 +67,7 @@ impl<S: FrameShader> Frame<'_, S> {
         &self,
         eye: usize,
         order: Vec<Visit>,
-        jobs: &Jobs<S::Object>,
-        index: usize,
+        (jobs, index): (&Jobs<S::Object>, usize),
         samples: &SampleGrid,
         thread: &mut S::Thread<'_>,
     ) -> Vec<Vec<f32>> {

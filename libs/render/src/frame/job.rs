@@ -359,7 +359,7 @@ impl<S: FrameShader> Frame<'_, S> {
             blur_px += (aside * camera.raster_scale(hull.min.z).abs()).max_element();
         }
         // Not so where it is not known.
-        !(blur_px < LEAST_BLUR_PX)
+        blur_px >= LEAST_BLUR_PX || blur_px.is_nan()
     }
 
     /// Object space bound at a time of a piece of a point or curve as it is turned towards the dicing camera.

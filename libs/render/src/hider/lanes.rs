@@ -1,5 +1,7 @@
 //! Eight numbers side by side, for compilers to turn into vector instructions.
 
+#![allow(clippy::needless_range_loop, reason = "loops of a fixed length become vector instructions")]
+
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// How many.
