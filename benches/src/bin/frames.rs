@@ -7,11 +7,13 @@ use granita_benches::{measure, release_tool, repository};
 use std::fmt::Write;
 use std::process::{Command, ExitCode};
 
-/// Scene files under `benches/frames` (the last one is made here), and what each is about.
-const FRAMES: [(&str, &str); 3] = [
-    ("pot.pyg", "32 patches, a floor, traced shadows"),
-    ("displaced.pyg", "a displaced sphere that fills the frame"),
-    ("many.pyg", "8000 moving spheres"),
+/// Scene files under `benches/frames`, or what makes them here; and what each is about.
+const FRAMES: [(&str, Option<fn() -> String>, &str); 5] = [
+    ("pot.pyg", None, "32 patches, a floor, traced shadows"),
+    ("displaced.pyg", None, "a displaced sphere that fills the frame"),
+    ("many.pyg", Some(many), "8000 moving spheres"),
+    ("layers.pyg", Some(layers), "100 opaque layers, each hiding those behind it"),
+    ("fine.pyg", Some(fine), "a displaced square of 11 million micropolygons"),
 ];
 
 fn main() -> ExitCode {
@@ -27,14 +29,19 @@ fn main() -> ExitCode {
 fn run() -> Result<(), String> {
     let gelato = release_tool("gelato")?;
     let place = tempfile::tempdir().map_err(|e| e.to_string())?;
-    for (file, _) in &FRAMES[..2] {
+    for (file, made, _) in FRAMES {
         let source = repository().join("benches").join("frames").join(file);
-        std::fs::copy(&source, place.path().join(file)).map_err(|e| format!("{}: {e}", source.display()))?;
+        let to = place.path().join(file);
+        match made {
+            Some(made) => std::fs::write(to, made()).map_err(|e| e.to_string())?,
+            None => {
+                std::fs::copy(&source, to).map_err(|e| format!("{}: {e}", source.display()))?;
+            }
+        }
     }
-    std::fs::write(place.path().join(FRAMES[2].0), many()).map_err(|e| e.to_string())?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     println!("{:<15} {:>8} {:>9} {:>9} {:>9}  about", "frame", "1 thread", "all", "speed-up", "peak MiB");
-    for (file, about) in FRAMES {
+    for (file, _, about) in FRAMES {
         let cost = |threads: usize| {
             measure(2, || {
                 let mut command = Command::new(&gelato);
@@ -55,15 +62,42 @@ fn run() -> Result<(), String> {
     Ok(())
 }
 
+/// What all scenes made here begin with.
+const HEAD: &str = "Attribute (\"int[2] resolution\", (640, 480))\nAttribute (\"int[2] spatialquality\", (4, 4))\n\
+     Attribute (\"string projection\", \"perspective\")\nAttribute (\"float fov\", 40)\n";
+
+/// Their light and surface, behind what is before the world.
+const WORLD: &str = "Output (\"out.tif\", \"tiff\", \"rgba\", \"camera\")\nWorld ()\n\
+     Light (\"key\", \"distantlight\", \"point from\", (-1, 1, -1), \"point to\", (0, 0, 0))\n\
+     Shader (\"surface\", \"plastic\")\n";
+
+/// A square of half side `s` at depth `z`.
+fn square(s: f64, z: f64) -> String {
+    format!(
+        "Patch (\"linear\", 2, 2, \"vertex point P\", ({}, {}, {z}, {s}, {}, {z}, {}, {s}, {z}, {s}, {s}, {z}))\n",
+        -s, -s, -s, -s
+    )
+}
+
+/// Squares that fill the frame, one behind the other, the last one first.
+fn layers() -> String {
+    let squares = (0..100).rev().map(|i| square(6.0, 5.0 + 0.02 * f64::from(i)));
+    format!("{HEAD}{WORLD}{}Render ()\n", squares.collect::<String>())
+}
+
+/// A square that fills the frame, with 36 micropolygons a pixel.
+fn fine() -> String {
+    format!(
+        "{HEAD}Attribute (\"string units:length\", \"cm\")\n{WORLD}Shader (\"displacement\", \"bumpy\")\n\
+         Attribute (\"float displace:maxradius\", 0.2)\nAttribute (\"float shadingquality\", 6)\n{}Render ()\n",
+        square(6.0, 5.0)
+    )
+}
+
 /// A cube of 20 x 20 x 20 small spheres that fall while the shutter is open.
 fn many() -> String {
-    let mut scene = String::from(
-        "Attribute (\"int[2] resolution\", (640, 480))\nAttribute (\"int[2] spatialquality\", (4, 4))\n\
-         Attribute (\"string projection\", \"perspective\")\nAttribute (\"float fov\", 40)\n\
-         Attribute (\"float[2] shutter\", (0, 1))\nTranslate (0, 0, 34)\nRotate (30, 1, 1, 0)\n\
-         Output (\"out.tif\", \"tiff\", \"rgba\", \"camera\")\nWorld ()\n\
-         Light (\"key\", \"distantlight\", \"point from\", (-1, 1, -1), \"point to\", (0, 0, 0))\n\
-         Shader (\"surface\", \"plastic\")\n",
+    let mut scene = format!(
+        "{HEAD}Attribute (\"float[2] shutter\", (0, 1))\nTranslate (0, 0, 34)\nRotate (30, 1, 1, 0)\n{WORLD}"
     );
     for i in 0..8000 {
         let at = |n: i32| f64::from(n % 20) - 9.5;

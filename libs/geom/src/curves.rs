@@ -360,8 +360,9 @@ impl Surface for CurvePiece {
                 all.vars.push_linear(curve * 2 + end, &mut corners);
             }
             let (v0, v1) = all.spline.extent();
-            let along: Vec<f64> = points.iter().map(|p| (p.v - v0) / (v1 - v0)).collect();
-            all.vars.emit_linear(&corners, &across, &along, &mut dice.primvars);
+            let s: Vec<f64> = (0..n).map(|i| across[i % nu]).collect();
+            let t: Vec<f64> = (0..n).map(|i| (points[i / nu].v - v0) / (v1 - v0)).collect();
+            all.vars.emit_linear(&corners, &s, &t, &mut dice.primvars);
         }
         dice.n = take_normals(n, &mut dice.primvars);
         let lanes = |f: &dyn Fn(&Point) -> Vec3| (0..n).map(|i| f(&points[i / nu])).collect::<Vec<_>>();

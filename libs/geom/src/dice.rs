@@ -26,6 +26,9 @@ pub struct Dice {
     pub u: Vec<f32>,
     /// Surface parameter v of each point.
     pub v: Vec<f32>,
+    /// Where points on the sides were moved ([`crate::Surface::dice_between`]): the places of all points along u and along v,
+    /// counted in steps of the even lattice.
+    pub places: Option<[Vec<f32>; 2]>,
     /// All other primitive variables, at the first key.
     pub primvars: Vec<DicePrimvar>,
     /// Which face of the mesh, curve or particle; 0 for others.

@@ -160,11 +160,13 @@ impl Surface for Part {
         if !vars.linear.is_empty() {
             let mut corners = Vec::new();
             (0..4).for_each(|corner| vars.push_linear(corner, &mut corners));
-            let [s, t] = [&us, &vs].map(|list| list.iter().map(|x| f64::from(*x)).collect::<Vec<f64>>());
+            let s: Vec<f64> = (0..n).map(|i| f64::from(us[i % nu])).collect();
+            let t: Vec<f64> = (0..n).map(|i| f64::from(vs[i / nu])).collect();
             vars.emit_linear(&corners, &s, &t, &mut primvars);
         }
         let normals = take_normals(n, &mut primvars);
         Dice {
+            places: None,
             nu,
             nv,
             p,

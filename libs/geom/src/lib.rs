@@ -12,6 +12,8 @@
 //! - **Edges agree to the bit.** Two pieces that meet along an edge and are diced at rates that put points at the
 //!   same places of it give identical positions there, also when they run along it in opposite directions. This
 //!   holds between the pieces of a patch, the faces of a mesh, and patches with equal outer Bezier vertices.
+//! - **Borders can be made to agree** whatever the rates: [`Surface::dice_between`] puts the points on each side of a
+//!   lattice where the side, not the lattice, wants them.
 //! - **Bounds hold.** They come from convex hulls of control vertices (analytically for spheres), with the widths of
 //!   points and curves included.
 //! - **Orientation.** `dpdu x dpdv` of a mesh points along the Newell normal of its winding; of a whole sphere,
@@ -49,6 +51,7 @@ mod patch;
 mod points;
 mod polygon;
 mod range;
+mod side;
 mod sphere;
 mod spline;
 mod subdiv;
@@ -61,5 +64,6 @@ pub use build::{ShapeKey, build};
 pub use dice::{Dice, DiceData, DicePrimvar, Facing, View};
 pub use error::GeomError;
 pub use lattice::build_lattice;
+pub use side::{SidePart, SidePoints};
 pub use surface::{Piece, SplitDirection, Surface};
 pub use trim::{TrimMask, Trimming};

@@ -5,6 +5,7 @@
 use crate::bezier::{MAX_DEGREE, bernstein, bernstein_derivative, restrict, symmetric_sum};
 use crate::dice::Dice;
 use crate::range::{Place, Range};
+use crate::side::{Lattice, Settled, SidePart, SidePoints};
 use crate::surface::{Piece, SplitDirection, Surface};
 use crate::trim::Trim;
 use crate::vars::{Vars, emit, position, take_normals};
@@ -43,6 +44,25 @@ pub(crate) trait Net: Send + Sync {
     }
     /// Whether a piece may be diced over the ends of segments.
     fn dices_over(&self) -> bool;
+    /// Replaces `out` by the Bezier vertices of the segment beyond a side of a segment where it is not known to have the
+    /// same normals.
+    fn seam(&self, _part: usize, _segment: [u32; 2], _side: usize, _out: &mut Vec<f64>) -> Option<Seam> {
+        None
+    }
+    /// Most segments that need not be halved of a side of a part, or (`None`) of a line inside.
+    fn most_on_side(&self, _part: usize, _side: Option<usize>) -> u32 {
+        if self.dices_over() { u32::MAX } else { 1 }
+    }
+}
+
+/// What lies beyond an edge where the patches on both sides have normals of their own.
+pub(crate) struct Seam {
+    /// Place of a point of the edge in the segment beyond, along its u and v, from its place in its own segment.
+    pub(crate) beyond: fn(Place) -> [Place; 2],
+    /// The point's place runs the other way, and
+    pub(crate) reversed: bool,
+    /// of its own segment this runs along the edge.
+    pub(crate) along: usize,
 }
 
 /// A run of parts, or a range of one.
@@ -50,6 +70,7 @@ pub(crate) struct NetPiece {
     net: Arc<dyn Net>,
     parts: std::ops::Range<usize>,
     range: [Range; 2],
+    settled: Settled,
     bounds: Vec<Bound>,
 }
 
@@ -58,19 +79,26 @@ pub(crate) fn pieces(net: Arc<dyn Net>, parts: usize) -> Vec<Piece> {
     if parts == 0 {
         return Vec::new();
     }
-    vec![Box::new(NetPiece::new(net, 0..parts, None))]
-}
-
-/// Evaluated lattice.
-struct Lattice {
-    places: [Vec<Place>; 2],
+    vec![Box::new(NetPiece::new(net, 0..parts, None, Settled::default()))]
 }
 
 impl NetPiece {
-    fn new(net: Arc<dyn Net>, parts: std::ops::Range<usize>, range: Option<[Range; 2]>) -> Self {
+    fn new(
+        net: Arc<dyn Net>,
+        parts: std::ops::Range<usize>,
+        range: Option<[Range; 2]>,
+        settled: Settled,
+    ) -> Self {
         let range = range.unwrap_or_else(|| net.segments(parts.start).map(Range::whole));
-        let mut piece = Self { net, parts, range, bounds: Vec::new() };
+        let mut piece = Self { net, parts, range, settled, bounds: Vec::new() };
         piece.bounds = (0..piece.net.times().len()).map(|key| piece.find_bound(key)).collect();
+        let (dim, keys) = (piece.net.dim(), piece.net.times().len());
+        for [u, v] in piece.settled.outside(&piece.range) {
+            let values = piece.block([&[u], &[v]], 0..keys * dim, None);
+            for (bound, p) in piece.bounds.iter_mut().zip(values.chunks_exact(dim)) {
+                *bound = bound.union(rounded_out(Bound::around([position(p, 3)])));
+            }
+        }
         piece
     }
 
@@ -98,11 +126,6 @@ impl NetPiece {
         }
     }
 
-    fn lattice(&self, nu: usize, nv: usize) -> Lattice {
-        let along = |axis: usize, n: usize| (0..n).map(|i| self.range[axis].place(i, n)).collect();
-        Lattice { places: [along(0, nu), along(1, nv)] }
-    }
-
     /// Evaluates the channels `wanted` at all points; where `derivatives` is given, also dP/du and dP/dv at key 0.
     fn evaluate(
         &self,
@@ -111,6 +134,94 @@ impl NetPiece {
         mut derivatives: Option<(&mut [Vec3], &mut [Vec3])>,
     ) -> Vec<f64> {
         let [us, vs] = &lattice.places;
+        let width = wanted.len();
+        let mut out =
+            self.block([us, vs], wanted.clone(), derivatives.as_mut().map(|(du, dv)| (&mut **du, &mut **dv)));
+        for border in lattice.borders() {
+            let n = border.at.len();
+            let (mut du, mut dv) = (vec![Vec3::ZERO; n], vec![Vec3::ZERO; n]);
+            let [us, vs] = &border.places;
+            let values =
+                self.block([us, vs], wanted.clone(), derivatives.is_some().then_some((&mut du, &mut dv)));
+            for (k, at) in border.at.iter().enumerate() {
+                let Some(at) = *at else { continue };
+                out[at * width..(at + 1) * width].copy_from_slice(&values[k * width..(k + 1) * width]);
+                if let Some((all_du, all_dv)) = &mut derivatives {
+                    (all_du[at], all_dv[at]) = (du[k], dv[k]);
+                }
+            }
+        }
+        for &[corner, point] in &lattice.copies {
+            out.copy_within(corner * width..(corner + 1) * width, point * width);
+            if let Some((du, dv)) = &mut derivatives {
+                (du[point], dv[point]) = (du[corner], dv[corner]);
+            }
+        }
+        out
+    }
+
+    /// Whether a side is one of the part, not a line inside of it.
+    fn is_outer(&self, side: usize) -> bool {
+        let across = 1 - side / 2;
+        let all = Range::whole(self.net.segments(self.part())[across]).span();
+        let (start, end) = self.range[across].span();
+        if side % 2 == 0 { start == all.0 } else { end == all.1 }
+    }
+
+    /// Turns the derivatives at seams so that both sides have one normal: the mean of theirs.
+    fn close_seams(&self, lattice: &Lattice, du: &mut [Vec3], dv: &mut [Vec3]) {
+        let (mut own, mut other) = (Vec::new(), Vec::new());
+        for side in (0..4).filter(|side| self.is_outer(*side)) {
+            let mut known: Option<([u32; 2], Option<Seam>)> = None;
+            for (at, [u, v]) in lattice.side(side) {
+                let segment = [u.segment, v.segment];
+                if known.as_ref().is_none_or(|(of, _)| *of != segment) {
+                    known = Some((segment, self.net.seam(self.part(), segment, side, &mut other)));
+                    self.net.gather(self.part(), segment, &mut own);
+                }
+                let Some((_, Some(seam))) = &known else { continue };
+                let place = [u, v][seam.along];
+                let place = if seam.reversed { Place { a: place.b, b: place.a, ..place } } else { place };
+                let (a, b) = (self.normal(&own, [u, v]), self.normal(&other, (seam.beyond)(place)));
+                let mut n: [f64; 3] = std::array::from_fn(|x| a[x] + b[x]);
+                // Neighbours of opposite windings.
+                if (0..3).map(|x| a[x] * b[x]).sum::<f64>() < 0.0 {
+                    n = std::array::from_fn(|x| a[x] - b[x]);
+                }
+                let n = Vec3::from(n.map(|x| x as f32)).normalize_or_zero();
+                for d in [&mut du[at], &mut dv[at]] {
+                    *d -= n * d.dot(n);
+                }
+            }
+        }
+    }
+
+    /// Unit normal of a segment, zero where there is none.
+    fn normal(&self, net: &[f64], [u, v]: [Place; 2]) -> [f64; 3] {
+        let net = self.segment_net(net);
+        let mut normal = [0.0; 3];
+        net.derivatives(&[u], &[v], |_, _, [du, dv]| normal = cross(du, dv));
+        let size = length(normal);
+        if size > 0.0 { normal.map(|x| x / size) } else { normal }
+    }
+
+    fn segment_net<'n>(&self, net: &'n [f64]) -> SegmentNet<'n> {
+        SegmentNet {
+            net,
+            channels: self.net.channels(),
+            positions: self.net.dim() * self.net.times().len(),
+            degrees: self.net.degrees(),
+            dim: self.net.dim(),
+        }
+    }
+
+    /// As [`NetPiece::evaluate`], at every u with every v.
+    fn block(
+        &self,
+        [us, vs]: [&[Place]; 2],
+        wanted: std::ops::Range<usize>,
+        mut derivatives: Option<(&mut [Vec3], &mut [Vec3])>,
+    ) -> Vec<f64> {
         let (nu, width) = (us.len(), wanted.len());
         let mut out = vec![0.0; nu * vs.len() * width];
         let mut net = Vec::new();
@@ -118,13 +229,7 @@ impl NetPiece {
             for columns in runs(us) {
                 let segment = [us[columns.start].segment, vs[rows.start].segment];
                 self.net.gather(self.part(), segment, &mut net);
-                let segment = SegmentNet {
-                    net: &net,
-                    channels: self.net.channels(),
-                    positions: self.net.dim() * self.net.times().len(),
-                    degrees: self.net.degrees(),
-                    dim: self.net.dim(),
-                };
+                let segment = self.segment_net(&net);
                 segment.values(&us[columns.clone()], &vs[rows.clone()], wanted.clone(), |i, j, values| {
                     let at = ((rows.start + j) * nu + columns.start + i) * width;
                     out[at..at + width].copy_from_slice(values);
@@ -441,8 +546,31 @@ impl Surface for NetPiece {
     fn positions(&self, key: usize, nu: usize, nv: usize, out: &mut Vec<Vec3>) {
         let dim = self.net.dim();
         let key = key.min(self.bounds.len() - 1);
-        let lattice = self.lattice(nu.max(2), nv.max(2));
-        let values = self.evaluate(&lattice, key * dim..(key + 1) * dim, None);
+        let Lattice { places: [us, vs], .. } = Lattice::even(&self.range, [nu.max(2), nv.max(2)]);
+        let values = self.block([&us, &vs], key * dim..(key + 1) * dim, None);
+        out.clear();
+        out.extend(values.chunks_exact(dim).map(|v| position(v, 3)));
+    }
+
+    fn side(&self, side: usize) -> Option<SidePart> {
+        if self.parts.len() > 1 || self.settled.is_settled(side) {
+            return None;
+        }
+        let most = self.net.most_on_side(self.part(), self.is_outer(side).then_some(side));
+        Some(SidePart { side, range: self.range[side / 2], most })
+    }
+
+    fn settled_steps(&self, side: usize) -> Option<usize> {
+        self.settled.steps(side, &self.range)
+    }
+
+    fn side_positions(&self, key: usize, part: &SidePart, n: usize, out: &mut Vec<Vec3>) {
+        let dim = self.net.dim();
+        let key = key.min(self.bounds.len() - 1);
+        let along: Vec<Place> = (0..n).map(|i| part.range.place(i, n)).collect();
+        let across = [self.range[1 - part.side / 2].place(part.side % 2, 2)];
+        let places = if part.side < 2 { [&along[..], &across] } else { [&across, &along[..]] };
+        let values = self.block(places, key * dim..(key + 1) * dim, None);
         out.clear();
         out.extend(values.chunks_exact(dim).map(|v| position(v, 3)));
     }
@@ -467,10 +595,17 @@ impl Surface for NetPiece {
     }
 
     fn split(&self, direction: SplitDirection) -> Vec<Piece> {
-        let piece = |parts, range| -> Piece { Box::new(Self::new(self.net.clone(), parts, range)) };
+        self.split_settled(direction, [None; 4])
+    }
+
+    fn split_settled(&self, direction: SplitDirection, steps: [Option<u32>; 4]) -> Vec<Piece> {
+        let piece =
+            |parts, range, settled| -> Piece { Box::new(Self::new(self.net.clone(), parts, range, settled)) };
         if self.parts.len() > 1 {
             let middle = self.parts.start + self.parts.len() / 2;
-            return vec![piece(self.parts.start..middle, None), piece(middle..self.parts.end, None)];
+            return [self.parts.start..middle, middle..self.parts.end]
+                .map(|parts| piece(parts, None, Settled::default()))
+                .into();
         }
         let mut axis = usize::from(direction == SplitDirection::V);
         let other = 1 - axis;
@@ -482,30 +617,34 @@ impl Surface for NetPiece {
             axis = 1 - axis;
         }
         let Some((left, right)) = self.range[axis].halves() else { return Vec::new() };
-        let with = |half| {
+        let with = |half, settled| {
             let mut range = self.range;
             range[axis] = half;
-            piece(self.parts.clone(), Some(range))
+            piece(self.parts.clone(), Some(range), settled)
         };
-        vec![with(left), with(right)]
+        let [of_left, of_right] = self.settled.halves(&self.range, axis, steps);
+        vec![with(left, of_left), with(right, of_right)]
     }
 
     fn dice(&self, nu: usize, nv: usize) -> Dice {
+        self.dice_between(nu, nv, &Default::default())
+    }
+
+    fn dice_between(&self, nu: usize, nv: usize, sides: &[SidePoints; 4]) -> Dice {
         let (nu, nv) = (nu.max(2), nv.max(2));
         let (net, part, n) = (&*self.net, self.part(), nu * nv);
         let (dim, channels, keys) = (net.dim(), net.channels(), net.times().len());
-        let lattice = self.lattice(nu, nv);
+        let lattice = Lattice::between(&self.range, [nu, nv], &self.settled, sides);
         let (mut dpdu, mut dpdv) = (vec![Vec3::ZERO; n], vec![Vec3::ZERO; n]);
         let values = self.evaluate(&lattice, 0..channels, Some((&mut dpdu, &mut dpdv)));
+        self.close_seams(&lattice, &mut dpdu, &mut dpdv);
         let p = (0..keys)
             .map(|key| values.chunks_exact(channels).map(|v| position(&v[key * dim..], 3)).collect())
             .collect();
-        let along = |axis: usize| -> Vec<f64> {
-            lattice.places[axis].iter().map(|p| net.parameter(part, axis, *p).0).collect()
-        };
+        let along = |axis: usize| lattice.along(axis, |p| net.parameter(part, axis, *p).0);
         let (us, vs) = (along(0), along(1));
-        let u = (0..n).map(|i| us[i % nu] as f32).collect();
-        let v = (0..n).map(|i| vs[i / nu] as f32).collect();
+        let u = us.iter().map(|u| *u as f32).collect();
+        let v = vs.iter().map(|v| *v as f32).collect();
         let mut primvars = net.vars().uniform(net.face(part) as usize);
         emit(&net.vars().vertex, &values, n, channels, keys * dim, &mut primvars);
         if !net.vars().linear.is_empty() {
@@ -517,8 +656,18 @@ impl Surface for NetPiece {
             };
             net.vars().emit_linear(&corners, &fractions(0, &us), &fractions(1, &vs), &mut primvars);
         }
-        let mask = net.trim().map(|trim| trim.mask(&us, &vs));
+        let mask = net.trim().map(|trim| {
+            let [u, v] = [0, 1].map(|axis| -> Vec<f64> {
+                lattice.places[axis].iter().map(|p| net.parameter(part, axis, *p).0).collect()
+            });
+            let mut mask = trim.mask(&u, &v);
+            if !lattice.is_even() {
+                trim.correct(&mut mask, &us, &vs, nu);
+            }
+            mask
+        });
         let normals = take_normals(n, &mut primvars);
-        Dice { nu, nv, p, n: normals, dpdu, dpdv, u, v, primvars, face: net.face(part), mask, facing: None }
+        let (places, face) = (lattice.in_steps(), net.face(part));
+        Dice { nu, nv, p, n: normals, dpdu, dpdv, u, v, places, primvars, face, mask, facing: None }
     }
 }

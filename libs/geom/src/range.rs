@@ -30,6 +30,13 @@ pub(crate) struct Place {
     pub(crate) b: f64,
 }
 
+impl Place {
+    /// Counted in segments; exact wherever two ranges may meet.
+    pub(crate) fn coordinate(&self) -> f64 {
+        f64::from(self.segment) + self.b
+    }
+}
+
 impl Range {
     /// All of `count` segments.
     pub(crate) fn whole(count: u32) -> Self {
@@ -50,6 +57,12 @@ impl Range {
     pub(crate) fn ends(&self) -> (f64, f64) {
         let parts = f64::from(1_u32 << self.level);
         (f64::from(self.k) / parts, f64::from(self.k + 1) / parts)
+    }
+
+    /// Start and end, counted in segments; exact.
+    pub(crate) fn span(&self) -> (f64, f64) {
+        let (start, end) = self.ends();
+        (f64::from(self.first) + start, f64::from(self.first + self.count - 1) + end)
     }
 
     /// Whether it covers whole segments.

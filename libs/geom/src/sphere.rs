@@ -4,7 +4,8 @@ use crate::GeomError;
 use crate::build::ShapeKey;
 use crate::dice::Dice;
 use crate::net::rounded_out;
-use crate::range::Range;
+use crate::range::{Place, Range};
+use crate::side::{Lattice, Settled, SidePart, SidePoints};
 use crate::surface::{Piece, SplitDirection, Surface};
 use crate::vars::{Counts, Report, Vars, take_normals};
 use granita_base::{Bound, Severity, Vec3};
@@ -25,6 +26,7 @@ struct Sphere {
 struct SpherePiece {
     sphere: Arc<Sphere>,
     range: [Range; 2],
+    settled: Settled,
     bound: Bound,
 }
 
@@ -57,7 +59,7 @@ pub(crate) fn build(
         vars,
     };
     let whole = [Range::whole(1), Range::whole(1)];
-    Ok(vec![Box::new(SpherePiece::new(Arc::new(sphere), whole))])
+    Ok(vec![Box::new(SpherePiece::new(Arc::new(sphere), whole, Settled::default()))])
 }
 
 /// Sine and cosine of an angle in degrees, exact at multiples of 90: so seams close and poles are points.
@@ -91,9 +93,13 @@ fn product((a, b): (f64, f64), (c, d): (f64, f64)) -> (f64, f64) {
 }
 
 impl SpherePiece {
-    fn new(sphere: Arc<Sphere>, range: [Range; 2]) -> Self {
-        let mut piece = Self { sphere, range, bound: Bound::EMPTY };
+    fn new(sphere: Arc<Sphere>, range: [Range; 2], settled: Settled) -> Self {
+        let mut piece = Self { sphere, range, settled, bound: Bound::EMPTY };
         piece.bound = piece.find_bound();
+        for [u, v] in piece.settled.outside(&piece.range) {
+            let p = piece.point(piece.angle(0, &u), piece.angle(1, &v));
+            piece.bound = piece.bound.union(rounded_out(Bound::around([p])));
+        }
         piece
     }
 
@@ -114,15 +120,23 @@ impl SpherePiece {
         })
     }
 
-    /// `(sin, cos)` of the angles along an axis, with the parameter.
-    fn angles(&self, axis: usize, n: usize) -> Vec<(f64, (f64, f64))> {
+    /// Sine and cosine of an angle.
+    fn angle(&self, axis: usize, place: &Place) -> (f64, f64) {
         let s = &*self.sphere;
         let [from, to] = if axis == 0 { [0.0, s.theta_deg] } else { s.phi_deg };
-        let each = |i| {
-            let place = self.range[axis].place(i, n);
-            (place.b, sin_cos_deg(place.a * from + place.b * to))
-        };
-        (0..n).map(each).collect()
+        sin_cos_deg(place.a * from + place.b * to)
+    }
+
+    /// The point at two angles.
+    fn point(&self, (st, ct): (f64, f64), (sp, cp): (f64, f64)) -> Vec3 {
+        let r = self.sphere.radius;
+        Vec3::new((r * ct * cp) as f32, (r * st * cp) as f32, (r * sp) as f32)
+    }
+
+    /// The points of a lattice.
+    fn points(&self, lattice: &Lattice) -> Vec<Vec3> {
+        let [us, vs] = [0, 1].map(|axis| lattice.along(axis, |p| self.angle(axis, p)));
+        us.into_iter().zip(vs).map(|(u, v)| self.point(u, v)).collect()
     }
 }
 
@@ -136,14 +150,24 @@ impl Surface for SpherePiece {
     }
 
     fn positions(&self, _key: usize, nu: usize, nv: usize, out: &mut Vec<Vec3>) {
-        let (us, vs) = (self.angles(0, nu.max(2)), self.angles(1, nv.max(2)));
-        let r = self.sphere.radius;
+        *out = self.points(&Lattice::even(&self.range, [nu.max(2), nv.max(2)]));
+    }
+
+    fn side(&self, side: usize) -> Option<SidePart> {
+        let range = self.range[side / 2];
+        (!self.settled.is_settled(side)).then_some(SidePart { side, range, most: u32::MAX })
+    }
+
+    fn settled_steps(&self, side: usize) -> Option<usize> {
+        self.settled.steps(side, &self.range)
+    }
+
+    fn side_positions(&self, _key: usize, part: &SidePart, n: usize, out: &mut Vec<Vec3>) {
+        let axis = part.side / 2;
+        let across = self.angle(1 - axis, &self.range[1 - axis].place(part.side % 2, 2));
+        let along = (0..n).map(|i| self.angle(axis, &part.range.place(i, n)));
         out.clear();
-        for (_, (sp, cp)) in &vs {
-            for (_, (st, ct)) in &us {
-                out.push(Vec3::new((r * ct * cp) as f32, (r * st * cp) as f32, (r * sp) as f32));
-            }
-        }
+        out.extend(along.map(|x| if axis == 0 { self.point(x, across) } else { self.point(across, x) }));
     }
 
     fn domain(&self) -> [f32; 4] {
@@ -156,48 +180,59 @@ impl Surface for SpherePiece {
     }
 
     fn split(&self, direction: SplitDirection) -> Vec<Piece> {
+        self.split_settled(direction, [None; 4])
+    }
+
+    fn split_settled(&self, direction: SplitDirection, steps: [Option<u32>; 4]) -> Vec<Piece> {
         let mut axis = usize::from(direction == SplitDirection::V);
         if self.range[axis].halves().is_none() {
             axis = 1 - axis;
         }
         let Some((left, right)) = self.range[axis].halves() else { return Vec::new() };
-        let with = |half| -> Piece {
+        let with = |half, settled| -> Piece {
             let mut range = self.range;
             range[axis] = half;
-            Box::new(Self::new(self.sphere.clone(), range))
+            Box::new(Self::new(self.sphere.clone(), range, settled))
         };
-        vec![with(left), with(right)]
+        let [of_left, of_right] = self.settled.halves(&self.range, axis, steps);
+        vec![with(left, of_left), with(right, of_right)]
     }
 
     fn dice(&self, nu: usize, nv: usize) -> Dice {
+        self.dice_between(nu, nv, &Default::default())
+    }
+
+    fn dice_between(&self, nu: usize, nv: usize, sides: &[SidePoints; 4]) -> Dice {
         let (nu, nv) = (nu.max(2), nv.max(2));
         let n = nu * nv;
-        let (us, vs) = (self.angles(0, nu), self.angles(1, nv));
+        let lattice = Lattice::between(&self.range, [nu, nv], &self.settled, sides);
         let s = &*self.sphere;
         let (along_u, along_v) =
             (s.radius * s.theta_deg.to_radians(), s.radius * (s.phi_deg[1] - s.phi_deg[0]).to_radians());
-        let (mut p, mut dpdu, mut dpdv) = (Vec::new(), Vec::with_capacity(n), Vec::with_capacity(n));
-        self.positions(0, nu, nv, &mut p);
-        for (_, (sp, cp)) in &vs {
+        let [us, vs] = [0, 1].map(|axis| lattice.along(axis, |p| (p.b, self.angle(axis, p))));
+        let (mut p, mut dpdu, mut dpdv) =
+            (Vec::with_capacity(n), Vec::with_capacity(n), Vec::with_capacity(n));
+        for (&(_, u), &(_, v)) in us.iter().zip(&vs) {
+            let ((st, ct), (sp, cp)) = (u, v);
             // At the pole dP/du vanishes; a short one keeps the direction it has beside it.
-            let around = if *cp < 1e-6 { 1e-3 } else { *cp };
-            for (_, (st, ct)) in &us {
-                let du = [-st * around * along_u, ct * around * along_u, 0.0];
-                let dv = [-ct * sp * along_v, -st * sp * along_v, cp * along_v];
-                dpdu.push(Vec3::from(du.map(|x| x as f32)));
-                dpdv.push(Vec3::from(dv.map(|x| x as f32)));
-            }
+            let around = if cp < 1e-6 { 1e-3 } else { cp };
+            let du = [-st * around * along_u, ct * around * along_u, 0.0];
+            let dv = [-ct * sp * along_v, -st * sp * along_v, cp * along_v];
+            p.push(self.point(u, v));
+            dpdu.push(Vec3::from(du.map(|x| x as f32)));
+            dpdv.push(Vec3::from(dv.map(|x| x as f32)));
         }
         let mut primvars = s.vars.uniform(0);
         if !s.vars.linear.is_empty() {
             let mut corners = Vec::new();
             (0..4).for_each(|corner| s.vars.push_linear(corner, &mut corners));
-            let fractions = |list: &[(f64, (f64, f64))]| list.iter().map(|x| x.0).collect::<Vec<_>>();
-            s.vars.emit_linear(&corners, &fractions(&us), &fractions(&vs), &mut primvars);
+            let [s_of, t_of] = [&us, &vs].map(|list| list.iter().map(|x| x.0).collect::<Vec<_>>());
+            s.vars.emit_linear(&corners, &s_of, &t_of, &mut primvars);
         }
-        let u = (0..n).map(|i| us[i % nu].0 as f32).collect();
-        let v = (0..n).map(|i| vs[i / nu].0 as f32).collect();
+        let u = us.iter().map(|x| x.0 as f32).collect();
+        let v = vs.iter().map(|x| x.0 as f32).collect();
         let normals = take_normals(n, &mut primvars);
-        Dice { nu, nv, p: vec![p], n: normals, dpdu, dpdv, u, v, primvars, face: 0, mask: None, facing: None }
+        let places = lattice.in_steps();
+        Dice { nu, nv, p: vec![p], n: normals, dpdu, dpdv, u, v, places, primvars, ..Dice::default() }
     }
 }

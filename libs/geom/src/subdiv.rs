@@ -10,7 +10,7 @@ use crate::GeomError;
 use crate::build::ShapeKey;
 use crate::cage::{Cage, Corner, Creases};
 use crate::mesh::{CALL, Faces, LATTICE, check};
-use crate::net::{Net, cross, net_bound, pieces};
+use crate::net::{Net, Seam, cross, net_bound, pieces};
 use crate::order::spatial_order;
 use crate::range::{Place, Range};
 use crate::surface::Piece;
@@ -39,6 +39,8 @@ struct Root {
     refined: u32,
     /// How often it was halved.
     levels: u32,
+    /// Which sides have a face beside them that is no quadrilateral: its parts have a corner in the middle of the side.
+    halved: [bool; 4],
 }
 
 struct Subdivision {
@@ -51,6 +53,8 @@ struct Subdivision {
     at_edges: Vec<f32>,
     at_corners: Vec<f32>,
     cage: Cage,
+    /// Whether all patches join smoothly.
+    regular: bool,
     /// For each root and key.
     bounds: Vec<Bound>,
 }
@@ -111,6 +115,10 @@ pub(crate) fn build(
     for &index in &drawn {
         let face = &faces[index];
         let (n, start) = (face.corners.len() as u32, cage.starts[index]);
+        let halved = |k: usize| {
+            let edge = &cage.edges[cage.corner_edges[start as usize + k] as usize];
+            edge.faces.iter().any(|&f| cage.face(f as usize).len() != 4)
+        };
         let root = |corner: u32, refined: u32, levels: u32| Root {
             face: face.index,
             first: face.corners.start as u32,
@@ -118,6 +126,8 @@ pub(crate) fn build(
             corner,
             refined,
             levels,
+            // Sides at the start and end of v, of u; corners go around.
+            halved: if n == 4 { [0, 2, 3, 1].map(halved) } else { [false; 4] },
         };
         match (n, levels) {
             (4, 0) => roots.push(root(0, index as u32, 0)),
@@ -138,6 +148,7 @@ pub(crate) fn build(
         at_edges: Vec::new(),
         at_corners: Vec::new(),
         cage,
+        regular: levels == 0,
         bounds: Vec::new(),
     };
     surface.find_bezier_vertices();
@@ -333,6 +344,31 @@ impl Subdivision {
         self.bounds = bounds;
     }
 
+    /// The Bezier vertices of a refined face.
+    fn bezier_vertices(&self, face: usize, out: &mut Vec<f64>) {
+        let c = self.channels;
+        out.clear();
+        out.resize(16 * c, 0.0);
+        let mut put = |i: usize, j: usize, from: &[f32], index: usize| {
+            let to = &mut out[(j * 4 + i) * c..][..c];
+            to.iter_mut().zip(&from[index * c..]).for_each(|(o, &x)| *o = f64::from(x));
+        };
+        // Corners in winding order, and the way from each to the next.
+        const AT: [[usize; 2]; 4] = [[0, 0], [3, 0], [3, 3], [0, 3]];
+        const INNER: [[usize; 2]; 4] = [[1, 1], [2, 1], [2, 2], [1, 2]];
+        for k in 0..4 {
+            let corner = face * 4 + k;
+            let (v, next) = (self.cage.corners[corner], self.cage.corners[face * 4 + (k + 1) % 4]);
+            let ([i, j], [ni, nj]) = (AT[k], AT[(k + 1) % 4]);
+            put(i, j, &self.at_vertices, v as usize);
+            put(INNER[k][0], INNER[k][1], &self.at_corners, corner);
+            let edge = self.cage.corner_edges[corner] as usize;
+            let end = |v: u32| edge * 2 + self.cage.edges[edge].end(v);
+            put((2 * i + ni) / 3, (2 * j + nj) / 3, &self.at_edges, end(v));
+            put((i + 2 * ni) / 3, (j + 2 * nj) / 3, &self.at_edges, end(next));
+        }
+    }
+
     /// The refined face at a segment of a root.
     fn refined(&self, root: &Root, [su, sv]: [u32; 2]) -> usize {
         const CHILD: [u32; 4] = [0, 1, 3, 2];
@@ -370,28 +406,35 @@ impl Net for Subdivision {
         (0.0, 1.0)
     }
     fn gather(&self, part: usize, segment: [u32; 2], out: &mut Vec<f64>) {
-        let c = self.channels;
-        let face = self.refined(&self.roots[part], segment);
-        out.clear();
-        out.resize(16 * c, 0.0);
-        let mut put = |i: usize, j: usize, from: &[f32], index: usize| {
-            let to = &mut out[(j * 4 + i) * c..][..c];
-            to.iter_mut().zip(&from[index * c..]).for_each(|(o, &x)| *o = f64::from(x));
-        };
-        // Corners in winding order, and the way from each to the next.
-        const AT: [[usize; 2]; 4] = [[0, 0], [3, 0], [3, 3], [0, 3]];
-        const INNER: [[usize; 2]; 4] = [[1, 1], [2, 1], [2, 2], [1, 2]];
-        for k in 0..4 {
-            let corner = face * 4 + k;
-            let (v, next) = (self.cage.corners[corner], self.cage.corners[face * 4 + (k + 1) % 4]);
-            let ([i, j], [ni, nj]) = (AT[k], AT[(k + 1) % 4]);
-            put(i, j, &self.at_vertices, v as usize);
-            put(INNER[k][0], INNER[k][1], &self.at_corners, corner);
-            let edge = self.cage.corner_edges[corner] as usize;
-            let end = |v: u32| edge * 2 + self.cage.edges[edge].end(v);
-            put((2 * i + ni) / 3, (2 * j + nj) / 3, &self.at_edges, end(v));
-            put((i + 2 * ni) / 3, (j + 2 * nj) / 3, &self.at_edges, end(next));
+        self.bezier_vertices(self.refined(&self.roots[part], segment), out);
+    }
+    fn seam(&self, part: usize, segment: [u32; 2], side: usize, out: &mut Vec<f64>) -> Option<Seam> {
+        if self.regular {
+            return None;
         }
+        let cage = &self.cage;
+        let face = self.refined(&self.roots[part], segment);
+        // The corner that the side goes out from, in winding order.
+        let corner = face * 4 + [0, 2, 3, 1][side];
+        let index = cage.corner_edges[corner];
+        let edge = &cage.edges[index as usize];
+        let usual = |v: &u32| cage.corner(*v) != Corner::Smooth || cage.corners_at(*v).len() == 4;
+        if edge.is_sharp() || edge.ends.iter().all(usual) {
+            return None;
+        }
+        let other = edge.faces[usize::from(edge.faces[0] as usize == face)] as usize;
+        let beyond = (0..4).find(|k| cage.corner_edges[other * 4 + k] == index)?;
+        self.bezier_vertices(other, out);
+        // On both sides the place runs with the winding: this way around here, the other one there.
+        let with_winding = side == 0 || side == 3;
+        let opposite = cage.corners[corner] != cage.corners[other * 4 + beyond];
+        let beyond: fn(Place) -> [Place; 2] = match beyond {
+            0 => |p| [p, Place { segment: 0, a: 1.0, b: 0.0 }],
+            1 => |p| [Place { segment: 0, a: 0.0, b: 1.0 }, p],
+            2 => |p| [Place { a: p.b, b: p.a, ..p }, Place { segment: 0, a: 0.0, b: 1.0 }],
+            _ => |p| [Place { segment: 0, a: 1.0, b: 0.0 }, Place { a: p.b, b: p.a, ..p }],
+        };
+        Some(Seam { beyond, reversed: with_winding == opposite, along: side / 2 })
     }
     fn corners(&self, part: usize, out: &mut Vec<f64>) {
         let Root { first, n, corner, .. } = self.roots[part];
@@ -419,5 +462,9 @@ impl Net for Subdivision {
     }
     fn dices_over(&self) -> bool {
         true
+    }
+    fn most_on_side(&self, part: usize, side: Option<usize>) -> u32 {
+        let root = &self.roots[part];
+        if side.is_some_and(|side| root.halved[side]) { (1 << root.levels) / 2 } else { u32::MAX }
     }
 }

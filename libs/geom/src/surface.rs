@@ -1,6 +1,7 @@
 //! The face every primitive shows to the renderer.
 
 use crate::dice::{Dice, View};
+use crate::side::{SidePart, SidePoints};
 use granita_base::{Bound, Vec3};
 
 /// A piece of a primitive.
@@ -61,6 +62,41 @@ pub trait Surface: Send + Sync {
     /// The piece in two or more parts that together cover it. A piece that must be split ignores `direction` where
     /// it has no parameters in common. Empty when the piece is not splittable.
     fn split(&self, direction: SplitDirection) -> Vec<Piece>;
+
+    /// As [`Surface::split`], with the number of equal steps of each side (numbered as in [`Surface::side`]) that is not to
+    /// be halved any more: where the halves have parts of it, they share these steps.
+    fn split_settled(&self, direction: SplitDirection, steps: [Option<u32>; 4]) -> Vec<Piece> {
+        let _ = steps;
+        self.split(direction)
+    }
+
+    /// A side of the piece as neighbours share it: 0 at the start of v and 1 at its end (both run along u), 2 at the start
+    /// of u and 3 at its end. `None` for sides that are settled, pieces of several faces, and primitives whose
+    /// pieces do not meet at points (points, curves).
+    fn side(&self, side: usize) -> Option<SidePart> {
+        let _ = side;
+        None
+    }
+
+    /// How many steps a settled side has; `None` for others.
+    fn settled_steps(&self, side: usize) -> Option<usize> {
+        let _ = side;
+        None
+    }
+
+    /// Replaces `out` by `n` positions (at least 2) spread evenly over a part of a side at motion key `key`. They are those of
+    /// whoever shares the edge, to the bit.
+    fn side_positions(&self, key: usize, part: &SidePart, n: usize, out: &mut Vec<Vec3>) {
+        let _ = (key, part, n);
+        out.clear();
+    }
+
+    /// As [`Surface::dice`], with the points on each side where `sides` says. Where the lattice has more points than the
+    /// side, neighbouring points of it are the same.
+    fn dice_between(&self, nu: usize, nv: usize, sides: &[SidePoints; 4]) -> Dice {
+        let _ = sides;
+        self.dice(nu, nv)
+    }
 
     /// Evaluates `nu x nv` points (at least 2 each, u fastest), the first and last in each direction on the edges of
     /// the piece. A piece that must be split dices its first part only.

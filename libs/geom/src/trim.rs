@@ -170,6 +170,31 @@ impl Trim {
         }
         TrimMask { per_side: k, outside }
     }
+
+    /// Corrects a mask for the micropolygons on the border of a lattice whose points there, `us` and `vs` for each, are
+    /// not those of the mask: cells lie as a micropolygon's two triangles (parted from its first to its last corner) do.
+    pub(crate) fn correct(&self, mask: &mut TrimMask, us: &[f64], vs: &[f64], nu: usize) {
+        let (k, mu, mv) = (self.per_side, nu - 1, us.len() / nu - 1);
+        let mut crossings = Vec::new();
+        for at in
+            (0..mu * mv).filter(|at| at % mu == 0 || at % mu == mu - 1 || at / mu == 0 || at / mu == mv - 1)
+        {
+            let (i, j) = (at % mu, at / mu);
+            let corner = j * nu + i;
+            for cell in 0..k * k {
+                let [x, y] = [cell % k, cell / k].map(|c| (c as f64 + 0.5) / k as f64);
+                let weights = if x >= y { [1.0 - x, x - y, 0.0, y] } else { [1.0 - y, 0.0, y - x, x] };
+                let mean = |list: &[f64]| -> f64 {
+                    let corners = [corner, corner + 1, corner + nu, corner + nu + 1];
+                    corners.into_iter().zip(weights).map(|(c, w)| list[c] * w).sum()
+                };
+                let (u, v) = (mean(us), mean(vs));
+                self.crossings(v, &mut crossings);
+                let beyond = crossings.iter().filter(|x| **x > u).count();
+                mask.outside[(j * k + cell / k) * mu * k + i * k + cell % k] = beyond % 2 == 0;
+            }
+        }
+    }
 }
 
 /// How closely polygons follow curves.

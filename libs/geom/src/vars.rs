@@ -187,21 +187,19 @@ impl Vars {
         }
     }
 
-    /// Appends the linear variables at a lattice of fractions `s` by `t` between the corners (0,0), (1,0), (0,1) and
-    /// (1,1), whose channels `corners` holds.
+    /// Appends the linear variables at points with fractions `s` and `t` between the corners (0,0), (1,0), (0,1) and (1,1),
+    /// whose channels `corners` holds.
     pub(crate) fn emit_linear(&self, corners: &[f64], s: &[f64], t: &[f64], out: &mut Vec<DicePrimvar>) {
         let channels = self.linear_channels();
         let corner = |k: usize, ch: usize| corners[k * channels + ch];
-        let mut values = Vec::with_capacity(s.len() * t.len() * channels);
-        for &t in t {
-            for &s in s {
-                values.extend((0..channels).map(|ch| {
-                    (corner(0, ch) * (1.0 - s) + corner(1, ch) * s) * (1.0 - t)
-                        + (corner(2, ch) * (1.0 - s) + corner(3, ch) * s) * t
-                }));
-            }
+        let mut values = Vec::with_capacity(s.len() * channels);
+        for (&s, &t) in s.iter().zip(t) {
+            values.extend((0..channels).map(|ch| {
+                (corner(0, ch) * (1.0 - s) + corner(1, ch) * s) * (1.0 - t)
+                    + (corner(2, ch) * (1.0 - s) + corner(3, ch) * s) * t
+            }));
         }
-        emit(&self.linear, &values, s.len() * t.len(), channels, 0, out);
+        emit(&self.linear, &values, s.len(), channels, 0, out);
     }
 
     /// The vertex and linear variables of a single vertex.

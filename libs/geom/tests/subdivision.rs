@@ -338,3 +338,37 @@ fn a_vertex_of_a_hundred_thousand_faces() {
     let bound = pieces[0].bound(0);
     assert!(bound.max.z < 1.01 && bound.min.z > -0.01, "{bound:?}");
 }
+
+/// Largest angle (radians) between normals that two pieces have at the same place.
+fn largest_kink(pieces: &[Piece]) -> f32 {
+    let mut all: Vec<([u32; 3], Vec3)> = Vec::new();
+    for piece in pieces {
+        let dice = piece.dice(33, 33);
+        let normals = dice.dpdu.iter().zip(&dice.dpdv).map(|(u, v)| u.cross(*v).normalize());
+        all.extend(bits(&dice.p[0]).into_iter().zip(normals));
+    }
+    all.sort_by_key(|(place, _)| *place);
+    let same = all.chunk_by(|a, b| a.0 == b.0);
+    same.map(|same| same.iter().map(|(_, n)| n.angle_between(same[0].1)).fold(0.0, f32::max))
+        .fold(0.0, f32::max)
+}
+
+#[test]
+fn normals_pass_over_edges_without_a_kink() {
+    let (shape, p) = cube();
+    assert!(largest_kink(&diceable(build(&shape, &params(&[("P", &p)])))) < 2e-3);
+    // Valences up to 12, triangles and pentagons.
+    for n in [3, 5, 6, 12] {
+        let (shape, p) = disk(n);
+        let kink = largest_kink(&diceable(build(&shape, &with_border(&p, 1))));
+        assert!(kink < 2e-3, "valence {n}: {kink}");
+    }
+    let mut p = vec![0.0, 0.0, 2.0];
+    for i in 0..5 {
+        let t = i as f32 * std::f32::consts::TAU / 5.0;
+        p.extend([t.cos(), t.sin(), 0.3 * (i % 2) as f32]);
+    }
+    let verts = [0, 1, 2, 0, 2, 3, 0, 3, 4, 0, 4, 5, 0, 5, 1, 5, 4, 3, 2, 1];
+    let kink = largest_kink(&diceable(build(&mesh(&[3, 3, 3, 3, 3, 5], &verts), &params(&[("P", &p)]))));
+    assert!(kink < 2e-3, "pyramid: {kink}");
+}

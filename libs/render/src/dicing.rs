@@ -9,7 +9,7 @@ mod rate;
 
 pub(crate) use grid::{GridView, Viewpoint, make_grid};
 pub(crate) use motion::{Placement, Viewer, key_at, points_at};
-pub(crate) use rate::{DiceSettings, Measure, Plan, SceneDicing};
+pub(crate) use rate::{DiceSettings, Measure, Plan, Rates, SceneDicing};
 
 use granita_geom::{Dice, Piece, Trimming};
 use granita_scene::AttributeSet;
@@ -18,16 +18,15 @@ use granita_scene::AttributeSet;
 pub(crate) struct Leaf {
     /// The surface.
     pub(crate) piece: Piece,
-    /// Points along u.
-    pub(crate) nu: usize,
-    /// Points along v.
-    pub(crate) nv: usize,
+    /// The lattice.
+    pub(crate) rates: Box<Rates>,
 }
 
 impl Leaf {
     /// Dices the piece; points and curves turn towards `viewer`.
     pub(crate) fn dice(&self, viewer: &Viewer) -> Dice {
-        let mut dice = self.piece.dice(self.nu, self.nv);
+        let Rates { nu, nv, sides } = &*self.rates;
+        let mut dice = self.piece.dice_between(*nu, *nv, sides);
         if dice.facing.is_some() {
             dice.turn(&|key, p| viewer.view(key, p));
         }
@@ -47,10 +46,11 @@ pub(crate) fn tessellate(
     let mut stack: Vec<(Piece, u32)> = pieces.into_iter().rev().map(|p| (p, 0)).collect();
     while let Some((piece, depth)) = stack.pop() {
         match measure.plan(&*piece, placement, settings, depth) {
-            Plan::Dice { nu, nv } => leaves.push(Leaf { piece, nu, nv }),
-            Plan::Split(direction) => {
+            Plan::Dice(rates) => leaves.push(Leaf { piece, rates: Box::new(rates) }),
+            Plan::Split(direction, settled) => {
                 // The first half comes out first, so that the order follows the surface.
-                stack.extend(piece.split(direction).into_iter().rev().map(|p| (p, depth + 1)));
+                let parts = piece.split_settled(direction, settled);
+                stack.extend(parts.into_iter().rev().map(|p| (p, depth + 1)));
             }
         }
     }

@@ -20,7 +20,7 @@ use granita_gsl::ir::ValueType;
 use granita_image::FormatRegistry;
 use granita_scene::{Primitive, Scene};
 use granita_shade::Grid;
-use job::Job;
+use job::{Job, Sighting};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -248,7 +248,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let list: Vec<Job<S::Object>> = made.into_iter().map(|(_, job)| job).collect();
         let mut of_bucket = vec![Vec::new(); self.buckets.order.len()];
         for (index, job) in list.iter().enumerate() {
-            for rect in &job.rects {
+            for Sighting { rect, .. } in &job.seen {
                 for bucket in self.buckets.touching(&rect.grown(self.margin)) {
                     let here: &mut Vec<usize> = &mut of_bucket[bucket as usize];
                     if here.last() != Some(&index) {

@@ -300,9 +300,6 @@ fn patch(grid: &ShadedGrid, part: &Part, p: &[Vec3], variables: &[Variable<'_>])
     params.push(param(&format!("int {}", preshaded::PRIMITIVE), grid.primitive.cast_signed()));
     let rim = part.sides.map(|side| if side { grid.views[0].rim_px } else { 0.0 });
     params.push(param(&format!("float[4] {}", preshaded::RIM), &rim[..]));
-    if grid.ragged {
-        params.push(param(&format!("int {}", preshaded::RAGGED), 1));
-    }
     let (nu, nv) = (part.u[1] - part.u[0] + 1, part.v[1] - part.v[0] + 1);
     let shape = ShapeDesc::Patch { u: CurveBasis::Linear, v: CurveBasis::Linear, nu, nv };
     Call::Shape { shape: Box::new(shape), params: Params(params) }
@@ -353,7 +350,6 @@ mod tests {
             variables: (0..nu * nv).map(|i| i as f32).collect(),
             kept,
             sides: [true; 4],
-            ragged: false,
         }
     }
 

@@ -126,16 +126,16 @@ impl<'a> Surfaces<'a> {
             let Hit { sample, z, at, u, v, rim, beside } = hit;
             let fragment = Fragment { z, grid: index, at, u, v, next: NONE, rim };
             match beside {
-                Some(toward) if !grid.ragged => self.hit_beside(sample, fragment, toward),
-                _ => self.hit(grid, sample, fragment),
+                Some(toward) => self.hit_beside(sample, fragment, toward),
+                None => self.hit(grid, sample, fragment),
             }
         });
     }
 
-    /// A grid passes right beside a sample, `toward` which it is. Where grids meet that are diced at different rates, a chord of one cuts
-    /// a hair off the curve of the other: a sample with one grid right on this side and another right on that side lies
-    /// in such a crack and sees the farther of the two (so that what is hidden stays hidden). A grid beside
-    /// which there is no other ends there.
+    /// A grid passes right beside a sample, `toward` which it is. Grids meet in the same points, but these may be displaced by a
+    /// hair's difference (normals that differ in their last bits): a sample with one grid right on this side and another right on that
+    /// side lies in such a crack and sees the farther of the two (so that what is hidden stays hidden). A grid
+    /// beside which there is no other ends there.
     fn hit_beside(&mut self, sample: usize, fragment: Fragment, toward: Vec2) {
         if fragment.z >= self.nearest[sample].z && self.depths.is_empty() {
             return;

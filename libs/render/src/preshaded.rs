@@ -19,8 +19,6 @@ pub(crate) const PRIMITIVE: &str = "grid:primitive";
 /// `"float[4] grid:rim"`: by how many pixels the sides at v = 0, u = 1, v = 1 and u = 0 are widened to close the
 /// hairline between them and their neighbours; 0 for a side inside of a trimmed grid.
 pub(crate) const RIM: &str = "grid:rim";
-/// `"int grid:ragged"`: displaced, so that its borders may be off those of its neighbours.
-pub(crate) const RAGGED: &str = "grid:ragged";
 
 /// Most points of a grid that is taken whole; others are taken in parts.
 pub(crate) const MOST_POINTS: usize = 1 << 12;
@@ -47,8 +45,6 @@ pub(crate) struct GridTraits {
     pub(crate) rim_px: Option<f32>,
     /// Which of its sides are rims: at v = 0, u = 1, v = 1 and u = 0.
     pub(crate) sides: [bool; 4],
-    /// Displaced.
-    pub(crate) ragged: bool,
 }
 
 impl GridTraits {
@@ -64,7 +60,6 @@ impl GridTraits {
             primitive: params.int(PRIMITIVE).map(i32::cast_unsigned),
             rim_px: rim.map(|rim| rim.into_iter().fold(0.0, f32::max)),
             sides: std::array::from_fn(|k| outer[k] && rim.is_none_or(|rim| rim[k] > 0.0)),
-            ragged: params.int(RAGGED).is_some_and(|r| r != 0),
         }
     }
 }

@@ -204,6 +204,7 @@ impl<'r, 'f> Run<'r, 'f> {
 /// A copy of a grid without its variables and messages: what a light shader sees of a surface.
 fn without_variables(grid: &Grid) -> Grid {
     Grid {
+        uneven: grid.uneven.clone(),
         topology: grid.topology,
         p: grid.p.clone(),
         n: grid.n.clone(),

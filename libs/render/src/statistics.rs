@@ -11,6 +11,7 @@ pub(crate) struct Counters {
     pub(crate) primitives_built: AtomicU64,
     pub(crate) primitives_off_screen: AtomicU64,
     pub(crate) primitives_split: AtomicU64,
+    pub(crate) primitives_hidden: AtomicU64,
     pub(crate) pieces_culled: AtomicU64,
     pub(crate) grids: AtomicU64,
     pub(crate) grids_shaded: AtomicU64,
@@ -45,6 +46,8 @@ pub struct Statistics {
     pub primitives_off_screen: u64,
     /// Split because a bucket may see them.
     pub primitives_split: u64,
+    /// Visits of primitives by buckets that found them hidden.
+    pub primitives_hidden: u64,
     /// Pieces of split primitives that are not in view.
     pub pieces_culled: u64,
     pub grids: u64,
@@ -77,6 +80,7 @@ impl Counters {
             primitives_built: n(&self.primitives_built),
             primitives_off_screen: n(&self.primitives_off_screen),
             primitives_split: n(&self.primitives_split),
+            primitives_hidden: n(&self.primitives_hidden),
             pieces_culled: n(&self.pieces_culled),
             grids: n(&self.grids),
             grids_shaded: n(&self.grids_shaded),
@@ -179,7 +183,7 @@ impl ShadingStatistics {
 
 impl Statistics {
     /// All counts by the names of the fields, for machines.
-    pub fn counts(&self) -> [(&'static str, u64); 13] {
+    pub fn counts(&self) -> [(&'static str, u64); 14] {
         [
             ("threads", self.threads as u64),
             ("buckets", self.buckets),
@@ -188,6 +192,7 @@ impl Statistics {
             ("primitives_built", self.primitives_built),
             ("primitives_off_screen", self.primitives_off_screen),
             ("primitives_split", self.primitives_split),
+            ("primitives_hidden", self.primitives_hidden),
             ("pieces_culled", self.pieces_culled),
             ("grids", self.grids),
             ("grids_shaded", self.grids_shaded),
@@ -224,7 +229,10 @@ impl Statistics {
             ("  shaded", format!("{} ({} points)", self.grids_shaded, self.points_shaded)),
             ("  diced, shading not needed", self.grids_unshaded.to_string()),
             ("  never diced", self.grids.saturating_sub(self.grids_shaded + self.grids_unshaded).to_string()),
-            ("visits that found a grid hidden", self.grids_hidden.to_string()),
+            (
+                "visits that found all hidden",
+                format!("{} of primitives, {} of grids", self.primitives_hidden, self.grids_hidden),
+            ),
             (
                 "dice + shade, all threads",
                 format!("{} + {}", seconds(self.dice_time), seconds(self.shade_time)),

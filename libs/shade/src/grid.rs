@@ -83,6 +83,16 @@ impl Topology {
     }
 }
 
+/// A point of a rectangular grid whose neighbours are not where an even grid would have them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Uneven {
+    /// Its lane.
+    pub lane: u32,
+    /// Differences as an even grid would have them, of those between neighbours: towards the next point along u
+    /// `of[0][0] * along_u + of[0][1] * along_v`, along v likewise with `of[1]`.
+    pub of: [[f32; 2]; 2],
+}
+
 /// Numbers or strings of a primitive variable over a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PrimvarData {
@@ -136,6 +146,8 @@ pub struct RayKind {
 pub struct Grid {
     /// Neighbourhood; gives the number of lanes.
     pub topology: Topology,
+    /// Points whose neighbours are not evenly spread; empty for most grids.
+    pub uneven: Vec<Uneven>,
     /// Positions.
     pub p: Lanes3,
     /// Shading normals, any length.
@@ -180,11 +192,18 @@ pub struct Grid {
 }
 
 impl Grid {
+    /// Finds the points of a rectangular grid that are [`Uneven`]: `places` are those of all points along u and along v,
+    /// counted in steps of an even grid.
+    pub fn find_uneven(&mut self, places: &[Vec<f32>; 2]) {
+        self.uneven = crate::ops::uneven(self.topology, places);
+    }
+
     /// A grid with everything zero, C and opacity one.
     pub fn new(topology: Topology) -> Self {
         let n = topology.points();
         Self {
             topology,
+            uneven: Vec::new(),
             p: Lanes3::zeros(n),
             n: Lanes3::zeros(n),
             ng: Lanes3::zeros(n),

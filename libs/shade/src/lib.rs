@@ -86,7 +86,7 @@ mod services;
 mod tape;
 
 pub use error::ShadeError;
-pub use grid::{Grid, Lanes3, Message, Primvar, PrimvarData, RayKind, Topology};
+pub use grid::{Grid, Lanes3, Message, Primvar, PrimvarData, RayKind, Topology, Uneven};
 pub use link::{ConnectionSource, Group, LayerSource, LinkOptions};
 pub use run::executor::Executor;
 pub use services::{

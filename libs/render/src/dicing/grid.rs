@@ -46,6 +46,9 @@ pub(crate) fn make_grid(
     let to_normal = to_world.normal_matrix();
     let p = points_at(&dice.p, key_times, view.time, &to_world);
     let mut grid = Grid::new(Topology::Rect { nu, nv });
+    if let Some(places) = &dice.places {
+        grid.find_uneven(places);
+    }
     grid.p = Lanes3::from_points(&p);
     if let [first, .., last] = placement.times() {
         // Over the whole interval: the mean velocity is what blurs.

@@ -3,7 +3,7 @@
 use super::Placement;
 use crate::{CameraView, Projection};
 use granita_base::Vec3;
-use granita_geom::{Dice, DiceData, SplitDirection, Surface};
+use granita_geom::{Dice, DiceData, SidePart, SidePoints, SplitDirection, Surface};
 use granita_scene::{AttributeSet, Scene};
 use std::sync::Arc;
 
@@ -111,18 +111,46 @@ impl DiceSettings {
     }
 }
 
+impl DiceSettings {
+    /// Segments from what is asked for.
+    fn round(&self, asked: f32) -> usize {
+        let n = (asked.min(MAX_POINTS as f32).ceil() as usize).max(1);
+        if self.binary { n.next_power_of_two() } else { n }
+    }
+
+    /// Segments of the longest part of a side that is not halved: as many as a square grid has, so that sides are
+    /// mostly halved where their pieces are.
+    fn longest_part(&self) -> f32 {
+        ((self.gridsize as f32).sqrt() - 1.0).max(1.0)
+    }
+}
+
 /// What to do with a piece.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Plan {
-    /// Dice it into `nu x nv` points.
-    Dice {
-        /// Points along u, at least 2.
-        nu: usize,
-        /// Points along v, at least 2.
-        nv: usize,
-    },
-    /// Split it along this direction.
-    Split(SplitDirection),
+    /// Dice it.
+    Dice(Rates),
+    /// Split it along this direction. Each side that is short enough has its number of steps for good.
+    Split(SplitDirection, [Option<u32>; 4]),
+}
+
+/// The lattice that a piece is diced into.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Rates {
+    /// Points along u, at least 2.
+    pub(crate) nu: usize,
+    /// Points along v, at least 2.
+    pub(crate) nv: usize,
+    /// Where the points on the sides are.
+    pub(crate) sides: [SidePoints; 4],
+}
+
+/// Segments that the lines of a piece ask for, as real numbers.
+struct Asked {
+    u: f32,
+    v: f32,
+    /// The sides, as [`Surface::side`] numbers them; 0 for one that is a single point. `None` where the rates are given.
+    sides: Option<[f32; 4]>,
 }
 
 /// Measures pieces as the dicing camera sees them.
@@ -156,42 +184,95 @@ impl<'a> Measure<'a> {
         depth: u32,
     ) -> Plan {
         let may_split = piece.is_splittable() && depth < MAX_DEPTH;
-        let [mu, mv] = self.segments(piece, placement, settings);
-        let longer = if mu >= mv { SplitDirection::U } else { SplitDirection::V };
+        let asked = self.segments(piece, placement, settings);
+        let longer = if asked.u >= asked.v { SplitDirection::U } else { SplitDirection::V };
+        let round = |m: f32| settings.round(m);
+        // The points on a side are a function of the side alone, so that neighbours agree: it is halved until its parts
+        // are short, and these have equal steps. Nothing is to be agreed about a single point.
+        let parts: [Option<SidePart>; 4] = std::array::from_fn(|side| {
+            let length = asked.sides?[side];
+            if length > 0.0 { piece.side(side) } else { None }
+        });
+        let settled: [Option<u32>; 4] = std::array::from_fn(|side| {
+            let (part, asked) = (parts[side]?, asked.sides?[side]);
+            (!part.must_part() && asked <= settings.longest_part()).then(|| round(asked) as u32)
+        });
         if may_split && piece.must_split() {
-            return Plan::Split(longer);
+            return Plan::Split(longer, settled);
         }
         if may_split && settings.keepcreases && piece.has_crease() {
-            return Plan::Split(SplitDirection::V);
+            return Plan::Split(SplitDirection::V, settled);
         }
-        let round = |m: f32| {
-            let n = (m.min(MAX_POINTS as f32).ceil() as usize).max(1);
-            if settings.binary { n.next_power_of_two() } else { n }
-        };
-        let (mut u, mut v) = (round(mu), round(mv));
+        let (mut u, mut v) = (round(asked.u), round(asked.v));
         let too_large = |u: usize, v: usize| (u + 1) * (v + 1) > settings.gridsize.max(4);
+        if may_split && too_large(u, v) {
+            return Plan::Split(longer, settled);
+        }
+        let mut sides: [SidePoints; 4] = Default::default();
+        for (side, points) in sides.iter_mut().enumerate() {
+            let steps = match (piece.settled_steps(side), settled[side], parts[side]) {
+                (Some(steps), ..) => steps,
+                (None, Some(steps), _) => {
+                    *points = SidePoints::Steps(steps);
+                    steps as usize
+                }
+                (None, None, Some(part)) => {
+                    let mut list = Vec::new();
+                    self.halve(piece, &part, placement, settings, &mut list);
+                    let steps = list.iter().map(|(_, steps)| *steps as usize).sum();
+                    *points = SidePoints::Parts(list.into());
+                    steps
+                }
+                _ => 1,
+            };
+            let along = if side < 2 { &mut u } else { &mut v };
+            *along = steps.max(*along);
+        }
         if too_large(u, v) {
             if may_split {
-                return Plan::Split(longer);
+                let longer = if u >= v { SplitDirection::U } else { SplitDirection::V };
+                return Plan::Split(longer, settled);
             }
             // What cannot be split is diced as finely as the limit allows.
             while too_large(u, v) && (u > 1 || v > 1) {
                 if u >= v { u = u.div_ceil(2) } else { v = v.div_ceil(2) }
             }
         }
-        Plan::Dice { nu: u + 1, nv: v + 1 }
+        Plan::Dice(Rates { nu: u + 1, nv: v + 1, sides })
+    }
+
+    /// Appends the parts of a part of a side that is too long, with their steps.
+    fn halve(
+        &self,
+        piece: &dyn Surface,
+        part: &SidePart,
+        placement: &Placement,
+        settings: &DiceSettings,
+        out: &mut Vec<(SidePart, u32)>,
+    ) {
+        for half in part.halves().into_iter().flatten() {
+            let asked = self.along_side(piece, &half, placement, settings);
+            let long = half.must_part() || asked > settings.longest_part();
+            // More than a grid holds: the piece is split anyway.
+            if long && out.len() < settings.gridsize && half.halves().is_some() {
+                self.halve(piece, &half, placement, settings, out);
+            } else {
+                out.push((half, settings.round(asked) as u32));
+            }
+        }
     }
 
     /// Segments along u and v that the settings ask for, as real numbers.
-    fn segments(&self, piece: &dyn Surface, placement: &Placement, settings: &DiceSettings) -> [f32; 2] {
+    fn segments(&self, piece: &dyn Surface, placement: &Placement, settings: &DiceSettings) -> Asked {
         if let Some(fixed) = &settings.fixed {
-            return fixed.segments(piece);
+            let [u, v] = fixed.segments(piece);
+            return Asked { u, v, sides: None };
         }
-        let times = placement.times();
-        let Some(lattice) = self.lattice(piece, placement, times[0]) else { return [1.0, 1.0] };
-        // Where the lattice is when the shutter closes; nothing for what does not move, seen from the camera.
-        let moves = settings.motionfactor > 0.0 && times.len() > 1;
-        let moved = moves.then(|| self.lattice(piece, placement, times[times.len() - 1])).flatten();
+        let [Some(lattice), moved] =
+            self.at_ends(placement, settings, |time| self.lattice(piece, placement, time))
+        else {
+            return Asked { u: 1.0, v: 1.0, sides: None };
+        };
         let line = |start: usize, step: usize| {
             let along =
                 |points: &[Vec3]| -> [Vec3; LATTICE] { std::array::from_fn(|k| points[start + k * step]) };
@@ -213,7 +294,49 @@ impl<'a> Measure<'a> {
                 u = 1.0;
             }
         }
-        [u, v]
+        let side = |start: usize, step: usize| {
+            let is_point =
+                |points: &Vec<Vec3>| (1..LATTICE).all(|k| points[start + k * step] == points[start]);
+            if is_point(&lattice) && moved.iter().all(is_point) { 0.0 } else { line(start, step).max(1.0) }
+        };
+        let last = LATTICE - 1;
+        Asked { u, v, sides: Some([side(0, 1), side(rows(last), 1), side(0, LATTICE), side(last, LATTICE)]) }
+    }
+
+    /// Segments that a part of a side asks for.
+    fn along_side(
+        &self,
+        piece: &dyn Surface,
+        part: &SidePart,
+        placement: &Placement,
+        settings: &DiceSettings,
+    ) -> f32 {
+        let at = |time: f32| {
+            let at_key = |key: usize| {
+                let mut points = Vec::with_capacity(LATTICE);
+                piece.side_positions(key, part, LATTICE, &mut points);
+                points
+            };
+            let points = self.seen_at(piece, placement, time, at_key);
+            <[Vec3; LATTICE]>::try_from(points).ok()
+        };
+        match self.at_ends(placement, settings, at) {
+            [Some(points), moved] => self.line(&points, moved.as_ref(), settings).max(1.0),
+            [None, _] => 1.0,
+        }
+    }
+
+    /// Something when the shutter opens and, where that matters, when it closes: not for what does not move, seen from the
+    /// camera.
+    fn at_ends<T>(
+        &self,
+        placement: &Placement,
+        settings: &DiceSettings,
+        at: impl Fn(f32) -> Option<T>,
+    ) -> [Option<T>; 2] {
+        let times = placement.times();
+        let moves = settings.motionfactor > 0.0 && times.len() > 1;
+        [at(times[0]), moves.then(|| at(times[times.len() - 1])).flatten()]
     }
 
     /// Camera space positions of the measuring lattice at a time; `None` when the piece has none.
@@ -230,44 +353,59 @@ impl<'a> Measure<'a> {
             }
             lattice
         };
+        let lattice = self.seen_at(piece, placement, time, at_key);
+        (lattice.len() == LATTICE * LATTICE).then_some(lattice)
+    }
+
+    /// Camera space positions at a time of points that are known at each motion key.
+    fn seen_at(
+        &self,
+        piece: &dyn Surface,
+        placement: &Placement,
+        time: f32,
+        at_key: impl Fn(usize) -> Vec<Vec3>,
+    ) -> Vec<Vec3> {
         let (key, next, alpha) = super::motion::key_at(piece.key_times(), time);
-        let mut lattice = at_key(key);
+        let mut points = at_key(key);
         if alpha != 0.0 {
-            for (p, q) in lattice.iter_mut().zip(at_key(next)) {
+            for (p, q) in points.iter_mut().zip(at_key(next)) {
                 *p = p.lerp(q, alpha);
             }
         }
-        if lattice.len() < LATTICE * LATTICE {
-            return None;
-        }
         let to_camera = placement.to_world.at(time).then(&self.camera.world_to_camera.at(time));
-        lattice.iter_mut().for_each(|p| *p = to_camera.point(*p));
-        Some(lattice)
+        points.iter_mut().for_each(|p| *p = to_camera.point(*p));
+        points
     }
 
-    /// Segments that one line of the lattice asks for; `moved` is the line when the shutter closes.
+    /// Segments that one line of the lattice asks for; `moved` is the line when the shutter closes. To the bit the same
+    /// from either end.
     fn line(&self, p: &[Vec3; LATTICE], moved: Option<&[Vec3; LATTICE]>, settings: &DiceSettings) -> f32 {
-        let (mut length_px, mut seen_px) = (0.0, 0.0);
-        let mut turn = 0.0;
+        const STEPS: usize = LATTICE - 1;
+        let (mut lengths_px, mut seen_px) = ([0.0; STEPS], [0.0; STEPS]);
+        let mut turns = [0.0; STEPS];
         let mut before: Option<Vec3> = None;
         for (k, pair) in p.windows(2).enumerate() {
             let step = pair[1] - pair[0];
-            let step_px = self.length(pair[0], pair[1], settings.rasterorient);
-            length_px += step_px;
-            seen_px += match moved {
+            lengths_px[k] = self.length(pair[0], pair[1], settings.rasterorient);
+            seen_px[k] = match moved {
                 Some(moved) => {
                     let along = self.motion_along([pair[0], pair[1]], [moved[k], moved[k + 1]]);
-                    step_px / (1.0 + DETAIL_PER_MOTION * settings.motionfactor * along)
+                    lengths_px[k] / (1.0 + DETAIL_PER_MOTION * settings.motionfactor * along)
                 }
-                None => step_px,
+                None => lengths_px[k],
             };
             if let Some(direction) = step.try_normalize() {
                 if let Some(last) = before {
-                    turn += last.dot(direction).clamp(-1.0, 1.0).acos();
+                    turns[k] = last.dot(direction).clamp(-1.0, 1.0).acos();
                 }
                 before = Some(direction);
             }
         }
+        let sum = |mut list: [f32; STEPS]| -> f32 {
+            list.sort_by(f32::total_cmp);
+            list.iter().sum()
+        };
+        let (length_px, seen_px, mut turn) = (sum(lengths_px), sum(seen_px), sum(turns));
         if !length_px.is_finite() || !seen_px.is_finite() || !turn.is_finite() {
             return 1.0;
         }

@@ -62,7 +62,7 @@ impl Rig {
     }
 
     fn rates_moving(&self, pieces: Vec<Piece>, to_world: &MotionTransform) -> Vec<[usize; 2]> {
-        self.leaves(pieces, to_world).iter().map(|leaf| [leaf.nu, leaf.nv]).collect()
+        self.leaves(pieces, to_world).iter().map(|leaf| [leaf.rates.nu, leaf.rates.nv]).collect()
     }
 }
 
@@ -334,4 +334,109 @@ fn settings_that_are_no_numbers_are_the_defaults() {
     let rig =
         Rig::new(&[("float dice:curvature", f(f32::NAN)), ("float dice:motionfactor", f(f32::INFINITY))]);
     assert_eq!(rig.rates(rectangle([2.0, 1.0], &[])), [[17, 9]]);
+}
+
+/// Edges on the borders of grids that no other grid has in the opposite direction, of pieces that turn one way.
+fn open_edges(rig: &Rig, leaves: &[Leaf]) -> Vec<[Vec3; 2]> {
+    let placement = Placement::new(&MotionTransform::default(), &[0.0], &[], [0.0; 2]);
+    let viewer = Viewer::new(&rig.camera, &placement, &[0.0]);
+    // By their ends in order: how often forward and backward.
+    let mut edges: BTreeMap<[[u32; 3]; 2], i32> = BTreeMap::new();
+    for leaf in leaves {
+        let dice = leaf.dice(&viewer);
+        let (nu, nv) = (dice.nu, dice.nv);
+        let around = (0..nu)
+            .chain((1..nv).map(|j| j * nu + nu - 1))
+            .chain((0..nu - 1).rev().map(|i| (nv - 1) * nu + i))
+            .chain((0..nv - 1).rev().map(|j| j * nu));
+        let points: Vec<Vec3> = around.map(|i| dice.p[0][i] + 0.0).collect();
+        for pair in points.windows(2).filter(|pair| pair[0] != pair[1]) {
+            let [a, b] = [pair[0], pair[1]].map(|p| p.to_array().map(f32::to_bits));
+            if a < b {
+                *edges.entry([a, b]).or_default() += 1;
+            } else {
+                *edges.entry([b, a]).or_default() -= 1;
+            }
+        }
+    }
+    let point = |bits: [u32; 3]| Vec3::from(bits.map(f32::from_bits));
+    edges.into_iter().filter(|(_, n)| *n != 0).map(|([a, b], _)| [point(a), point(b)]).collect()
+}
+
+/// A rough field of `n x n` squares over [-4, 4] x [-3, 3], every other one as two triangles.
+fn field(n: usize, subdivide: bool) -> Vec<Piece> {
+    let random = |k: usize| (granita_base::hash::words(&[k as u32]) >> 8) as f32 / 16_777_216.0 - 0.5;
+    let (mut p, mut nverts, mut verts) = (Vec::new(), Vec::new(), Vec::new());
+    for j in 0..=n {
+        for i in 0..=n {
+            let inside = i > 0 && j > 0 && i < n && j < n;
+            let k = (j * 17 + i) * 3;
+            let off = if inside { [0, 1, 2].map(|c| random(k + c)) } else { [0.0; 3] };
+            let place = |i: usize, size: f32, off: f32| ((i as f32 + off) / n as f32 - 0.5) * size;
+            p.extend([place(i, 8.0, off[0]), place(j, 6.0, off[1]), 10.0 + off[2] * 3.0]);
+        }
+    }
+    for j in 0..n {
+        for i in 0..n {
+            let [a, b, c, d] = [0, 1, n + 2, n + 1].map(|k| (j * (n + 1) + i + k) as i32);
+            if (i + j) % 2 == 0 {
+                nverts.push(4);
+                verts.extend([a, b, c, d]);
+            } else {
+                nverts.extend([3, 3]);
+                verts.extend([a, b, c, a, c, d]);
+            }
+        }
+    }
+    let shape = ShapeDesc::Mesh { subdivide, nverts: nverts.into(), verts: verts.into() };
+    build(&shape, &[param("vertex point P", &p[..]), param("int border", 1.0)])
+}
+
+#[test]
+fn grids_share_all_edges() {
+    let mut camera = camera();
+    for perspective in [false, true] {
+        if perspective {
+            let mut params = Params::new();
+            params.set(param("int[2] resolution", &[320.0_f32, 240.0][..]));
+            params.set(param("float fov", 50.0));
+            let seen = Camera { name: "main".into(), world_to_camera: MotionTransform::default(), params };
+            camera = CameraView::new(&seen, &Reporter::silent());
+        }
+        for (gridsize, binary, quality) in
+            [(256.0, 0.0, 1.0), (64.0, 0.0, 0.3), (256.0, 1.0, 1.0), (100.0, 0.0, 1.7)]
+        {
+            let list = [
+                ("int limits:gridsize", f(gridsize)),
+                ("int dice:binary", f(binary)),
+                ("float shadingquality", f(quality)),
+            ];
+            let rig = Rig { camera: camera.clone(), ..Rig::new(&list) };
+            let still = MotionTransform::default();
+            for n in [1, 2, 5, 16] {
+                for subdivide in [false, true] {
+                    let leaves = rig.leaves(field(n, subdivide), &still);
+                    let inside = |[a, b]: &[Vec3; 2]| {
+                        (0..2).all(|c| {
+                            let outer = [4.0, 3.0][c];
+                            !(a[c].abs() > outer - 1e-3 && (a[c] - b[c]).abs() < 1e-3)
+                        })
+                    };
+                    let open: Vec<_> = open_edges(&rig, &leaves).into_iter().filter(inside).collect();
+                    assert!(
+                        open.is_empty(),
+                        "{} edges are open in {} grids, {n} x {n}, subdivided {subdivide}, {list:?}: {:?}",
+                        open.len(),
+                        leaves.len(),
+                        &open[..open.len().min(8)]
+                    );
+                }
+            }
+            let sphere = ShapeDesc::Sphere { radius: 3.0, zmin: -3.0, zmax: 3.0, thetamax_deg: 360.0 };
+            let away = Transform::translate(Vec3::Z * 10.0).into();
+            let leaves = rig.leaves(build(&sphere, &[]), &away);
+            let open = open_edges(&rig, &leaves);
+            assert!(open.is_empty(), "{} of {} grids of a sphere: {open:?}", open.len(), leaves.len());
+        }
+    }
 }

@@ -9,14 +9,46 @@ use crate::griddump::{Described, is_identity};
 use crate::hider::{SampleGrid, ShadedGrid, Surfaces, ViewedGrid};
 use crate::preshaded::GridTraits;
 use crate::statistics::{add, add_time};
-use crate::{CameraView, PixelRect, Projection};
-use granita_base::{Color, Severity, Vec2, Vec3};
+use crate::{PixelRect, Projection};
+use granita_base::{Color, Severity, Vec3};
 use granita_geom::Dice;
 use granita_shade::{Grid, Lanes3, RayKind};
+use std::cmp::{Ordering, Reverse};
+use std::collections::BinaryHeap;
 use std::time::Instant;
 
-/// No rim is wider than this, in pixels.
-const MOST_RIM_PX: f32 = 4.0;
+/// How far (pixels) two grids may be apart at their common border. Their points there are the same, but normals that
+/// differ in their last bits, or texture filters, may displace them differently.
+const RIM_PX: f32 = 0.02;
+
+/// What a bucket looks at next: a primitive, or a grid of it.
+#[derive(Clone, Copy, Debug)]
+struct Turn {
+    /// Nothing of it is nearer.
+    z: f32,
+    job: usize,
+    leaf: Option<u32>,
+}
+
+impl Ord for Turn {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.z.total_cmp(&other.z).then(self.job.cmp(&other.job)).then(self.leaf.cmp(&other.leaf))
+    }
+}
+
+impl PartialOrd for Turn {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Turn {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Turn {}
 
 impl<S: FrameShader> Frame<'_, S> {
     /// Renders a bucket; returns the pixels of every image.
@@ -27,58 +59,67 @@ impl<S: FrameShader> Frame<'_, S> {
         thread: &mut S::Thread<'_>,
     ) -> Vec<Vec<f32>> {
         let rect = self.buckets.order[index];
-        let mut blurred = Vec::new();
-        let orders: Vec<Vec<Visit>> =
-            (0..self.eyes.len()).map(|eye| self.visits(eye, jobs, index, &mut blurred)).collect();
+        let blurred = self.blurred(jobs, index);
         let samples = SampleGrid::new(rect.grown(self.margin), &self.pattern, self.options.camera, &blurred);
-        let see = |(eye, order)| self.seen_by(eye, order, (jobs, index), &samples, thread);
-        let pixels = orders.into_iter().enumerate().flat_map(see).collect();
+        let see = |eye| self.seen_by(eye, (jobs, index), &samples, thread);
+        let pixels = (0..self.eyes.len()).flat_map(see).collect();
         add(&self.counters.samples, self.eyes.len() * samples.within(&rect));
         pixels
     }
 
-    /// The grids that an eye may see in a bucket, front to back, so that what is hidden is found hidden before it is
-    /// shaded. The order among any two grids is the same in every bucket. Adds to `blurred` where blurred ones may be.
-    fn visits(
-        &self,
-        eye: usize,
-        jobs: &Jobs<S::Object>,
-        index: usize,
-        blurred: &mut Vec<PixelRect>,
-    ) -> Vec<Visit> {
+    /// Where in a bucket blurred grids may be seen. What may blur is split for that; nothing else is.
+    fn blurred(&self, jobs: &Jobs<S::Object>, index: usize) -> Vec<PixelRect> {
         let bucket = u32::try_from(index).unwrap_or(u32::MAX);
-        let mut order = Vec::new();
-        for &job in &jobs.of_bucket[index] {
-            let split = self.split(&jobs.list[job]);
-            for leaf in split.leaves_of(eye, bucket) {
-                let seen = &split.leaves[leaf as usize].seen[eye];
-                order.push(Visit { z_min: seen.z_min, job, leaf });
-                if seen.blurs {
-                    blurred.push(seen.rect);
+        let mut blurred = Vec::new();
+        for eye in 0..self.eyes.len() {
+            for &job in &jobs.of_bucket[index] {
+                let job = &jobs.list[job];
+                if job.seen[eye].blurs {
+                    let split = self.split(job);
+                    let seen =
+                        split.leaves_of(eye, bucket).map(|leaf| &split.leaves[leaf as usize].seen[eye]);
+                    blurred.extend(seen.filter(|seen| seen.blurs).map(|seen| seen.rect));
                 }
             }
         }
-        order.sort_by(|a, b| a.z_min.total_cmp(&b.z_min).then(a.job.cmp(&b.job)).then(a.leaf.cmp(&b.leaf)));
-        order
+        blurred
     }
 
     /// What an eye sees in a bucket; the pixels of every image.
     fn seen_by(
         &self,
         eye: usize,
-        order: Vec<Visit>,
         (jobs, index): (&Jobs<S::Object>, usize),
         samples: &SampleGrid,
         thread: &mut S::Thread<'_>,
     ) -> Vec<Vec<f32>> {
         let mut surfaces = Surfaces::new(samples, self.composite);
+        let bucket = u32::try_from(index).unwrap_or(u32::MAX);
+        // Front to back, so that what is hidden is found hidden before it is split and shaded. The order among any two
+        // grids is the same in every bucket: a primitive comes before its grids, which have its depth at least.
+        let mut order: BinaryHeap<Reverse<Turn>> = BinaryHeap::new();
+        let turn = |z: f32, job: usize, leaf: Option<u32>| Reverse(Turn { z, job, leaf });
+        let here = |job: &Job<S::Object>| !job.seen[eye].rect.intersection(&samples.rect).is_empty();
+        let near = jobs.of_bucket[index].iter().filter(|j| here(&jobs.list[**j]));
+        order.extend(near.map(|&j| turn(jobs.list[j].seen[eye].z_min, j, None)));
         let mut hiding = std::time::Duration::ZERO;
-        for Visit { z_min, job: j, leaf: slot_number } in order {
+        while let Some(Reverse(Turn { z, job: j, leaf })) = order.pop() {
             let job = &jobs.list[j];
-            let slot = &self.split(job).leaves[slot_number as usize];
             // What lies behind the first surface counts for "avgz".
             let may_cull = job.culls_hidden && !self.outputs.needs_second_surface;
-            if may_cull && surfaces.hides(&slot.seen[eye].rect, z_min) {
+            let Some(slot_number) = leaf else {
+                if may_cull && surfaces.hides(&job.seen[eye].rect, z) {
+                    add(&self.counters.primitives_hidden, 1);
+                    self.pass(job, eye, bucket);
+                } else {
+                    let split = self.split(job);
+                    let z_of = |leaf: u32| split.leaves[leaf as usize].seen[eye].z_min.max(z);
+                    order.extend(split.leaves_of(eye, bucket).map(|leaf| turn(z_of(leaf), j, Some(leaf))));
+                }
+                continue;
+            };
+            let slot = &self.split(job).leaves[slot_number as usize];
+            if may_cull && surfaces.hides(&slot.seen[eye].rect, z) {
                 add(&self.counters.grids_hidden, 1);
             } else if let Some(grid) = slot.grid(|leaf| {
                 let grid = self.shade(job, slot, leaf, thread)?;
@@ -213,7 +254,6 @@ impl<S: FrameShader> Frame<'_, S> {
             variables,
             kept: kept.map_or_else(Vec::new, |cells| cells.kept),
             sides: given.as_ref().map_or([true; 4], |g| g.sides),
-            ragged: before.is_some() || given.as_ref().is_some_and(|g| g.ragged),
         };
         if before.is_some() {
             self.check_displacement(&shaded, job);
@@ -238,13 +278,7 @@ impl<S: FrameShader> Frame<'_, S> {
                     },
                 );
             }
-            let mut rim_px = (0.02 / job.settings.quality).clamp(0.02, 0.25);
-            if let Some(given) = diced.rim_px {
-                rim_px = given;
-            }
-            if diced.before.is_some() {
-                rim_px = roughness_px(eye.camera, &p_cam, nu, diced.dice.nv).clamp(rim_px, MOST_RIM_PX);
-            }
+            let rim_px = diced.rim_px.unwrap_or(RIM_PX);
             if diced.per_side > 1 {
                 p_cam.iter_mut().for_each(|p| *p = finer(p, nu, diced.per_side));
             }
@@ -313,14 +347,6 @@ impl<S: FrameShader> Frame<'_, S> {
     }
 }
 
-/// A look at a grid.
-struct Visit {
-    z_min: f32,
-    /// Index in [`Jobs::list`].
-    job: usize,
-    leaf: u32,
-}
-
 /// A grid after shading, with what it was diced from.
 struct Diced<'a> {
     dice: &'a Dice,
@@ -367,33 +393,4 @@ fn positions<O>(job: &Job<O>, diced: &Diced<'_>) -> Vec<Vec<Vec3>> {
         points.map(|(i, p)| to_world.point(p + offset(i))).collect()
     };
     placement.times().iter().map(|time| at(*time)).collect()
-}
-
-/// How far (pixels) a neighbour that is diced differently may be off the borders of a displaced grid.
-///
-/// Undisplaced surfaces are diced so finely that their edges stay together; what a displacement does between two
-/// points nobody knows, but between three it shows in how far the middle one is off the other two.
-fn roughness_px(camera: &CameraView, p_cam: &[Vec<Vec3>], nu: usize, nv: usize) -> f32 {
-    let mut worst = 0.0_f32;
-    let perspective = matches!(camera.projection, Projection::Perspective { .. });
-    let (down, across) = ((nv - 1) * nu, nu - 1);
-    for p in p_cam {
-        let mut off = |at: usize, step: usize| {
-            let [a, b, c] = [at - step, at, at + step].map(|i| p[i]);
-            let depth = b.z.max(camera.near);
-            let scale = camera.raster_scale(depth).abs();
-            let second = (a + c) * 0.5 - b;
-            // Seen along the view nothing opens.
-            let along = if perspective { b.truncate() * (second.z / depth) } else { Vec2::ZERO };
-            let aside = second.truncate() - along;
-            worst = worst.max((aside * scale).length() * 1.5);
-        };
-        for i in 1..nu.saturating_sub(1) {
-            [i, down + i].into_iter().for_each(|at| off(at, 1));
-        }
-        for j in 1..nv.saturating_sub(1) {
-            [j * nu, j * nu + across].into_iter().for_each(|at| off(at, nu));
-        }
-    }
-    if worst.is_finite() { worst } else { 0.0 }
 }

@@ -2,7 +2,7 @@
 
 use super::{Eye, Frame, FrameShader, ObjectTraits};
 use crate::dicing::trimming;
-use crate::dicing::{DiceSettings, Leaf, Placement, Plan, Viewer, key_at};
+use crate::dicing::{DiceSettings, Leaf, Placement, Plan, Rates, Viewer, key_at};
 use crate::hider::{NOWHERE, ShadedGrid, pixels_of};
 use crate::statistics::add;
 use crate::{PixelRect, Projection, preshaded};
@@ -19,12 +19,14 @@ pub(super) struct Job<O> {
     pub(super) traits: ObjectTraits,
     pub(super) settings: DiceSettings,
     pub(super) placement: Placement,
-    /// Pixels in which each eye may see it, inside the frame's region.
-    pub(super) rects: Vec<PixelRect>,
+    /// Where each eye may see it.
+    pub(super) seen: Box<[Sighting]>,
     pub(super) culls_hidden: bool,
     /// Until it is split.
     pieces: Mutex<Vec<Piece>>,
     split: OnceLock<Split>,
+    /// Eyes and buckets that were done with it before it was split; `None` from then on.
+    passed: Mutex<Option<Vec<(usize, u32)>>>,
 }
 
 /// The grids of a primitive.
@@ -35,6 +37,11 @@ pub(super) struct Split {
 }
 
 impl Split {
+    /// An eye is done with all leaves in a bucket.
+    fn release(&self, eye: usize, bucket: u32) {
+        self.leaves_of(eye, bucket).for_each(|leaf| self.leaves[leaf as usize].release());
+    }
+
     /// Leaves that an eye may see in a bucket, in order.
     pub(super) fn leaves_of(&self, eye: usize, bucket: u32) -> impl Iterator<Item = u32> + '_ {
         let of_bucket = &self.of_bucket[eye];
@@ -77,13 +84,15 @@ impl LeafSlot {
 
     /// One bucket is done with it.
     pub(super) fn release(&self) {
-        if self.uses.fetch_sub(1, Ordering::AcqRel) == 1 {
+        let uses = self.uses.fetch_sub(1, Ordering::AcqRel);
+        debug_assert!(uses > 0, "a grid is released by each of its buckets once");
+        if uses == 1 {
             *self.state.lock().unwrap_or_else(PoisonError::into_inner) = LeafState::Gone;
         }
     }
 }
 
-/// Where an eye may see a grid.
+/// Where an eye may see a primitive or a grid.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sighting {
     /// In these pixels, inside the frame's region.
@@ -140,13 +149,19 @@ impl<S: FrameShader> Frame<'_, S> {
         let shutter =
             if self.pattern.blur { self.options.camera.shutter } else { [self.options.camera.shutter[0]; 2] };
         let placement = Placement::new(&attributes.to_world, shape_times, &cameras, shutter);
-        let rect = |eye: &Eye<'_>| {
-            let seen = pieces.iter().map(|p| self.seen(eye, &**p, &placement, &traits).bound_px);
-            pixels_of(seen.fold(NOWHERE, union), &self.region)
+        let sighting = |eye: &Eye<'_>| {
+            let (mut bound_px, mut z_min, mut blurs) = (NOWHERE, f32::INFINITY, false);
+            for piece in &pieces {
+                let seen = self.seen(eye, &**piece, &placement, &traits);
+                bound_px = union(bound_px, seen.bound_px);
+                z_min = z_min.min(seen.z_min);
+                blurs |= seen.blurs;
+            }
+            Sighting { rect: pixels_of(bound_px, &self.region), z_min, blurs }
         };
-        let rects: Vec<PixelRect> = self.eyes.iter().map(rect).collect();
+        let seen: Box<[Sighting]> = self.eyes.iter().map(sighting).collect();
         self.check_precision(primitive, &pieces, &placement);
-        if rects.iter().all(PixelRect::is_empty) {
+        if seen.iter().all(|s| s.rect.is_empty()) {
             add(&self.counters.primitives_off_screen, 1);
             return None;
         }
@@ -157,9 +172,10 @@ impl<S: FrameShader> Frame<'_, S> {
             object,
             traits,
             placement,
-            rects,
+            seen,
             pieces: Mutex::new(pieces),
             split: OnceLock::new(),
+            passed: Mutex::new(Some(Vec::new())),
         })
     }
 
@@ -212,16 +228,19 @@ impl<S: FrameShader> Frame<'_, S> {
                     continue;
                 }
                 let plan = match piece.lattice() {
-                    Some([nu, nv]) if nu * nv <= preshaded::MOST_POINTS => Plan::Dice { nu, nv },
-                    Some([nu, nv]) if nu > nv => Plan::Split(SplitDirection::U),
-                    Some(_) => Plan::Split(SplitDirection::V),
+                    Some([nu, nv]) if nu * nv <= preshaded::MOST_POINTS => {
+                        Plan::Dice(Rates { nu, nv, ..Rates::default() })
+                    }
+                    Some([nu, nv]) if nu > nv => Plan::Split(SplitDirection::U, [None; 4]),
+                    Some(_) => Plan::Split(SplitDirection::V, [None; 4]),
                     None => self.measure.plan(&*piece, &job.placement, &job.settings, depth),
                 };
                 match plan {
-                    Plan::Split(direction) => {
-                        stack.extend(piece.split(direction).into_iter().rev().map(|p| (p, depth + 1)));
+                    Plan::Split(direction, settled) => {
+                        let parts = piece.split_settled(direction, settled);
+                        stack.extend(parts.into_iter().rev().map(|p| (p, depth + 1)));
                     }
-                    Plan::Dice { nu, nv } => {
+                    Plan::Dice(rates) => {
                         let Ok(index) = u32::try_from(leaves.len()) else { break };
                         let mut uses = 0;
                         for (of_bucket, seen) in of_bucket.iter_mut().zip(&seen) {
@@ -232,7 +251,7 @@ impl<S: FrameShader> Frame<'_, S> {
                         }
                         leaves.push(LeafSlot {
                             seen,
-                            state: Mutex::new(LeafState::Waiting(Leaf { piece, nu, nv })),
+                            state: Mutex::new(LeafState::Waiting(Leaf { piece, rates: Box::new(rates) })),
                             uses: AtomicU32::new(uses),
                         });
                     }
@@ -240,8 +259,20 @@ impl<S: FrameShader> Frame<'_, S> {
             }
             add(&self.counters.grids, leaves.len());
             of_bucket.iter_mut().for_each(|list| list.sort_unstable());
-            Split { leaves, of_bucket }
+            let split = Split { leaves, of_bucket };
+            let passed = job.passed.lock().unwrap_or_else(PoisonError::into_inner).take();
+            passed.into_iter().flatten().for_each(|(eye, bucket)| split.release(eye, bucket));
+            split
         })
+    }
+
+    /// An eye needs nothing of a primitive in a bucket: one that nobody needs is never split.
+    pub(super) fn pass(&self, job: &Job<S::Object>, eye: usize, bucket: u32) {
+        if let Some(passed) = &mut *job.passed.lock().unwrap_or_else(PoisonError::into_inner) {
+            passed.push((eye, bucket));
+            return;
+        }
+        self.split(job).release(eye, bucket);
     }
 
     /// Bounds a piece as an eye sees it over the whole shutter and lens, displacement included.

@@ -181,6 +181,17 @@ fn render_with<S: FrameShader>(
     output: (&str, &[Param]),
     shader: &S,
 ) -> Vec<f32> {
+    render_counted(build, view, threads, output, shader).0
+}
+
+/// As [`render_with`], and what was done.
+fn render_counted<S: FrameShader>(
+    build: &Build,
+    view: &CameraView,
+    threads: usize,
+    output: (&str, &[Param]),
+    shader: &S,
+) -> (Vec<f32>, Statistics) {
     let mut registry = FormatRegistry::new(Limits::default());
     registry.register(Arc::new(Nowhere));
     let reporter = Reporter::silent();
@@ -205,9 +216,10 @@ fn render_with<S: FrameShader>(
         dump: None,
         scene_files: &[],
     };
-    let (_, complete) = render(&build.scene, shader, options, std::slice::from_mut(&mut outputs)).unwrap();
+    let (statistics, complete) =
+        render(&build.scene, shader, options, std::slice::from_mut(&mut outputs)).unwrap();
     assert!(complete);
-    outputs.images.remove(0).pixels
+    (outputs.images.remove(0).pixels, statistics)
 }
 
 fn image(build: &Build, data: &str, params: &[Param]) -> Vec<f32> {
@@ -725,4 +737,36 @@ fn a_panic_costs_one_bucket() {
     );
 
     assert_eq!(pixel(&outputs.images[0].pixels, 4, 50, 8), [1.0; 4], "the others are rendered");
+}
+
+#[test]
+fn what_is_hidden_is_never_split_nor_shaded() {
+    let shader = Painted { paint: flat, displace: None };
+    // 20 layers, the nearest last; then with a hole in all but the farthest one: nothing in front of its right half.
+    let layers = |half: f32, n: usize| {
+        let mut build = flat_camera();
+        for i in (0..n).rev() {
+            let x = if i == 19 { 0.0 } else { half - 8.0 };
+            build.square(8.0, &[("color C", &[0.1 * i as f32, 0.5, 1.0])], at(x, 0.0, 5.0 + i as f32));
+        }
+        build
+    };
+    for threads in [1, 4] {
+        let render = |half: f32, n: usize| {
+            let build = layers(half, n);
+            let view = build.view(&[("int[2] bucketsize", vec![16.0, 16.0])]);
+            render_counted(&build, &view, threads, ("rgb", &box_filter()[..]), &shader)
+        };
+        let ((one, of_one), (all, of_all)) = (render(8.0, 1), render(8.0, 20));
+        assert_eq!(one, all);
+        assert_eq!((of_all.primitives_built, of_all.primitives_split), (20, 1));
+        assert_eq!(of_all.points_shaded, of_one.points_shaded);
+        // Every other layer is looked at once in each bucket.
+        assert_eq!(of_all.primitives_hidden, 19 * of_all.buckets);
+        // The farthest one shows beside the nearest.
+        let (image, counts) = render(0.0, 20);
+        assert!(pixel(&image, 3, 10, 10)[0] == 0.0 && (pixel(&image, 3, 50, 10)[0] - 1.9).abs() < 1e-5);
+        // The others only where their border is in one grid with something to see.
+        assert!(counts.points_shaded < of_one.points_shaded * 7, "{counts:?}");
+    }
 }

@@ -97,7 +97,7 @@ pub(crate) struct ViewedGrid {
     pub(crate) z_min: f32,
     /// Raster boxes (x0, y0, x1, y1) of the micropolygons, u fastest; empty where `raster` is not.
     pub(crate) boxes: Vec<[f32; 4]>,
-    /// How far (pixels) the rim is widened, to close the hairline between grids diced at different rates.
+    /// How far (pixels) beside the grid samples look for another one on their other side.
     pub(crate) rim_px: f32,
 }
 
@@ -236,9 +236,6 @@ pub(crate) struct ShadedGrid {
     pub(crate) kept: Vec<bool>,
     /// Which sides are rims that may be widened: at v = 0, u = 1, v = 1 and u = 0.
     pub(crate) sides: [bool; 4],
-    /// Displaced: its borders may be off those of its neighbours in any direction, so that what is beside them counts as
-    /// covered whatever is on the other side.
-    pub(crate) ragged: bool,
 }
 
 impl ShadedGrid {

@@ -2,7 +2,9 @@
 
 use super::{Quad, RayData, RayMesh, RayPrimvar};
 use crate::CameraView;
-use crate::dicing::{self, DiceSettings, GridView, Leaf, Measure, Placement, SceneDicing, Viewer, Viewpoint};
+use crate::dicing::{
+    self, DiceSettings, GridView, Leaf, Measure, Placement, Rates, SceneDicing, Viewer, Viewpoint,
+};
 use crate::object::ObjectState;
 use crate::shading::ShaderThread;
 use granita_base::{MotionTransform, Severity, Vec3};
@@ -120,7 +122,8 @@ impl Builder<'_> {
         }
         // Powers of two: neighbouring pieces meet in shared points more often.
         let points = |n: usize| n.min(MAX_SEGMENTS).next_power_of_two() + 1;
-        leaves.push(Leaf { piece, nu: points(nu), nv: points(nv) });
+        let rates = Rates { nu: points(nu), nv: points(nv), ..Rates::default() };
+        leaves.push(Leaf { piece, rates: Box::new(rates) });
     }
 
     /// Segments along u and v that keep the tessellation within the flatness.

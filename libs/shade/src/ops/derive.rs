@@ -5,10 +5,9 @@
 //! decides. At ray hits the neighbours are lanes of their own; unrelated points have no differences.
 
 use super::{compute_as, result_type};
-use crate::Lane;
-use crate::Topology;
 use crate::run::machine::Machine;
 use crate::run::store::Out;
+use crate::{Lane, Topology, Uneven};
 use granita_base::Vec3;
 use granita_gsl::Func;
 use granita_gsl::ir::{Global, Op, SymbolId};
@@ -53,8 +52,46 @@ pub(crate) fn difference(m: &Machine<'_>, x: Lane<'_>, direction: Direction, out
                     partial_difference(v, &m.mask.on, start, stride, count, out);
                 }
             }
+            for uneven in m.grid.uneven.iter().filter(|_| all) {
+                let [along_u, along_v] = both_differences(v, [nu, nv], uneven.lane as usize);
+                let of = uneven.of[usize::from(direction == Direction::V)];
+                out[uneven.lane as usize] = of[0] * along_u + of[1] * along_v;
+            }
         }
     }
+}
+
+/// Differences along u and v at one point, as [`line_difference`] computes them.
+fn both_differences(v: &[f32], [nu, nv]: [usize; 2], lane: usize) -> [f32; 2] {
+    let along = |i: usize, count: usize, stride: usize| {
+        let at = |k: usize| v[lane - i * stride + k * stride];
+        match (i, count) {
+            (_, 0 | 1) => 0.0,
+            (_, 2) => minus(at(1), at(0)),
+            (0, _) => forward(at(0), at(1), at(2)),
+            (i, n) if i + 1 == n => backward(at(i), at(i - 1), at(i - 2)),
+            _ => 0.5 * minus(at(i + 1), at(i - 1)),
+        }
+    };
+    [along(lane % nu, nu, 1), along(lane / nu, nv, nu)]
+}
+
+/// See [`crate::Grid::find_uneven`]: the inverse of how much the places change along the lines of the grid. Where that has none,
+/// a point stays as it is.
+pub(crate) fn uneven(topology: Topology, places: &[Vec<f32>; 2]) -> Vec<Uneven> {
+    const LEAST: f32 = 0.2;
+    let Topology::Rect { nu, nv } = topology else { return Vec::new() };
+    let mut list = Vec::new();
+    for lane in 0..nu * nv {
+        let [[uu, uv], [vu, vv]] = places.each_ref().map(|x| both_differences(x, [nu, nv], lane));
+        let even = [uu - 1.0, uv, vu, vv - 1.0].iter().all(|x| x.abs() < 1e-3);
+        let det = uu * vv - uv * vu;
+        if !even && det.abs() >= LEAST {
+            let of = [[vv / det, -vu / det], [-uv / det, uu / det]];
+            list.push(Uneven { lane: lane as u32, of });
+        }
+    }
+    list
 }
 
 /// One row or column, all active.
@@ -287,6 +324,32 @@ pub(crate) fn normals_of(m: &mut Machine<'_>, p: &Out) -> Out {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn uneven_points_differ_as_even_ones_do() {
+        // A plane over a grid whose border points were moved, some of them onto each other.
+        let (nu, nv) = (5, 4);
+        let mut places = [vec![0.0_f32; 20], vec![0.0; 20]];
+        for lane in 0..20 {
+            (places[0][lane], places[1][lane]) = ((lane % nu) as f32, (lane / nu) as f32);
+        }
+        places[0][1] = 1.33;
+        places[0][2] = 2.67;
+        places[0][3] = 2.67;
+        places[1][9] = 1.5;
+        places[1][14] = 1.5;
+        let plane: Vec<f32> = (0..20).map(|i| 3.0 * places[0][i] - 2.0 * places[1][i] + 1.0).collect();
+        let list = uneven(Topology::Rect { nu, nv }, &places);
+        for lane in 0..20 {
+            let [du, dv] = both_differences(&plane, [nu, nv], lane);
+            let one = [[1.0, 0.0], [0.0, 1.0]];
+            let of = list.iter().find(|u| u.lane as usize == lane).map_or(one, |u| u.of);
+            let even = of.map(|of| of[0] * du + of[1] * dv);
+            assert!((even[0] - 3.0).abs() < 1e-4 && (even[1] + 2.0).abs() < 1e-4, "{lane}: {even:?}");
+        }
+        // All that is not beside one of them is left alone.
+        assert!(list.iter().all(|u| u.lane != 6 + nu as u32 && u.lane != 15));
+    }
 
     #[test]
     fn parabolas_have_exact_slopes_up_to_the_borders() {

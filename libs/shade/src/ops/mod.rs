@@ -25,6 +25,7 @@ mod spline;
 mod text;
 
 pub(crate) use color::LUMINANCE;
+pub(crate) use derive::uneven;
 
 use crate::Group;
 use crate::Lane;
