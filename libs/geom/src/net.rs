@@ -165,7 +165,7 @@ impl NetPiece {
         let across = 1 - side / 2;
         let all = Range::whole(self.net.segments(self.part())[across]).span();
         let (start, end) = self.range[across].span();
-        if side % 2 == 0 { start == all.0 } else { end == all.1 }
+        if side.is_multiple_of(2) { start == all.0 } else { end == all.1 }
     }
 
     /// Turns the derivatives at seams so that both sides have one normal: the mean of theirs.

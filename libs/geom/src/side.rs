@@ -206,7 +206,7 @@ impl Lattice {
     pub(crate) fn side(&self, side: usize) -> Vec<(usize, [Place; 2])> {
         let axis = side / 2;
         let [even, across] = [&self.places[axis], &self.places[1 - axis]];
-        let at = if side % 2 == 0 { 0 } else { across.len() - 1 };
+        let at = if side.is_multiple_of(2) { 0 } else { across.len() - 1 };
         let own = self.sides[side].as_ref().unwrap_or(even);
         let place = |k: usize| if axis == 0 { [own[k], across[at]] } else { [across[at], own[k]] };
         (0..own.len()).map(|k| (self.index(axis, k, at), place(k))).collect()

@@ -37,14 +37,15 @@ impl Clusters {
     pub fn new(records: &Packed) -> Self {
         let mut levels: Vec<Vec<Cluster>> = Vec::new();
         for level in 0..records.level_count() {
-            let below = if level == 0 { records.len() } else { levels[level - 1].len() };
+            let inner = level.checked_sub(1).map(|inner| &levels[inner]);
+            let below = inner.map_or(records.len(), Vec::len);
             let clusters = (0..below.div_ceil(FAN)).map(|node| {
                 let (lo, hi) = records.corners_of(level, node);
                 let (mut sum, mut centre, mut weight) = ([0.0_f64; 3], [0.0_f64; 3], 0.0_f64);
                 for child in node * FAN..((node + 1) * FAN).min(below) {
-                    let (value, at) = match level {
-                        0 => (records.value(child), records.position(child)),
-                        _ => (levels[level - 1][child].sum, levels[level - 1][child].centre),
+                    let (value, at) = match inner {
+                        None => (records.value(child), records.position(child)),
+                        Some(inner) => (inner[child].sum, inner[child].centre),
                     };
                     let size: f64 = value.iter().map(|v| f64::from(v.abs())).sum::<f64>() + 1e-30;
                     weight += size;
