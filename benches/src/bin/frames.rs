@@ -7,8 +7,11 @@ use granita_benches::{measure, release_tool, repository};
 use std::fmt::Write;
 use std::process::{Command, ExitCode};
 
-/// Scene files under `benches/frames`, or what makes them here; and what each is about.
-const FRAMES: [(&str, Option<fn() -> String>, &str); 5] = [
+/// A scene: its file under `benches/frames`, or what makes it here; and what it is about.
+type Frame = (&'static str, Option<fn() -> String>, &'static str);
+
+/// All of them.
+const FRAMES: [Frame; 5] = [
     ("pot.pyg", None, "32 patches, a floor, traced shadows"),
     ("displaced.pyg", None, "a displaced sphere that fills the frame"),
     ("many.pyg", Some(many), "8000 moving spheres"),
