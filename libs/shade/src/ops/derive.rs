@@ -329,10 +329,8 @@ mod tests {
     fn uneven_points_differ_as_even_ones_do() {
         // A plane over a grid whose border points were moved, some of them onto each other.
         let (nu, nv) = (5, 4);
-        let mut places = [vec![0.0_f32; 20], vec![0.0; 20]];
-        for lane in 0..20 {
-            (places[0][lane], places[1][lane]) = ((lane % nu) as f32, (lane / nu) as f32);
-        }
+        let even = |place: fn(usize, usize) -> usize| (0..20).map(|lane| place(lane, nu) as f32).collect();
+        let mut places: [Vec<f32>; 2] = [even(|lane, nu| lane % nu), even(|lane, nu| lane / nu)];
         places[0][1] = 1.33;
         places[0][2] = 2.67;
         places[0][3] = 2.67;
