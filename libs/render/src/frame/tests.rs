@@ -184,6 +184,20 @@ fn render_with<S: FrameShader>(
     render_counted(build, view, threads, output, shader).0
 }
 
+/// One image of this data, with these parameters, that goes nowhere.
+fn one_output(view: &CameraView, (data, params): (&str, &[Param]), reporter: &Reporter) -> OutputSet {
+    let mut registry = FormatRegistry::new(Limits::default());
+    registry.register(Arc::new(Nowhere));
+    let output = Output {
+        name: "x".into(),
+        format: "nowhere".into(),
+        data: data.into(),
+        camera: "main".into(),
+        params: Params(params.to_vec()),
+    };
+    OutputSet::new(&[&output], view, &registry, reporter).unwrap()
+}
+
 /// As [`render_with`], and what was done.
 fn render_counted<S: FrameShader>(
     build: &Build,
@@ -192,17 +206,8 @@ fn render_counted<S: FrameShader>(
     output: (&str, &[Param]),
     shader: &S,
 ) -> (Vec<f32>, Statistics) {
-    let mut registry = FormatRegistry::new(Limits::default());
-    registry.register(Arc::new(Nowhere));
     let reporter = Reporter::silent();
-    let output = Output {
-        name: "x".into(),
-        format: "nowhere".into(),
-        data: output.0.into(),
-        camera: "main".into(),
-        params: Params(output.1.to_vec()),
-    };
-    let mut outputs = OutputSet::new(&[&output], view, &registry, &reporter).unwrap();
+    let mut outputs = one_output(view, output, &reporter);
     let stop = AtomicBool::new(false);
     let options = FrameOptions {
         camera: view,
@@ -696,17 +701,8 @@ fn a_panic_costs_one_bucket() {
     let mut build = flat_camera();
     build.square(9.0, &[], at(0.0, 0.0, 3.0));
     let view = build.view(&[]);
-    let mut registry = FormatRegistry::new(Limits::default());
-    registry.register(Arc::new(Nowhere));
     let (reporter, kept) = Reporter::collecting();
-    let output = Output {
-        name: "x".into(),
-        format: "nowhere".into(),
-        data: "rgba".into(),
-        camera: "main".into(),
-        params: Params::new(),
-    };
-    let mut outputs = OutputSet::new(&[&output], &view, &registry, &reporter).unwrap();
+    let mut outputs = one_output(&view, ("rgba", &[]), &reporter);
     let paint = |grid: &mut Grid| {
         let corner = (0..grid.len()).any(|i| grid.u[i] < 0.4 && grid.v[i] < 0.4);
         assert!(!corner, "no such corner");

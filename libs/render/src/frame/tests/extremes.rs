@@ -97,17 +97,8 @@ fn objects_too_far_from_the_origin_are_told() {
         build.world_to_camera = Transform::translate(Vec3::new(-offset, 0.0, 0.0)).into();
         build.sphere(1.0, &[], at(offset, 0.0, 4.0));
         let view = build.view(&[]);
-        let mut registry = FormatRegistry::new(Limits::default());
-        registry.register(Arc::new(Nowhere));
         let (reporter, kept) = Reporter::collecting();
-        let output = Output {
-            name: "x".into(),
-            format: "nowhere".into(),
-            data: "rgba".into(),
-            camera: "main".into(),
-            params: Params::new(),
-        };
-        let mut outputs = OutputSet::new(&[&output], &view, &registry, &reporter).unwrap();
+        let mut outputs = one_output(&view, ("rgba", &[]), &reporter);
         let stop = AtomicBool::new(false);
         let options = FrameOptions {
             camera: &view,

@@ -19,17 +19,8 @@ fn seen<S: FrameShader>(
     threads: usize,
     shader: &S,
 ) -> (Vec<Vec<f32>>, Statistics) {
-    let mut registry = FormatRegistry::new(Limits::default());
-    registry.register(Arc::new(Nowhere));
     let reporter = Reporter::silent();
-    let output = Output {
-        name: "x".into(),
-        format: "nowhere".into(),
-        data: "rgba".into(),
-        camera: "main".into(),
-        params: Params(box_filter()),
-    };
-    let set = OutputSet::new(&[&output], view, &registry, &reporter).unwrap();
+    let set = one_output(view, ("rgba", &box_filter()), &reporter);
     let mut outputs = vec![set; eyes.len()];
     let stop = AtomicBool::new(false);
     let options = FrameOptions {
