@@ -1,14 +1,19 @@
 //! Our tools beside the public ones of the field, in one run, as ratios.
 //!
 //! `cargo run --release -p granita-benches --bin peers [-- --maketx PROGRAM] [--large]`
+//! `cargo run --release -p granita-benches --bin peers -- --lookups [PICTURE ...]`
 //!
 //! `maketx` against OpenImageIO's, which is found by the variable `OIIO_MAKETX`, by the option, or on the search
 //! path: the same picture, tile size (64), compression (zip) and type of texels, with one thread and with two. The
 //! quickest of four runs counts, in turns. Pictures are made here of those in `examples/first`. `--large` adds a picture
 //! of 16384 x 16384 pixels, ours alone: its memory is what matters.
+//!
+//! `--lookups` measures filtered lookups instead, see `lookups.rs`.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
+
+mod lookups;
 
 use granita_base::hash;
 use granita_benches::{Cost, find_program, measure, release_tool, repository};
@@ -36,6 +41,11 @@ struct Case {
 
 fn run() -> Result<(), String> {
     let words: Vec<String> = std::env::args().skip(1).collect();
+    if let Some(at) = words.iter().position(|w| w == "--lookups") {
+        let place = tempfile::tempdir().map_err(|e| e.to_string())?;
+        let pictures: Vec<PathBuf> = words[at + 1..].iter().map(PathBuf::from).collect();
+        return lookups::run(&granita_plugin::bundled_formats(Limits::default()), &pictures, place.path());
+    }
     let named = words.iter().position(|w| w == "--maketx").and_then(|i| words.get(i + 1)).map(PathBuf::from);
     let theirs = named
         .or_else(|| std::env::var_os("OIIO_MAKETX").map(PathBuf::from))

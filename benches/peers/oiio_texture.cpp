@@ -1,0 +1,83 @@
+// OpenImageIO's texture lookups without anything around them: oiio_texture TEXTURE LOOKUPS RESULTS CHANNELS.
+// LOOKUPS holds six floats each: s t ds/dx dt/dx ds/dy dt/dy. For each way of filtering prints
+// "NAME THREADS SECONDS LOOKUPS": the best of ten runs, all of one thread or shared by two; and appends the values of one
+// run to RESULTS, all lookups of the first way, then of the second ...
+#include <OpenImageIO/texture.h>
+
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+#include <thread>
+#include <vector>
+
+using namespace OIIO;
+
+struct Way {
+    const char* name;
+    TextureOpt::MipMode mip;
+    TextureOpt::InterpMode interp;
+    int anisotropic;
+};
+
+int main(int argc, char** argv)
+{
+    if (argc < 5)
+        return 2;
+    FILE* in = std::fopen(argv[2], "rb");
+    FILE* out = std::fopen(argv[3], "wb");
+    if (!in || !out)
+        return 2;
+    std::vector<float> q;
+    for (float v[6]; std::fread(v, sizeof v, 1, in) == 1;)
+        q.insert(q.end(), v, v + 6);
+    const size_t count = q.size() / 6;
+    const int channels = std::atoi(argv[4]);
+    auto system = TextureSystem::create(false);
+    system->attribute("max_memory_MB", 1024.0f);
+    const ustring name(argv[1]);
+    const Way ways[] = {
+        { "trilinear16", TextureOpt::MipModeTrilinear, TextureOpt::InterpBilinear, 16 },
+        { "trilinear64", TextureOpt::MipModeTrilinear, TextureOpt::InterpBilinear, 64 },
+        { "anisotropic32", TextureOpt::MipModeAniso, TextureOpt::InterpSmartBicubic, 32 },
+        { "anisotropic64", TextureOpt::MipModeAniso, TextureOpt::InterpBilinear, 64 },
+        { "bicubic64", TextureOpt::MipModeAniso, TextureOpt::InterpBicubic, 64 },
+    };
+    std::vector<float> values(count * channels);
+    for (const Way& way : ways) {
+        auto some = [&](size_t from, size_t to) {
+            auto* thread = system->get_perthread_info();
+            auto* handle = system->get_texture_handle(name, thread);
+            TextureOpt opt;
+            opt.swrap = opt.twrap = TextureOpt::WrapPeriodic;
+            opt.mipmode = way.mip;
+            opt.interpmode = way.interp;
+            opt.anisotropic = way.anisotropic;
+            for (size_t i = from; i < to; ++i) {
+                const float* f = &q[6 * i];
+                if (!system->texture(handle, thread, opt, f[0], f[1], f[2], f[3], f[4], f[5], channels,
+                                     &values[i * channels]))
+                    std::exit(3);
+            }
+        };
+        for (int threads : { 1, 2 }) {
+            double best = 1e30;
+            for (int run = 0; run < 10; ++run) {
+                auto start = std::chrono::steady_clock::now();
+                if (threads == 1) {
+                    some(0, count);
+                } else {
+                    std::thread other(some, 0, count / 2);
+                    some(count / 2, count);
+                    other.join();
+                }
+                std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+                best = std::min(best, took.count());
+            }
+            std::printf("%s %d %.6f %zu\n", way.name, threads, best, count);
+        }
+        std::fwrite(values.data(), sizeof(float), values.size(), out);
+    }
+    std::fclose(out);
+    return 0;
+}
