@@ -3,10 +3,10 @@
 use crate::cube::CubeLayout;
 use crate::make;
 use crate::picture::{Picture, half, level_count};
-use crate::tiles::Tile;
+use crate::tiles::{Cell, Layout, Tile};
 use crate::{TextureKind, Up, Wrap};
 use granita_base::{Filter, Transform};
-use granita_image::{ImageInput, ImageSpec, Pixels};
+use granita_image::{ImageInput, ImageSpec, PixelType, Pixels};
 use std::path::PathBuf;
 use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex, OnceLock};
@@ -41,7 +41,7 @@ pub(crate) enum Source {
         stamp: AtomicU64,
     },
     /// In memory, made from the whole file when first looked at: one block per level.
-    Memory(OnceLock<Vec<Arc<Tile>>>),
+    Memory(OnceLock<Vec<Arc<Cell>>>),
 }
 
 impl std::fmt::Debug for Source {
@@ -72,6 +72,8 @@ pub(crate) struct TextureFile {
     pub(crate) source: Source,
     /// Bytes of one texel.
     pub(crate) texel_bytes: u64,
+    /// Of all its tiles.
+    pub(crate) pixel_type: PixelType,
 }
 
 /// Whether the file follows OpenEXR's conventions for environment maps.
@@ -208,6 +210,7 @@ impl TextureFile {
             world_to_camera: matrix("worldtocamera"),
             world_to_screen: matrix("worldtoscreen"),
             texel_bytes: (spec.nchannels() * spec.pixel_type.bytes()) as u64,
+            pixel_type: spec.pixel_type,
             path,
             source: match lack {
                 Some(_) => Source::Memory(OnceLock::new()),
@@ -244,10 +247,12 @@ impl TextureFile {
     }
 
     /// Makes all levels of a file that lacks tiles or levels; bytes they take.
-    pub(crate) fn make_levels(&self, input: &dyn ImageInput) -> granita_image::Result<Vec<Arc<Tile>>> {
-        let pixel_type = input.spec(0, 0).map_or(granita_image::PixelType::Float, |s| s.pixel_type);
+    pub(crate) fn make_levels(&self, input: &dyn ImageInput) -> granita_image::Result<Vec<Arc<Cell>>> {
+        let pixel_type = self.pixel_type;
         let n = self.channels;
-        let tile = |pixels: Pixels, width: u32| Arc::new(Tile::new(pixels, width as usize, n));
+        let tile = |pixels: Pixels, width: u32| {
+            Arc::new(Cell::of(Tile::new(pixels, width as usize, n, self.layout_in_memory())))
+        };
         if self.levels.len() == 1 {
             return Ok(vec![tile(input.read_level(0, 0)?, self.levels[0].width)]);
         }
@@ -290,9 +295,21 @@ impl TextureFile {
         (column * level.step_x, row * level.step_y)
     }
 
+    /// Depths are looked at texel by texel, all else is filtered.
+    pub(crate) fn layout_in_memory(&self) -> Layout {
+        if self.kind.is_shadow() { Layout::Texels } else { Layout::Planes }
+    }
+
+    /// Bytes of a tile of a level.
+    pub(crate) fn tile_bytes(&self, level: usize) -> u64 {
+        let level = &self.levels[level];
+        u64::from(level.tile_width) * u64::from(level.tile_height) * self.texel_bytes
+    }
+
     /// Black texels in the place of a tile that cannot be read.
     pub(crate) fn black_tile(&self, level: &Level) -> Tile {
         let texels = level.tile_width as usize * level.tile_height as usize;
-        Tile::new(Pixels::U8(vec![0; texels * self.channels]), level.tile_width as usize, self.channels)
+        let black = Pixels::from_floats(self.pixel_type, &vec![0.0; texels * self.channels]);
+        Tile::new(black, level.tile_width as usize, self.channels, self.layout_in_memory())
     }
 }

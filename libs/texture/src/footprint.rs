@@ -42,16 +42,23 @@ impl Spread {
         self.ellipse().at_least(least, f64::INFINITY).spread()
     }
 
+    /// Squares of the widths of the ellipse, the larger first.
+    pub(crate) fn squares(self) -> (f64, f64) {
+        let (mean, difference) = (0.5 * (self.xx + self.yy), 0.5 * (self.xx - self.yy));
+        let root = (difference * difference + self.xy * self.xy).sqrt();
+        (mean + root, (mean - root).max(0.0))
+    }
+
     /// The axes of the ellipse.
     pub(crate) fn ellipse(self) -> Ellipse {
         let Self { xx, xy, yy } = self;
-        let mean = 0.5 * (xx + yy);
+        let (large, small) = self.squares();
         let difference = 0.5 * (xx - yy);
-        let root = difference.hypot(xy);
-        let (large, small) = (mean + root, (mean - root).max(0.0));
+        // No overflow: what `finite` lets pass is far from it.
+        let root = (difference * difference + xy * xy).sqrt();
         // Of the two formulas for the axis, the one that does not cancel.
         let (x, y) = if difference >= 0.0 { (difference + root, xy) } else { (xy, root - difference) };
-        let length = x.hypot(y);
+        let length = (x * x + y * y).sqrt();
         let axis = if length > 0.0 { [(x / length) as f32, (y / length) as f32] } else { [1.0, 0.0] };
         Ellipse { axis, a: large.sqrt(), b: small.sqrt() }
     }

@@ -51,7 +51,7 @@
 //! # }
 //! ```
 
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 /// The example in the README is compiled and run with the tests.
 #[cfg(doctest)]
@@ -75,6 +75,7 @@ mod reader;
 mod sampler;
 mod shadow;
 mod shared;
+mod simd;
 mod statistics;
 mod tiles;
 mod volume;

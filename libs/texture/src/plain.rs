@@ -1,7 +1,7 @@
 //! `texture ()`: filtered lookup in a plain picture.
 
 use crate::file::TextureFile;
-use crate::footprint::{Ellipse, Mean, Spread, mix};
+use crate::footprint::{Mean, Spread, mix};
 use crate::gaussian::Gaussian;
 use crate::lookup::Lookup;
 use crate::reader::TextureReader;
@@ -46,12 +46,26 @@ pub(crate) fn texture(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lo
     spread.add(q.dsdy * q.swidth, q.dtdy * q.twidth);
     spread.add(q.sblur, 0.0);
     spread.add(0.0, q.tblur);
-    let ellipse = spread.scaled(size[0], size[1]).ellipse().at_least(1.0, MAX_RATIO);
-    let wide = ((ellipse.b - NARROW) / (WIDE - NARROW)).clamp(0.0, 1.0) as f32;
-    let filter = (wide > 0.0).then(|| smooth(file, &ellipse));
-    let probes = ellipse.probes(1.0);
-    // One step along the long axis by one texel of level 0.
-    let (ds, dt) = (ellipse.axis[0] / size[0] as f32, ellipse.axis[1] / size[1] as f32);
+    let spread = spread.scaled(size[0], size[1]);
+    let (a, b) = spread.squares();
+    let footprint = if b >= 1.0 && a <= MAX_RATIO * MAX_RATIO * b {
+        Footprint { spread, b }
+    } else {
+        let ellipse = spread.ellipse().at_least(1.0, MAX_RATIO);
+        Footprint { spread: ellipse.spread(), b: ellipse.b * ellipse.b }
+    };
+    let wide = if footprint.b >= WIDE * WIDE {
+        1.0
+    } else {
+        ((footprint.b.sqrt() - NARROW) / (WIDE - NARROW)).clamp(0.0, 1.0) as f32
+    };
+    let filter = (wide > 0.0).then(|| smooth(file, &footprint));
+    let narrow = (wide < 1.0).then(|| {
+        let ellipse = footprint.spread.ellipse();
+        // One step along the long axis by one texel of level 0.
+        let step = (ellipse.axis[0] / size[0] as f32, ellipse.axis[1] / size[1] as f32);
+        (ellipse.probes(1.0), step)
+    });
     let mut count = 0;
     by_channels(file, q.first_channel, q.fill, out, |first, n| {
         if !q.s.is_finite() || !q.t.is_finite() {
@@ -62,33 +76,42 @@ pub(crate) fn texture(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lo
             count += 1;
             sampler.gaussian(*level, q.s, q.t, gaussian, wrap)
         });
-        match round {
-            Some(value) if wide == 1.0 => value,
-            round => {
-                let mut mean = Mean::default();
-                for (x, weight) in probes.iter() {
-                    mean.add(sampler.bilinear(0, q.s + x * ds, q.t + x * dt, wrap), weight);
-                }
-                count += u64::from(probes.count);
-                round.map_or(mean.value(), |round| mix(mean.value(), round, wide))
-            }
+        let Some((probes, (ds, dt))) = &narrow else { return round.unwrap_or_default() };
+        let mut mean = Mean::default();
+        for (x, weight) in probes.iter() {
+            mean.add(sampler.bilinear(0, q.s + x * ds, q.t + x * dt, wrap), weight);
         }
+        count += u64::from(probes.count);
+        round.map_or(mean.value(), |round| mix(mean.value(), round, wide))
     });
     reader.probes += count;
 }
 
+/// An ellipse, with the square of its width across, in texels of the largest level.
+struct Footprint {
+    spread: Spread,
+    b: f64,
+}
+
 /// The level in which the ellipse, of widths in texels of the largest one, is just [`WIDE`] or more across, and its
 /// filter there.
-fn smooth(file: &TextureFile, ellipse: &Ellipse) -> (usize, Gaussian) {
+fn smooth(file: &TextureFile, footprint: &Footprint) -> (usize, Gaussian) {
     let last = file.levels.len() - 1;
-    let level = ((ellipse.b / WIDE).log2().max(0.0) as usize).min(last);
+    let ratio = footprint.b * (1.0 / (WIDE * WIDE));
+    // The exponent of a number of at least 1, halved, is the whole part of half its logarithm.
+    let level = if ratio >= 1.0 { ((ratio.to_bits() >> 52) as usize - 1023) / 2 } else { 0 };
+    let level = level.min(last);
     let (base, l) = (&file.levels[0], &file.levels[level]);
     let (x, y) = (f64::from(l.width) / f64::from(base.width), f64::from(l.height) / f64::from(base.height));
-    let mut ellipse = *ellipse;
+    let mut spread = footprint.spread;
     if level == last {
+        let mut ellipse = spread.ellipse();
         ellipse.a = ellipse.a.min(MOST / x.max(y));
         ellipse.b = ellipse.b.min(ellipse.a);
+        spread = ellipse.spread();
     }
+    let spread = spread.scaled(x, y);
     // Levels of very long pictures stop halving in one direction.
-    (level, Gaussian::new(ellipse.spread().scaled(x, y).at_least(1.0)))
+    let spread = if spread.squares().1 < 1.0 { spread.at_least(1.0) } else { spread };
+    (level, Gaussian::new(spread))
 }

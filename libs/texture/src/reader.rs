@@ -20,7 +20,7 @@ pub struct TextureReader<'a> {
 
 impl<'a> TextureReader<'a> {
     pub(crate) fn new(cache: &'a TextureCache) -> Self {
-        Self { cache, held: Held::default(), lookups: 0, probes: 0 }
+        Self { cache, held: Held::new(cache.shared()), lookups: 0, probes: 0 }
     }
 
     /// See [`TextureCache::texture`].
@@ -61,5 +61,6 @@ impl Drop for TextureReader<'_> {
         let counters = &self.shared().counters;
         add(&counters.lookups, self.lookups);
         add(&counters.probes, self.probes);
+        add(&counters.tile_requests, self.held.requests);
     }
 }

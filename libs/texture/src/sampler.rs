@@ -4,9 +4,9 @@ use crate::Wrap;
 use crate::cube;
 use crate::file::{Level, TextureFile};
 use crate::footprint::mix;
-use crate::gaussian::{Sum, Weights};
 use crate::shared::Shared;
-use crate::tiles::{Tile, TileKey};
+use crate::simd::{Row, Sums};
+use crate::tiles::{Cell, Tile, TileKey};
 use std::sync::Arc;
 
 /// Reads up to four neighbouring channels of a file.
@@ -18,33 +18,61 @@ pub(crate) struct Sampler<'a> {
     held: &'a mut Held,
 }
 
-/// The tiles that one thread used last: it asks the shared cache seldom. They belong to any files of one cache.
-#[derive(Debug, Default)]
+/// Places for tiles of one thread.
+const PLACES: usize = 64;
+
+/// Tiles that one thread used lately: it asks the shared cache seldom. They belong to any files of one cache, and count
+/// to its bound.
+#[derive(Debug)]
 pub(crate) struct Held {
-    tiles: [Option<(TileKey, Arc<Tile>)>; 8],
-    /// Where the tile used last is.
-    last: usize,
-    /// Where the next one goes.
-    next: usize,
+    tiles: [Option<(TileKey, Arc<Cell>)>; PLACES],
+    /// Bytes of these, and most that there may be: a small part of the bound, so that threads keep each other little room.
+    bytes: u64,
+    most: u64,
+    /// How often the cache was asked.
+    pub(crate) requests: u64,
 }
 
 impl Held {
-    /// The tile of a key, fetched with `get` when it is not here.
+    pub(crate) fn new(shared: &Shared) -> Self {
+        Self { tiles: [const { None }; PLACES], bytes: 0, most: shared.bound() / 64, requests: 0 }
+    }
+
+    /// Neighbouring tiles of a level have places of their own.
     #[inline]
-    fn tile(&mut self, key: TileKey, get: impl FnOnce() -> Arc<Tile>) -> &Tile {
-        let is = |held: &Option<(TileKey, Arc<Tile>)>| held.as_ref().is_some_and(|(k, _)| *k == key);
-        if !is(&self.tiles[self.last]) {
-            self.last = self.tiles.iter().position(is).unwrap_or_else(|| {
-                let at = self.next;
-                self.next = (at + 1) % self.tiles.len();
-                self.tiles[at] = Some((key, get()));
-                at
-            });
+    fn place(key: &TileKey) -> usize {
+        let mixed = key.level.wrapping_mul(29).wrapping_add(key.file.wrapping_mul(43));
+        (key.tx.wrapping_add(mixed) & 7 | (key.ty.wrapping_add(mixed >> 3) & 7) << 3) as usize
+    }
+
+    /// The tile of a key.
+    #[inline]
+    fn tile(&mut self, key: TileKey, shared: &Shared, file: &TextureFile) -> &Tile {
+        let at = Self::place(&key);
+        if !self.tiles[at].as_ref().is_some_and(|(k, _)| *k == key) {
+            self.fetch(at, key, shared, file);
         }
-        match &self.tiles[self.last] {
-            Some((_, tile)) => tile,
+        match &self.tiles[at] {
+            Some((_, cell)) => cell.tile(),
             None => unreachable!("the place was found or filled above"),
         }
+    }
+
+    #[cold]
+    fn fetch(&mut self, at: usize, key: TileKey, shared: &Shared, file: &TextureFile) {
+        if let Some((_, gone)) = self.tiles[at].take() {
+            self.bytes -= gone.tile().bytes();
+        }
+        // The tile itself counts: with the least of bounds a thread has one.
+        let bytes = file.tile_bytes(key.level as usize);
+        if self.bytes + bytes > self.most {
+            self.tiles = [const { None }; PLACES];
+            self.bytes = 0;
+        }
+        self.requests += 1;
+        let cell = shared.tile(file, key);
+        self.bytes += cell.tile().bytes();
+        self.tiles[at] = Some((key, cell));
     }
 }
 
@@ -91,28 +119,33 @@ impl<'a> Sampler<'a> {
         let (tx, ty) = (x / l.tile_width, y / l.tile_height);
         let key = TileKey { file: self.file.index, level: level as u32, tx, ty };
         let (x, y) = ((x - tx * l.tile_width) as usize, (y - ty * l.tile_height) as usize);
-        (self.held.tile(key, || self.shared.tile(self.file, key)), x, y)
+        (self.held.tile(key, self.shared, self.file), x, y)
     }
 
-    /// Adds `count` texels of one tile, from (x, y) to the right, to a sum.
+    /// As [`Sampler::texel`], the numbers as they are stored.
+    #[inline]
+    pub(crate) fn raw_texel(&mut self, level: usize, x: u32, y: u32) -> [f32; 4] {
+        let (first, channels) = (self.first, self.channels);
+        let (tile, x, y) = self.tile_of(level, x, y);
+        tile.raw(x, y, first, channels)
+    }
+
+    /// Adds texels from (x, y), inside, to the right, the next of a row: `most`, or as many as the tile has. How many.
     #[inline]
     pub(crate) fn add_run(
         &mut self,
         level: usize,
         (x, y): (u32, u32),
-        count: usize,
-        weights: &mut Weights,
-        sum: &mut Sum,
-    ) {
-        let (first, channels) = (self.first, self.channels);
+        most: u32,
+        row: &mut Row,
+        sums: &mut Sums,
+    ) -> u32 {
+        let channels = (self.first, self.channels);
+        let tile_width = self.file.levels[level].tile_width;
         let (tile, x, y) = self.tile_of(level, x, y);
-        sum.begin(tile.texel(x, y, first, channels));
-        match channels {
-            1 => tile.add_run::<1>((x, y), first, count, weights, sum),
-            2 => tile.add_run::<2>((x, y), first, count, weights, sum),
-            3 => tile.add_run::<3>((x, y), first, count, weights, sum),
-            _ => tile.add_run::<4>((x, y), first, count, weights, sum),
-        }
+        let count = most.min(tile_width - x as u32);
+        tile.add_run((x, y), channels, count as usize, row, sums);
+        count
     }
 
     /// Texel (x, y) of a face of a level; inside.

@@ -4,7 +4,7 @@ use crate::CacheOptions;
 use crate::file::{Handle, Lack, Source, TextureFile};
 use crate::files::Files;
 use crate::statistics::{Counters, add};
-use crate::tiles::{Tile, TileCache, TileKey};
+use crate::tiles::{Cell, Tile, TileCache, TileKey};
 use granita_base::{Location, Reporter, SearchPath, Severity};
 use granita_image::{FormatRegistry, ImageInput};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -137,31 +137,35 @@ impl Shared {
     }
 
     /// The tile of this key, of `file`.
-    pub(crate) fn tile(&self, file: &TextureFile, key: TileKey) -> Arc<Tile> {
-        let level = &file.levels[key.level as usize];
+    pub(crate) fn tile(&self, file: &TextureFile, key: TileKey) -> Arc<Cell> {
         match &file.source {
             Source::Memory(made) => {
                 let levels = made.get_or_init(|| self.make_levels(file));
                 levels[key.level as usize].clone()
             }
             Source::Tiles { .. } => {
-                let bytes = u64::from(level.tile_width) * u64::from(level.tile_height) * file.texel_bytes;
+                let bytes = file.tile_bytes(key.level as usize);
                 self.tiles.get(key, bytes, &self.counters, || self.read_tile(file, key))
             }
         }
     }
 
-    fn make_levels(&self, file: &TextureFile) -> Vec<Arc<Tile>> {
+    /// Most bytes of tiles.
+    pub(crate) fn bound(&self) -> u64 {
+        self.tiles.max_bytes()
+    }
+
+    fn make_levels(&self, file: &TextureFile) -> Vec<Arc<Cell>> {
         let made = self.registry.open(&file.path).and_then(|input| {
             add(&self.counters.files_opened, 1);
             file.make_levels(&*input)
         });
         let levels = made.unwrap_or_else(|error| {
             self.failed(file, &error.to_string());
-            file.levels.iter().map(|l| Arc::new(file.black_tile(l))).collect()
+            file.levels.iter().map(|l| Arc::new(Cell::of(file.black_tile(l)))).collect()
         });
         add(&self.counters.automipmaps, 1);
-        add(&self.counters.automipmap_bytes, levels.iter().map(|t| t.bytes()).sum());
+        add(&self.counters.automipmap_bytes, levels.iter().map(|t| t.tile().bytes()).sum());
         levels
     }
 
@@ -173,12 +177,20 @@ impl Shared {
             .and_then(|input| input.read_tile(0, key.level as usize, key.tx, key.ty))
             .map_err(|error| error.to_string());
         match result {
-            Ok(pixels) if pixels.len() == texels * file.channels => {
-                Tile::new(pixels, level.tile_width as usize, file.channels)
+            Ok(pixels)
+                if pixels.len() == texels * file.channels && pixels.pixel_type() == file.pixel_type =>
+            {
+                Tile::new(pixels, level.tile_width as usize, file.channels, file.layout_in_memory())
             }
             Ok(pixels) => {
                 let what =
-                    format!("a tile of {} values where {} are due", pixels.len(), texels * file.channels);
+                    format!(
+                    "a tile of {} values ({:?}) where {} ({:?}) are due",
+                    pixels.len(),
+                    pixels.pixel_type(),
+                    texels * file.channels,
+                    file.pixel_type
+                );
                 self.failed(file, &what);
                 file.black_tile(level)
             }

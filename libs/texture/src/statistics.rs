@@ -9,7 +9,7 @@ pub struct CacheStatistics {
     pub lookups: u64,
     /// Filter probes; each reads up to eight texels.
     pub probes: u64,
-    /// Times a tile was asked for.
+    /// Times a thread asked for a tile that it did not have at hand.
     pub tile_requests: u64,
     /// Times a tile had to be read or made.
     pub tiles_read: u64,
@@ -39,7 +39,6 @@ pub(crate) struct Counters {
     pub(crate) tile_requests: AtomicU64,
     pub(crate) tiles_read: AtomicU64,
     pub(crate) tile_bytes: AtomicU64,
-    pub(crate) bytes_now: AtomicU64,
     pub(crate) peak_bytes: AtomicU64,
     pub(crate) files: AtomicU64,
     pub(crate) files_opened: AtomicU64,

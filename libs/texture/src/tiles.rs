@@ -1,17 +1,26 @@
 //! The tile cache: sharded, bounded in memory, each tile read once however many threads want it.
 
-use crate::gaussian::{Sum, Weights};
+use crate::simd::{Row, Run, Sums, Texel};
 use crate::statistics::{Counters, add as count};
 use granita_base::hash;
-use granita_image::Pixels;
+use granita_image::{PixelType, Pixels};
 use half::f16;
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// Largest magnitude of a float texel: filtering can neither overflow nor meet infinity minus infinity.
 const LARGEST: f32 = 1e30;
+
+/// How the channels of a tile lie in memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Layout {
+    /// Texel by texel, for what is looked at texel by texel.
+    Texels,
+    /// Row by row, in each row channel by channel: what filters take is side by side.
+    Planes,
+}
 
 /// A block of texels in memory, in the type of the file.
 #[derive(Debug)]
@@ -20,12 +29,34 @@ pub(crate) struct Tile {
     /// Texels per row.
     width: usize,
     channels: usize,
+    layout: Layout,
+}
+
+/// A stored number as what lookups give.
+#[inline]
+pub(crate) fn from_raw(pixel_type: PixelType, raw: f32) -> f32 {
+    match pixel_type {
+        PixelType::U8 => raw * (1.0 / 255.0),
+        PixelType::U16 => raw / 65535.0,
+        PixelType::U32 | PixelType::Half | PixelType::Float => raw,
+    }
+}
+
+/// Rows of texels, put channel by channel.
+fn planes<T: Copy>(values: &mut Vec<T>, width: usize, channels: usize) {
+    let mut out = Vec::with_capacity(values.len());
+    for row in values.chunks(width * channels) {
+        for c in 0..channels {
+            out.extend(row.iter().skip(c).step_by(channels));
+        }
+    }
+    *values = out;
 }
 
 impl Tile {
-    /// Takes over a block of rows of `width` texels. Texels that are not numbers become 0, infinite
-    /// ones finite.
-    pub(crate) fn new(mut pixels: Pixels, width: usize, channels: usize) -> Self {
+    /// Takes over a block of rows of `width` texels, which lie texel by texel. Texels that are not numbers become 0,
+    /// infinite ones finite.
+    pub(crate) fn new(mut pixels: Pixels, width: usize, channels: usize, layout: Layout) -> Self {
         match &mut pixels {
             Pixels::Float(v) => {
                 for x in v {
@@ -43,70 +74,82 @@ impl Tile {
             }
             Pixels::U8(_) | Pixels::U16(_) | Pixels::U32(_) => {}
         }
-        Self { pixels, width, channels }
+        if layout == Layout::Planes && channels > 1 {
+            match &mut pixels {
+                Pixels::U8(v) => planes(v, width, channels),
+                Pixels::U16(v) => planes(v, width, channels),
+                Pixels::U32(v) => planes(v, width, channels),
+                Pixels::Half(v) => planes(v, width, channels),
+                Pixels::Float(v) => planes(v, width, channels),
+            }
+        }
+        Self { pixels, width, channels, layout }
+    }
+
+    /// Where the value of a texel's channel is, and how far on that of the next channel.
+    #[inline]
+    fn place(&self, x: usize, y: usize, channel: usize) -> (usize, usize) {
+        match self.layout {
+            Layout::Texels => ((y * self.width + x) * self.channels + channel, 1),
+            Layout::Planes => ((y * self.channels + channel) * self.width + x, self.width),
+        }
     }
 
     /// Channels `first .. first + n` (n at most 4, all of them in the file) of the texel at (x, y).
     #[inline]
     pub(crate) fn texel(&self, x: usize, y: usize, first: usize, n: usize) -> [f32; 4] {
-        let at = (y * self.width + x) * self.channels + first;
-        let mut out = [0.0; 4];
-        match &self.pixels {
-            Pixels::U8(v) => {
-                for (o, v) in out[..n].iter_mut().zip(&v[at..at + n]) {
-                    *o = f32::from(*v) * (1.0 / 255.0);
-                }
-            }
-            Pixels::Half(v) => {
-                for (o, v) in out[..n].iter_mut().zip(&v[at..at + n]) {
-                    *o = v.to_f32();
-                }
-            }
-            Pixels::Float(v) => out[..n].copy_from_slice(&v[at..at + n]),
-            other => {
-                for (i, o) in out[..n].iter_mut().enumerate() {
-                    *o = other.get(at + i);
-                }
-            }
-        }
-        out
+        let pixel_type = self.pixels.pixel_type();
+        self.raw(x, y, first, n).map(|v| from_raw(pixel_type, v))
     }
 
-    /// Adds `count` texels from (x, y) to the right to a sum that has begun: channels `first .. first + N`, as
-    /// [`Tile::texel`] gives them.
-    pub(crate) fn add_run<const N: usize>(
+    /// As [`Tile::texel`], the numbers as they are stored.
+    #[inline]
+    pub(crate) fn raw(&self, x: usize, y: usize, first: usize, n: usize) -> [f32; 4] {
+        let (at, step) = self.place(x, y, first);
+        match &self.pixels {
+            Pixels::U8(v) => every(v, at, step, n),
+            Pixels::U16(v) => every(v, at, step, n),
+            Pixels::U32(v) => every(v, at, step, n),
+            Pixels::Half(v) => every(v, at, step, n),
+            Pixels::Float(v) => every(v, at, step, n),
+        }
+    }
+
+    /// Adds `count` texels from (x, y) to the right, the next of a row: channels `first .. first + n`, as [`Tile::raw`]
+    /// gives them.
+    #[inline]
+    pub(crate) fn add_run(
         &self,
         (x, y): (usize, usize),
-        first: usize,
+        (first, n): (usize, usize),
         count: usize,
-        weights: &mut Weights,
-        sum: &mut Sum,
+        row: &mut Row,
+        sums: &mut Sums,
     ) {
-        let from = (y * self.width + x) * self.channels + first;
-        // The last texel may end at its last channel asked for.
-        let end = from + (count - 1) * self.channels + N;
-        let step = self.channels;
+        sums.begin(|| self.raw(x, y, first, n));
+        if self.layout == Layout::Texels && self.channels > 1 {
+            for x in x..x + count {
+                sums.add(row, self.raw(x, y, first, n));
+            }
+            return;
+        }
+        let (at, plane) = self.place(x, y, first);
+        let run = (at, plane, count);
         match &self.pixels {
-            Pixels::U8(v) => {
-                add::<u8, N>(&v[from..end], step, |v| f32::from(v) * (1.0 / 255.0), weights, sum)
-            }
-            Pixels::Half(v) => add::<f16, N>(&v[from..end], step, f16::to_f32, weights, sum),
-            Pixels::Float(v) => add::<f32, N>(&v[from..end], step, |v| v, weights, sum),
-            Pixels::U16(_) | Pixels::U32(_) => {
-                for i in 0..count {
-                    let value = self.texel(x + i, y, first, N);
-                    sum.add(value, weights.next());
-                }
-            }
+            Pixels::U8(v) => add(v, run, n, row, sums),
+            Pixels::U16(v) => add(v, run, n, row, sums),
+            Pixels::U32(v) => add(v, run, n, row, sums),
+            Pixels::Half(v) => add(v, run, n, row, sums),
+            Pixels::Float(v) => add(v, run, n, row, sums),
         }
     }
 
-    /// Passes all channels of the texel at (x, y).
+    /// Passes all channels of the texel at (x, y) of a tile that lies texel by texel.
     pub(crate) fn with_texel<T>(&self, x: usize, y: usize, f: impl FnOnce(&[f32]) -> T) -> T {
-        let at = (y * self.width + x) * self.channels;
+        let (at, step) = self.place(x, y, 0);
         match &self.pixels {
-            Pixels::Float(v) => f(&v[at..at + self.channels]),
-            other => f(&(at..at + self.channels).map(|i| other.get(i)).collect::<Vec<f32>>()),
+            Pixels::Float(v) if step == 1 => f(&v[at..at + self.channels]),
+            other => f(&(0..self.channels).map(|c| other.get(at + c * step)).collect::<Vec<f32>>()),
         }
     }
 
@@ -116,25 +159,32 @@ impl Tile {
     }
 }
 
-/// See [`Tile::add_run`]; one texel every `step` values.
+/// `n` values from `at` on, `step` apart.
 #[inline]
-fn add<T: Copy, const N: usize>(
-    values: &[T],
-    step: usize,
-    float: impl Fn(T) -> f32,
-    weights: &mut Weights,
-    sum: &mut Sum,
-) {
-    let base = sum.base;
-    let (mut above, mut total) = (sum.above, sum.weight);
-    for texel in values.chunks(step) {
-        let weight = weights.next();
-        total += weight;
-        for c in 0..N {
-            above[c] += weight * (float(texel[c]) - base[c]);
-        }
+fn every<T: Texel>(values: &[T], at: usize, step: usize, n: usize) -> [f32; 4] {
+    let mut out = [0.0; 4];
+    for (c, out) in out[..n].iter_mut().enumerate() {
+        *out = values[at + c * step].raw();
     }
-    (sum.above, sum.weight) = (above, total);
+    out
+}
+
+/// See [`Tile::add_run`].
+#[inline]
+fn add<T: Texel>(
+    values: &[T],
+    (at, plane, count): (usize, usize, usize),
+    n: usize,
+    row: &mut Row,
+    sums: &mut Sums,
+) {
+    let run = Run { values, at, plane, count };
+    match n {
+        1 => sums.run::<T, 1>(row, run),
+        2 => sums.run::<T, 2>(row, run),
+        3 => sums.run::<T, 3>(row, run),
+        _ => sums.run::<T, 4>(row, run),
+    }
 }
 
 /// Which tile.
@@ -170,13 +220,43 @@ impl Hasher for KeyHasher {
     }
 }
 
+/// Memory that a tile takes of the bound, until nobody has the tile any more.
+#[derive(Debug)]
+struct Room {
+    bytes: u64,
+    now: Arc<AtomicU64>,
+}
+
+impl Drop for Room {
+    fn drop(&mut self) {
+        self.now.fetch_sub(self.bytes, Ordering::Relaxed);
+    }
+}
+
 /// A tile that is there, or being read by one thread while others wait.
-type Cell = Arc<OnceLock<Arc<Tile>>>;
+#[derive(Debug, Default)]
+pub(crate) struct Cell {
+    tile: OnceLock<Tile>,
+    /// What it takes of the bound; none outside of the cache.
+    _room: Option<Room>,
+}
+
+impl Cell {
+    /// A tile outside of the cache.
+    pub(crate) fn of(tile: Tile) -> Self {
+        Self { tile: OnceLock::from(tile), _room: None }
+    }
+
+    /// The tile, once it is there.
+    #[inline]
+    pub(crate) fn tile(&self) -> &Tile {
+        self.tile.get().expect("invariant: cells are handed out with their tile")
+    }
+}
 
 struct Slot {
     key: TileKey,
-    cell: Cell,
-    bytes: u64,
+    cell: Arc<Cell>,
     /// Asked for since the hand last passed.
     used: bool,
 }
@@ -189,28 +269,23 @@ struct Shard {
 }
 
 impl Shard {
-    fn find(&mut self, key: TileKey) -> Option<Cell> {
+    fn find(&mut self, key: TileKey) -> Option<Arc<Cell>> {
         let slot = &mut self.slots[*self.index.get(&key)?];
         slot.used = true;
         Some(slot.cell.clone())
     }
 
-    fn insert(&mut self, key: TileKey, bytes: u64) -> Cell {
-        let cell = Cell::default();
+    fn insert(&mut self, key: TileKey, cell: Arc<Cell>) {
         self.index.insert(key, self.slots.len());
-        self.slots.push(Slot { key, cell: cell.clone(), bytes, used: true });
-        cell
+        self.slots.push(Slot { key, cell, used: true });
     }
 
-    /// Drops the next tile that was not asked for lately (the clock algorithm); its bytes.
-    fn evict(&mut self) -> Option<u64> {
-        loop {
-            if self.slots.is_empty() {
-                return None;
-            }
+    /// Takes out the next tile that was not asked for lately (the clock algorithm) and that no thread has.
+    fn evict(&mut self) -> Option<Arc<Cell>> {
+        for _ in 0..2 * self.slots.len() {
             self.hand %= self.slots.len();
             let slot = &mut self.slots[self.hand];
-            if std::mem::take(&mut slot.used) {
+            if std::mem::take(&mut slot.used) || Arc::strong_count(&slot.cell) > 1 {
                 self.hand += 1;
                 continue;
             }
@@ -219,8 +294,9 @@ impl Shard {
             if let Some(moved) = self.slots.get(self.hand) {
                 self.index.insert(moved.key, self.hand);
             }
-            return Some(gone.bytes);
+            return Some(gone.cell);
         }
+        None
     }
 }
 
@@ -230,6 +306,8 @@ const SHARDS: usize = 32;
 pub(crate) struct TileCache {
     shards: [Mutex<Shard>; SHARDS],
     max_bytes: u64,
+    /// Bytes of all tiles that are there, those included that only some thread still has.
+    now: Arc<AtomicU64>,
 }
 
 impl std::fmt::Debug for TileCache {
@@ -244,67 +322,65 @@ fn lock(shard: &Mutex<Shard>) -> MutexGuard<'_, Shard> {
 
 impl TileCache {
     pub(crate) fn new(max_bytes: u64) -> Self {
-        Self { shards: std::array::from_fn(|_| Mutex::default()), max_bytes }
+        Self { shards: std::array::from_fn(|_| Mutex::default()), max_bytes, now: Arc::default() }
     }
 
-    /// The tile, read with `read` when it is not there; `bytes` is what it will take.
-    ///
-    /// The bound is on what the cache keeps: a thread may hold the few tiles of its lookup besides.
+    /// The bound.
+    pub(crate) fn max_bytes(&self) -> u64 {
+        self.max_bytes
+    }
+
+    /// The tile, read with `read` when it is not there; `bytes` is what it will take. When there is no room, even without
+    /// the tiles that no thread has, the tile is read for this caller alone.
     pub(crate) fn get(
         &self,
         key: TileKey,
         bytes: u64,
         counters: &Counters,
         read: impl FnOnce() -> Tile,
-    ) -> Arc<Tile> {
-        count(&counters.tile_requests, 1);
+    ) -> Arc<Cell> {
         let read = || {
             let tile = read();
             count(&counters.tiles_read, 1);
             count(&counters.tile_bytes, tile.bytes());
-            Arc::new(tile)
+            tile
         };
         let home = key.hash() as usize % SHARDS;
         let found = lock(&self.shards[home]).find(key);
-        if let Some(cell) = found {
-            return cell.get_or_init(read).clone();
-        }
-        if !self.make_room(home, bytes, counters) {
-            return read();
-        }
-        let cell = {
-            let mut shard = lock(&self.shards[home]);
-            match shard.find(key) {
-                Some(cell) => cell,
-                None => {
-                    let now = count(&counters.bytes_now, bytes);
-                    counters.peak_bytes.fetch_max(now, Ordering::Relaxed);
-                    shard.insert(key, bytes)
-                }
+        let cell = match found {
+            Some(cell) => cell,
+            None => {
+                let Some(room) = self.make_room(home, bytes, counters) else {
+                    return Arc::new(Cell::of(read()));
+                };
+                let mut shard = lock(&self.shards[home]);
+                // Meanwhile another thread may have put it there.
+                shard.find(key).unwrap_or_else(|| {
+                    let cell = Arc::new(Cell { tile: OnceLock::new(), _room: Some(room) });
+                    shard.insert(key, cell.clone());
+                    cell
+                })
             }
         };
-        cell.get_or_init(read).clone()
+        cell.tile.get_or_init(read);
+        cell
     }
 
-    /// Drops tiles, of shard `home` first, until `bytes` more fit; false when they never will.
-    fn make_room(&self, home: usize, bytes: u64, counters: &Counters) -> bool {
-        if bytes > self.max_bytes {
-            return false;
-        }
+    /// Drops tiles, of shard `home` first, until `bytes` more fit; `None` when they do not.
+    fn make_room(&self, home: usize, bytes: u64, counters: &Counters) -> Option<Room> {
         let mut empty = 0;
-        while counters.bytes_now.load(Ordering::Relaxed) + bytes > self.max_bytes {
+        loop {
+            let fits = |now: u64| now.checked_add(bytes).filter(|&sum| sum <= self.max_bytes);
+            if let Ok(before) = self.now.fetch_update(Ordering::Relaxed, Ordering::Relaxed, fits) {
+                counters.peak_bytes.fetch_max(before + bytes, Ordering::Relaxed);
+                return Some(Room { bytes, now: self.now.clone() });
+            }
+            if bytes > self.max_bytes || empty == SHARDS {
+                return None;
+            }
             let gone = lock(&self.shards[(home + empty) % SHARDS]).evict();
-            match gone {
-                Some(gone) => {
-                    counters.bytes_now.fetch_sub(gone, Ordering::Relaxed);
-                }
-                None => empty += 1,
-            }
-            if empty == SHARDS {
-                return false;
-            }
+            empty += usize::from(gone.is_none());
         }
-        true
     }
 }
 
@@ -313,7 +389,7 @@ mod tests {
     use super::*;
 
     fn tile(value: f32) -> Tile {
-        Tile::new(Pixels::Float(vec![value; 4]), 2, 1)
+        Tile::new(Pixels::Float(vec![value; 4]), 2, 1, Layout::Planes)
     }
 
     fn key(i: u32) -> TileKey {
@@ -326,7 +402,7 @@ mod tests {
         for round in 0..3 {
             for i in 0..100 {
                 let t = cache.get(key(i), 16, &counters, || tile(i as f32));
-                assert_eq!(t.texel(1, 1, 0, 1)[0], i as f32, "round {round}");
+                assert_eq!(t.tile().texel(1, 1, 0, 1)[0], i as f32, "round {round}");
                 assert!(counters.read().peak_bytes <= 160);
             }
         }
@@ -349,10 +425,10 @@ mod tests {
 
     #[test]
     fn texels_are_made_finite() {
-        let t = Tile::new(Pixels::Float(vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1.0]), 4, 1);
+        let t = Tile::new(Pixels::Float(vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1.0]), 4, 1, Layout::Planes);
         let got: Vec<f32> = (0..4).map(|x| t.texel(x, 0, 0, 1)[0]).collect();
         assert_eq!(got, [0.0, 1e30, -1e30, 1.0]);
-        let t = Tile::new(Pixels::Half(vec![f16::NAN, f16::INFINITY, f16::ONE, f16::NEG_INFINITY]), 4, 1);
+        let t = Tile::new(Pixels::Half(vec![f16::NAN, f16::INFINITY, f16::ONE, f16::NEG_INFINITY]), 4, 1, Layout::Texels);
         let got: Vec<f32> = (0..4).map(|x| t.texel(x, 0, 0, 1)[0]).collect();
         assert_eq!(got, [0.0, 65504.0, 1.0, -65504.0]);
     }
@@ -364,7 +440,7 @@ mod tests {
             for _ in 0..8 {
                 scope.spawn(|| {
                     for i in 0..50 {
-                        assert_eq!(cache.get(key(i), 16, &counters, || tile(1.0)).bytes(), 16);
+                        assert_eq!(cache.get(key(i), 16, &counters, || tile(1.0)).tile().bytes(), 16);
                     }
                 });
             }
