@@ -23,7 +23,7 @@ const TEXEL: f64 = 1.0 / 12.0;
 
 /// The largest whole number that is not above `x`; the instruction for it is not everywhere, and the library's function
 /// is slow.
-#[inline]
+#[inline(always)]
 fn floor(x: f32) -> i32 {
     let whole = x as i32;
     whole - i32::from(x < whole as f32)
@@ -35,8 +35,8 @@ pub(crate) struct Gaussian {
     xx: f32,
     xy: f32,
     yy: f32,
-    /// Half of its extent in y.
-    reach: f32,
+    /// Half of its extent in x and y.
+    reach: (f32, f32),
     /// Where the middle of a row stands, per step in y.
     slant: f32,
     /// Square of half a row's length at the centre, and what it loses per squared step in y.
@@ -57,25 +57,26 @@ impl Gaussian {
             xx: (yy * scale) as f32,
             xy: (-2.0 * xy * scale) as f32,
             yy: (xx * scale) as f32,
-            reach: ((cut * yy) as f32).sqrt(),
+            reach: (((cut * xx) as f32).sqrt(), ((cut * yy) as f32).sqrt()),
             slant: (xy * per_yy) as f32,
             half: ((cut * determinant * per_yy) as f32, (determinant * per_yy * per_yy) as f32),
         }
     }
 
-    /// From where to where the row at `dy` is covered, relative to the centre.
-    #[inline]
-    fn row(&self, dy: f32) -> Option<(f32, f32)> {
+    /// The first texel that is covered in the row at `dy` from the centre, and the first after them; the centre is at
+    /// `cx`.
+    #[inline(always)]
+    pub(crate) fn row(&self, cx: f32, dy: f32) -> Option<(i32, i32)> {
         let squared = self.half.0 - self.half.1 * dy * dy;
         (squared >= 0.0).then(|| {
-            let (middle, half) = (self.slant * dy, squared.sqrt());
-            (middle - half, middle + half)
+            let (middle, half) = (cx + self.slant * dy, squared.sqrt());
+            (1 + floor(middle - half), 1 + floor(middle + half))
         })
     }
 
     /// Of the row at `dy`.
-    #[inline]
-    fn exponents(&self, dy: f32) -> Exponents {
+    #[inline(always)]
+    pub(crate) fn exponents(&self, dy: f32) -> Exponents {
         Exponents { a: self.xx, b: self.xy * dy, c: self.yy * dy * dy }
     }
 }
@@ -94,10 +95,16 @@ impl Sampler<'_> {
         let (width, height) = (l.width as i32, l.height as i32);
         let (cx, cy) = (wrap.0.reduce(s) * l.width as f32 - 0.5, wrap.1.reduce(t) * l.height as f32 - 0.5);
         let mut sums = Sums::new(g.xx);
-        for y in 1 + floor(cy - g.reach)..=floor(cy + g.reach) {
+        let rows = (1 + floor(cy - g.reach.1), floor(cy + g.reach.1));
+        // Nearly always all of it is inside of one tile; rounding may place a row's end by a texel otherwise.
+        let (left, right) = (floor(cx - g.reach.0), 1 + floor(cx + g.reach.0));
+        let whole = left >= 0 && rows.0 >= 0 && right < width && rows.1 < height;
+        if whole && self.add_rows(level, (left, right), rows, ((cx, cy), g), &mut sums) {
+            return self.mean_of(&sums).unwrap_or_else(|| self.bilinear(level, s, t, wrap));
+        }
+        for y in rows.0..=rows.1 {
             let dy = y as f32 - cy;
-            let Some((left, right)) = g.row(dy) else { continue };
-            let (mut x, end) = (1 + floor(cx + left), 1 + floor(cx + right));
+            let Some((mut x, end)) = g.row(cx, dy) else { continue };
             let mut row = Row::new(g.exponents(dy), x as f32 - cx);
             let inside_y = wrap.1.index(y, height);
             while x < end {
@@ -117,10 +124,12 @@ impl Sampler<'_> {
                 x += 1;
             }
         }
-        match sums.mean() {
-            Some(raw) => raw.map(|v| self.file.from_raw(v)),
-            None => self.bilinear(level, s, t, wrap),
-        }
+        self.mean_of(&sums).unwrap_or_else(|| self.bilinear(level, s, t, wrap))
+    }
+
+    #[inline]
+    fn mean_of(&self, sums: &Sums) -> Option<[f32; 4]> {
+        sums.mean().map(|raw| raw.map(|v| self.file.from_raw(v)))
     }
 }
 

@@ -4,6 +4,7 @@ use crate::Wrap;
 use crate::cube;
 use crate::file::{Level, TextureFile};
 use crate::footprint::mix;
+use crate::gaussian::Gaussian;
 use crate::shared::Shared;
 use crate::simd::{Row, Sums};
 use crate::tiles::{Cell, Tile, TileKey};
@@ -146,6 +147,29 @@ impl<'a> Sampler<'a> {
         let count = most.min(tile_width - x as u32);
         tile.add_run((x, y), channels, count as usize, row, sums);
         count
+    }
+
+    /// Adds all texels under a Gaussian of this centre, which covers nothing outside columns `x.0 ..= x.1` and rows
+    /// `y.0 ..= y.1`, all inside of the level, if these lie in one tile. Whether they do.
+    #[inline]
+    pub(crate) fn add_rows(
+        &mut self,
+        level: usize,
+        x: (i32, i32),
+        y: (i32, i32),
+        (centre, gaussian): ((f32, f32), &Gaussian),
+        sums: &mut Sums,
+    ) -> bool {
+        let l = &self.file.levels[level];
+        let (tile_width, tile_height) = (l.tile_width as i32, l.tile_height as i32);
+        let channels = (self.first, self.channels);
+        let (tx, ty) = (x.0 as u32 / l.tile_width, y.0 as u32 / l.tile_height);
+        let corner = ((tx * l.tile_width) as i32, (ty * l.tile_height) as i32);
+        if x.1 >= corner.0 + tile_width || y.1 >= corner.1 + tile_height || y.0 > y.1 {
+            return false;
+        }
+        let key = TileKey { file: self.file.index, level: level as u32, tx, ty };
+        self.held.tile(key, self.shared, self.file).add_rows(channels, (centre, corner, y), gaussian, sums)
     }
 
     /// Texel (x, y) of a face of a level; inside.

@@ -1,6 +1,7 @@
 //! The tile cache: sharded, bounded in memory, each tile read once however many threads want it.
 
-use crate::simd::{Row, Run, Sums, Texel};
+use crate::gaussian::Gaussian;
+use crate::simd::{Row, Rows, Run, Sums, Texel};
 use crate::statistics::{Counters, add as count};
 use granita_base::hash;
 use granita_image::{PixelType, Pixels};
@@ -144,6 +145,30 @@ impl Tile {
         }
     }
 
+    /// Adds the texels of rows that lie under a Gaussian; `(centre, corner, y)` as in [`Rows`]. Not if the tile lies texel
+    /// by texel; whether it did.
+    #[inline]
+    pub(crate) fn add_rows(
+        &self,
+        (first, n): (usize, usize),
+        place: ((f32, f32), (i32, i32), (i32, i32)),
+        gaussian: &Gaussian,
+        sums: &mut Sums,
+    ) -> bool {
+        if self.layout == Layout::Texels && self.channels > 1 {
+            return false;
+        }
+        let shape = (self.width, self.width * self.channels, first, n);
+        match &self.pixels {
+            Pixels::U8(v) => add_rows(v, shape, place, gaussian, sums),
+            Pixels::U16(v) => add_rows(v, shape, place, gaussian, sums),
+            Pixels::U32(v) => add_rows(v, shape, place, gaussian, sums),
+            Pixels::Half(v) => add_rows(v, shape, place, gaussian, sums),
+            Pixels::Float(v) => add_rows(v, shape, place, gaussian, sums),
+        }
+        true
+    }
+
     /// Passes all channels of the texel at (x, y) of a tile that lies texel by texel.
     pub(crate) fn with_texel<T>(&self, x: usize, y: usize, f: impl FnOnce(&[f32]) -> T) -> T {
         let (at, step) = self.place(x, y, 0);
@@ -184,6 +209,24 @@ fn add<T: Texel>(
         2 => sums.run::<T, 2>(row, run),
         3 => sums.run::<T, 3>(row, run),
         _ => sums.run::<T, 4>(row, run),
+    }
+}
+
+/// See [`Tile::add_rows`].
+#[inline]
+fn add_rows<T: Texel>(
+    values: &[T],
+    (plane, stride, first, n): (usize, usize, usize, usize),
+    (centre, corner, y): ((f32, f32), (i32, i32), (i32, i32)),
+    g: &Gaussian,
+    sums: &mut Sums,
+) {
+    let rows = Rows { values, plane, stride, first, centre, corner, y };
+    match n {
+        1 => sums.rows::<T, 1>(g, rows),
+        2 => sums.rows::<T, 2>(g, rows),
+        3 => sums.rows::<T, 3>(g, rows),
+        _ => sums.rows::<T, 4>(g, rows),
     }
 }
 
