@@ -94,7 +94,7 @@ impl Sampler<'_> {
         let l = self.level(level);
         let (width, height) = (l.width as i32, l.height as i32);
         let (cx, cy) = (wrap.0.reduce(s) * l.width as f32 - 0.5, wrap.1.reduce(t) * l.height as f32 - 0.5);
-        let mut sums = Sums::new(g.xx);
+        let mut sums = Sums::new(g.xx, g.reach.0 > 3.5);
         let rows = (1 + floor(cy - g.reach.1), floor(cy + g.reach.1));
         // Nearly always all of it is inside of one tile; rounding may place a row's end by a texel otherwise.
         let (left, right) = (floor(cx - g.reach.0), 1 + floor(cx + g.reach.0));
@@ -109,8 +109,11 @@ impl Sampler<'_> {
             let inside_y = wrap.1.index(y, height);
             while x < end {
                 // Nearly always the whole row is inside; a picture that repeats is taken copy by copy.
-                let inside =
-                    if wrap.0 == Wrap::Periodic && !(0..width).contains(&x) { x.rem_euclid(width) } else { x };
+                let inside = if wrap.0 == Wrap::Periodic && !(0..width).contains(&x) {
+                    x.rem_euclid(width)
+                } else {
+                    x
+                };
                 if let (Some(y), true) = (inside_y, (0..width).contains(&inside)) {
                     let most = (end - x).min(width - inside) as u32;
                     x += self.add_run(level, (inside as u32, y as u32), most, &mut row, &mut sums) as i32;

@@ -183,8 +183,7 @@ impl Shared {
                 Tile::new(pixels, level.tile_width as usize, file.channels, file.layout_in_memory())
             }
             Ok(pixels) => {
-                let what =
-                    format!(
+                let what = format!(
                     "a tile of {} values ({:?}) where {} ({:?}) are due",
                     pixels.len(),
                     pixels.pixel_type(),

@@ -468,10 +468,20 @@ mod tests {
 
     #[test]
     fn texels_are_made_finite() {
-        let t = Tile::new(Pixels::Float(vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1.0]), 4, 1, Layout::Planes);
+        let t = Tile::new(
+            Pixels::Float(vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1.0]),
+            4,
+            1,
+            Layout::Planes,
+        );
         let got: Vec<f32> = (0..4).map(|x| t.texel(x, 0, 0, 1)[0]).collect();
         assert_eq!(got, [0.0, 1e30, -1e30, 1.0]);
-        let t = Tile::new(Pixels::Half(vec![f16::NAN, f16::INFINITY, f16::ONE, f16::NEG_INFINITY]), 4, 1, Layout::Texels);
+        let t = Tile::new(
+            Pixels::Half(vec![f16::NAN, f16::INFINITY, f16::ONE, f16::NEG_INFINITY]),
+            4,
+            1,
+            Layout::Texels,
+        );
         let got: Vec<f32> = (0..4).map(|x| t.texel(x, 0, 0, 1)[0]).collect();
         assert_eq!(got, [0.0, 65504.0, 1.0, -65504.0]);
     }

@@ -224,8 +224,7 @@ fn theirs(
         return Ok(Vec::new());
     }
     let answers = std::fs::read(&answers).map_err(told)?;
-    let values: Vec<f32> =
-        answers.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+    let values: Vec<f32> = answers.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
     let mut rows: Vec<Row> = Vec::new();
     for line in String::from_utf8_lossy(&output.stdout).lines() {
         let words: Vec<&str> = line.split_whitespace().collect();
