@@ -1,18 +1,28 @@
-//! `environment ()`: filtered lookup in maps of all directions.
+//! `environment ()`: filtered lookup in maps of all directions. Footprints of more than a texel are means under an ellipse
+//! on the sphere (`solid`); narrower ones are probes between texels, which are here.
 
 use crate::TextureKind;
 use crate::cube;
-use crate::file::TextureFile;
-use crate::footprint::{Mean, Spread, mix};
+use crate::file::{Level, TextureFile};
+use crate::footprint::{Ellipse, Mean, Spread, mix};
 use crate::lookup::{EnvLookup, Up};
 use crate::plain::by_channels;
 use crate::reader::TextureReader;
 use crate::sampler::{Sampler, cell, levels};
+use crate::solid::Lobe;
 use granita_base::Vec3;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// Widest cone that is filtered, in radians.
 const WIDEST: f32 = PI;
+
+/// Footprints this wide (in texels of the largest level, across) are probes, those of [`WIDE`] are means of all texels
+/// under a Gaussian, and in between one goes over into the other.
+const NARROW: f64 = 1.0;
+const WIDE: f64 = 1.5;
+
+/// Largest ratio of the widths of a footprint that is filtered as it is; beyond it the footprint is made wider.
+const MAX_RATIO: f64 = 64.0;
 
 /// Most texels of one row that a probe near a pole averages.
 const MAX_ROW: u32 = 32;
@@ -34,17 +44,18 @@ pub(crate) fn environment(
     out: &mut [f32],
 ) {
     let cube = file.kind == TextureKind::CubeFaceEnvironment;
-    let up = if cube { Up::Y } else { q.up.unwrap_or(file.up) };
+    // A panorama is looked up in its own frame.
+    let up = if cube { Up::Z } else { q.up.unwrap_or(file.up) };
     let length = q.r.length();
     let usable = length.is_finite() && length > 0.0;
-    let r = if usable { q.r / length } else { Vec3::Z };
-    let axis = if up == Up::Y { Vec3::Y } else { Vec3::Z };
+    let r = if usable { to_map(q.r, up) / length } else { Vec3::Z };
+    let axis = if cube { Vec3::Y } else { Vec3::Z };
     // "s" goes around the axis, "t" towards the poles; at a pole any two directions do.
     let east = axis.cross(r).try_normalize().unwrap_or_else(|| r.any_orthonormal_vector());
     let north = r.cross(east);
     let mut spread = Spread::default();
     for d in [q.drdx, q.drdy] {
-        let d = d / length;
+        let d = to_map(d, up) / length;
         spread.add(d.dot(east) * q.swidth, d.dot(north) * q.twidth);
     }
     match q.angle {
@@ -62,24 +73,35 @@ pub(crate) fn environment(
     ellipse.b = ellipse.b.min(f64::from(WIDEST));
     let probes = ellipse.probes(f64::from(texel_angle(file, cube)));
     let long = east * ellipse.axis[0] + north * ellipse.axis[1];
+    let texel = texel_at(file, cube, r, ellipse.a);
+    let wide =
+        ((ellipse.b.max(ellipse.a / MAX_RATIO) / texel - NARROW) / (WIDE - NARROW)).clamp(0.0, 1.0) as f32;
+    let filter = (wide > 0.0).then(|| smooth(file, cube, (r, east, north), &ellipse, texel));
     let mut count = 0;
     by_channels(file, q.first_channel, q.fill, out, |first, n| {
         if !usable {
             return [0.0; 4];
         }
         let mut sampler = reader.sampler(file, first, n);
+        let round = filter.as_ref().and_then(|(level, lobe)| {
+            count += 1;
+            if cube { sampler.cube_mean(*level, lobe) } else { sampler.latlong_mean(*level, lobe) }
+        });
+        if let (Some(value), true) = (round, wide == 1.0) {
+            return value;
+        }
         let mut mean = Mean::default();
         for (x, weight) in probes.iter() {
             let d = r * x.cos() + long * x.sin();
             let value = if cube {
                 cube_probe(&mut sampler, d, probes.exact)
             } else {
-                latlong_probe(&mut sampler, to_map(d, up), probes.width, probes.exact)
+                latlong_probe(&mut sampler, d, probes.width, probes.exact)
             };
             mean.add(value, weight);
         }
         count += u64::from(probes.count);
-        mean.value()
+        round.map_or(mean.value(), |round| mix(mean.value(), round, wide))
     });
     reader.probes += count;
 }
@@ -88,6 +110,38 @@ pub(crate) fn environment(
 fn texel_angle(file: &TextureFile, cube: bool) -> f32 {
     let level = &file.levels[0];
     if cube { 2.0 / level.face_width as f32 } else { PI / level.height as f32 }
+}
+
+/// Angle that a texel of the largest level covers where a footprint of this width around `r` meets the largest ones.
+fn texel_at(file: &TextureFile, cube: bool, r: Vec3, width: f64) -> f64 {
+    let most = f64::from(texel_angle(file, cube));
+    if !cube {
+        return most;
+    }
+    // Texels shrink with the third power of this cosine in area.
+    let angle = f64::from(1.0 / cube::project(file.layout, r).stretch).clamp(-1.0, 1.0).acos();
+    most * (angle - 1.5 * width).clamp(0.0, 1.0).cos().powf(1.5)
+}
+
+/// The level in which the ellipse is just [`WIDE`] texels or more across, and its filter there.
+fn smooth(
+    file: &TextureFile,
+    cube: bool,
+    (r, east, north): (Vec3, Vec3, Vec3),
+    ellipse: &Ellipse,
+    texel: f64,
+) -> (usize, Lobe) {
+    let ellipse = ellipse.at_least(texel, MAX_RATIO);
+    let size = |level: &Level| if cube { level.face_width } else { level.height };
+    // The smallest levels know too little of directions.
+    let enough = |level: &Level| size(level) >= if cube { 8 } else { 16 };
+    let last = file.levels.iter().rposition(enough).unwrap_or(0);
+    let level = ((ellipse.b / texel / WIDE).log2().max(0.0) as usize).min(last);
+    let (base, l) = (&file.levels[0], &file.levels[level]);
+    let texel = texel * f64::from(size(base)) / f64::from(size(l));
+    let around =
+        if cube { texel } else { f64::from(r.x.hypot(r.y)) * std::f64::consts::TAU / f64::from(l.width) };
+    (level, Lobe::new(r, (east, north), ellipse.at_least(texel, MAX_RATIO).spread(), (around, texel)))
 }
 
 /// Round probe of a cube: direction `d`, of length about 1, full width in radians; at least one texel is covered,

@@ -12,11 +12,11 @@ use crate::sampler::Sampler;
 use crate::simd::{Exponents, Row, Sums};
 
 /// Where the Gaussian ends, in its deviations.
-const CUT: f32 = 3.0;
+pub(crate) const CUT: f32 = 3.0;
 
 /// What is left of its variance, in each direction, when it is lowered by what it is there, so that it ends at 0:
 /// `1 - (h^2 / 2) e / (1 - (1 + h) e)` with `h = CUT^2 / 2`, `e = exp (-h)`.
-const KEPT: f64 = 0.880_202;
+pub(crate) const KEPT: f64 = 0.880_202;
 
 /// Variance of a texel.
 const TEXEL: f64 = 1.0 / 12.0;

@@ -15,8 +15,8 @@
 //!   texel centres stand at half numbers.
 //!
 //! How things are filtered is said where it is done: `gaussian` (pictures: all texels under an ellipse of up to 64 : 1),
-//! `footprint` (ellipses and probes), `environment`
-//! (seams, poles and cube edges), `shadow` (percentage-closer filtering), `volume` (opacity against depth).
+//! `footprint` (ellipses and probes), `solid` (maps of all directions: all texels under an ellipse on the sphere),
+//! `environment` (what is narrower than a texel there), `shadow` (percentage-closer filtering), `volume` (opacity against depth).
 //! Threads that ask for many points do so through a [`TextureReader`].
 //!
 //! Deliberately absent: `texture3d` and its files, shadow maps made while rendering (reference 10.1.5),
@@ -76,6 +76,7 @@ mod sampler;
 mod shadow;
 mod shared;
 mod simd;
+mod solid;
 mod statistics;
 mod tiles;
 mod volume;

@@ -203,6 +203,95 @@ fn latlong_seam_and_poles_are_continuous() {
     }
 }
 
+/// The mean of a map over the sphere under a Gaussian in Lambert's azimuthal projection around `r`, of half these widths
+/// (radians) of deviation along two perpendicular directions: all texels of `texels`, each with its solid angle.
+fn brute(
+    texels: &[(Vec3, f64, [f32; 3])],
+    r: Vec3,
+    axes: [Vec3; 2],
+    widths: [f32; 2],
+    texel: f64,
+) -> [f64; 3] {
+    let (mut sum, mut all) = ([0.0; 3], 0.0);
+    let variance = widths.map(|w| (0.25 * f64::from(w * w) - texel * texel / 12.0).max(1e-9));
+    for (d, solid, value) in texels {
+        let k = 2.0 / (1.0 + f64::from(d.dot(r))).max(1e-9);
+        let x = [0, 1].map(|i| f64::from(d.dot(axes[i])));
+        let weight = solid * (-0.5 * k * (x[0] * x[0] / variance[0] + x[1] * x[1] / variance[1])).exp();
+        all += weight;
+        for c in 0..3 {
+            sum[c] += weight * f64::from(value[c]);
+        }
+    }
+    sum.map(|s| s / all)
+}
+
+/// Something with edges to see in every direction.
+fn town(d: Vec3, c: usize) -> f32 {
+    let d = d.normalize();
+    let q = |v: f32| ((v + 2.0) * 7.0) as u32;
+    let block = random(q(d.x) + 64 * q(d.y) + 4096 * q(d.z), c as u32);
+    let fence = if (d.y * 60.0).sin() > 0.6 && d.z > 0.0 { 0.6 } else { 0.0 };
+    0.6 * block + fence * (0.5 + 0.2 * c as f32)
+}
+
+/// Ellipses of all sizes, ratios and directions, over edges, corners, the seam and the poles.
+#[test]
+fn footprints_are_filtered_as_by_brute_force() {
+    let folder = Folder::new();
+    const N: u32 = 64;
+    cube_of(&folder, N, &options(Mode::EnvCube), town);
+    latlong_of(&folder, (4 * N, 2 * N), town);
+    let mut texels: [Vec<(Vec3, f64, [f32; 3])>; 2] = Default::default();
+    for [forward, up, right] in FRAMES {
+        for i in 0..N * N {
+            let ndc = |v: u32| 2.0 * (v as f32 + 0.5) / N as f32 - 1.0;
+            let d = forward + right * ndc(i % N) - up * ndc(i / N);
+            let solid = f64::from(d.length()).powi(-3);
+            texels[0].push((d.normalize(), solid, [0, 1, 2].map(|c| town(d, c))));
+        }
+    }
+    for i in 0..8 * N * N {
+        let (x, y) = (i % (4 * N), i / (4 * N));
+        let (phi, theta) =
+            (((x as f32 + 0.5) / (4 * N) as f32 - 0.5) * TAU, (y as f32 + 0.5) / (2 * N) as f32 * PI);
+        let d = Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
+        texels[1].push((d, f64::from(theta.sin()), [0, 1, 2].map(|c| town(d, c))));
+    }
+    for (texels, (name, texel)) in
+        texels.iter().zip([("cube.env", 1.6 / N as f32), ("ll.env", PI / (2 * N) as f32)])
+    {
+        let (cache, id) = folder.open(name);
+        let (mut squares, mut worst, n) = (0.0, 0.0_f64, 400);
+        for i in 0..n {
+            // A quarter of them at corners of the cube and at poles of the panorama.
+            let r = match i % 8 {
+                0 => (Vec3::new(1.0, if i % 16 == 0 { 1.0 } else { -1.0 }, -1.0) + any_direction(i) * 0.1)
+                    .normalize(),
+                1 => (Vec3::Z + any_direction(i) * 0.2).normalize(),
+                _ => any_direction(i),
+            };
+            let across = 1.6 * texel * (0.6 / texel).powf(random(i, 3));
+            let ratio = (16.0_f32.powf(random(i, 4))).min(PI / across);
+            let x = r.any_orthonormal_vector();
+            let angle = random(i, 5) * TAU;
+            let first = x * angle.cos() + r.cross(x) * angle.sin();
+            let axes = [first, r.cross(first)];
+            let lookup = EnvLookup { drdx: axes[0] * across * ratio, drdy: axes[1] * across, ..toward(r) };
+            let got = look(&cache, id, &lookup);
+            let exact = brute(texels, r, axes, [across * ratio, across], f64::from(texel));
+            for c in 0..3 {
+                let error = 255.0 * (f64::from(got[c]) - exact[c]);
+                squares += error * error;
+                worst = worst.max(error.abs());
+            }
+        }
+        let rms = (squares / f64::from(3 * n)).sqrt();
+        println!("{name}: {rms} {worst}");
+        assert!(rms < 1.0 && worst < 10.0, "{name}: {rms} {worst}");
+    }
+}
+
 #[test]
 fn orientation_of_latlong_maps() {
     let folder = Folder::new();

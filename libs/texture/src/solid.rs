@@ -1,0 +1,278 @@
+//! The weighted mean of all texels of a map of all directions under an ellipse on the sphere, each with the solid angle
+//! that it covers.
+//!
+//! Weights are a Gaussian in the coordinates of Lambert's azimuthal projection around the direction, which keeps areas
+//! and reaches over the whole sphere: of a round footprint that is the distribution of von Mises and Fisher. As for
+//! pictures (see `gaussian`), it ends at [`CUT`] deviations and is made narrower by the spread of a texel. It reaches
+//! over edges and corners of cubes, over the seam of a panorama and over its poles: texels are found by direction.
+
+use crate::cube::CubeLayout;
+use crate::footprint::Spread;
+use crate::gaussian::{CUT, KEPT};
+use crate::sampler::Sampler;
+use crate::simd::{FLOOR, exp2_of};
+use granita_base::Vec3;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::ops::RangeInclusive;
+
+/// Beyond this angle from the centre (radians) the outline of a footprint on a face is not solved for: all texels are
+/// looked at.
+const NARROW_CONE: f64 = 1.2;
+
+/// Half the angle that a face covers along its diagonal.
+const CORNER: f64 = 0.955_317;
+
+/// A Gaussian around a direction.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lobe {
+    /// Unit vectors: the centre, and the axes of the ellipse.
+    centre: Vec3,
+    axes: [Vec3; 2],
+    /// Factors to squares along the axes, for the exponent of 2.
+    scale: [f32; 2],
+    /// Angles from the centre at which it ends, along the axes.
+    ends: [f64; 2],
+    /// The same along the axes of the sphere: squared full widths, east and north of the centre.
+    spread: Spread,
+}
+
+/// Weighted sums, taken relative to the first value: the mean of values that are all alike is that value, exactly.
+#[derive(Default)]
+struct Total {
+    base: Option<[f32; 4]>,
+    above: [f32; 4],
+    weight: f32,
+}
+
+impl Total {
+    #[inline]
+    fn add(&mut self, value: [f32; 4], weight: f32) {
+        let base = *self.base.get_or_insert(value);
+        for c in 0..4 {
+            self.above[c] += weight * (value[c] - base[c]);
+        }
+        self.weight += weight;
+    }
+
+    fn mean(&self) -> Option<[f32; 4]> {
+        let base = self.base.filter(|_| self.weight > 0.0)?;
+        Some(std::array::from_fn(|c| base[c] + self.above[c] / self.weight))
+    }
+}
+
+/// From where to where `a x^2 + 2 b x + c` is not negative, when that is an interval; all of `whole` otherwise, `None`
+/// where it is nowhere so.
+fn interval(a: f64, b: f64, c: f64, whole: (f64, f64)) -> Option<(f64, f64)> {
+    if a >= 0.0 {
+        return Some(whole);
+    }
+    let root = b * b - a * c;
+    if root < 0.0 {
+        return None;
+    }
+    let root = root.sqrt();
+    let (from, to) = ((-b + root) / a, (-b - root) / a);
+    let (from, to) = (from.max(whole.0), to.min(whole.1));
+    (from <= to).then_some((from, to))
+}
+
+/// Indices of the cells of `n` in [-1, 1] whose centres lie between these.
+fn cells((from, to): (f64, f64), n: u32) -> RangeInclusive<i32> {
+    let at = |v: f64| (v + 1.0) * 0.5 * f64::from(n) - 0.5;
+    at(from).ceil().max(0.0) as i32..=at(to).floor().min(f64::from(n) - 1.0) as i32
+}
+
+impl Lobe {
+    /// Around `centre`, a unit vector, with this squared full widths along the unit vectors `east` and `north`, in
+    /// radians; texels cover `texel` radians along these.
+    pub(crate) fn new(centre: Vec3, (east, north): (Vec3, Vec3), spread: Spread, texel: (f64, f64)) -> Self {
+        let own = |squared: f64, texel: f64| (squared - texel * texel / 3.0) / KEPT;
+        let inner = Spread { xx: own(spread.xx, texel.0), xy: spread.xy / KEPT, yy: own(spread.yy, texel.1) };
+        let e = inner.ellipse();
+        let axis = e.axis;
+        let long = east * axis[0] + north * axis[1];
+        let deviations = [0.5 * e.a, 0.5 * e.b.max(0.1 * texel.0.min(texel.1))];
+        let end = |deviation: f64| 2.0 * (0.5 * f64::from(CUT) * deviation).min(1.0).asin();
+        let scale = |deviation: f64| (-0.5 * std::f64::consts::LOG2_E / (deviation * deviation)) as f32;
+        Self {
+            centre,
+            axes: [long, centre.cross(long)],
+            scale: deviations.map(scale),
+            ends: deviations.map(end),
+            spread: inner,
+        }
+    }
+
+    /// Weight of a direction of length 1.
+    #[inline]
+    fn weight(&self, d: Vec3) -> f32 {
+        let (z, x, y) = (d.dot(self.centre), d.dot(self.axes[0]), d.dot(self.axes[1]));
+        let exponent = (x * x * self.scale[0] + y * y * self.scale[1]) * 2.0 / (1.0 + z).max(1e-6);
+        // Nearly all that is outside needs no exponential.
+        if exponent < -6.5 { 0.0 } else { (exp2_of(exponent) - FLOOR).max(0.0) }
+    }
+}
+
+impl Sampler<'_> {
+    /// Mean of a level of a cube; `None` when no texel's centre has weight.
+    pub(crate) fn cube_mean(&mut self, level: usize, lobe: &Lobe) -> Option<[f32; 4]> {
+        let layout: CubeLayout = self.file.layout;
+        let n = self.level(level).face_width;
+        let mut total = Total::default();
+        for (face, f) in layout.faces().iter().enumerate() {
+            let in_face = |v: Vec3| [v.dot(f.forward), v.dot(f.right), v.dot(f.up)].map(f64::from);
+            let r = in_face(lobe.centre);
+            if r[0].clamp(-1.0, 1.0).acos() > lobe.ends[0] + CORNER {
+                continue;
+            }
+            // The footprint lies in the cone (d.r)^2 >= (d.e0 / tan end_0)^2 + (d.e1 / tan end_1)^2. On the face, where
+            // d = (1, x, y), that is a quadratic form; its largest extent gives the rows, each row its columns.
+            let narrow = lobe.ends[0] < NARROW_CONE;
+            let mut m = [[0.0_f64; 3]; 3];
+            if narrow {
+                let e = lobe.axes.map(in_face);
+                let inverse = lobe.ends.map(|end| (1.03 * end.tan()).powi(-2));
+                for (i, row) in m.iter_mut().enumerate() {
+                    for (j, v) in row.iter_mut().enumerate() {
+                        *v = r[i] * r[j] - e[0][i] * e[0][j] * inverse[0] - e[1][i] * e[1][j] * inverse[1];
+                    }
+                }
+            }
+            let all = (-1.0, 1.0);
+            let extent = if m[1][1] < 0.0 {
+                let a = m[1][2] * m[1][2] - m[1][1] * m[2][2];
+                let b = m[0][1] * m[1][2] - m[1][1] * m[0][2];
+                interval(a, b, m[0][1] * m[0][1] - m[1][1] * m[0][0], all)
+            } else {
+                Some(all)
+            };
+            let Some((low, high)) = extent else { continue };
+            // Rows run downward.
+            for j in cells((-high, -low), n) {
+                let y = 1.0 - (2.0 * f64::from(j) + 1.0) / f64::from(n);
+                let (b, c) = (m[0][1] + m[1][2] * y, m[0][0] + (2.0 * m[0][2] + m[2][2] * y) * y);
+                let Some(columns) = interval(if narrow { m[1][1] } else { 1.0 }, b, c, all) else { continue };
+                let start = f.forward + f.up * y as f32;
+                for i in cells(columns, n) {
+                    let x = (2.0 * f64::from(i) + 1.0) / f64::from(n) - 1.0;
+                    let d = start + f.right * x as f32;
+                    let inverse = d.length_recip();
+                    let weight = lobe.weight(d * inverse);
+                    if weight > 0.0 {
+                        let value = self.face_texel(level, face, i as u32, j as u32);
+                        total.add(value, weight * inverse * inverse * inverse);
+                    }
+                }
+            }
+        }
+        total.mean()
+    }
+
+    /// Mean of a level of a panorama, in whose frame (x to the centre of the picture, y to the right of it, z to its upper
+    /// edge) the lobe is; `None` when no texel's centre has weight.
+    pub(crate) fn latlong_mean(&mut self, level: usize, lobe: &Lobe) -> Option<[f32; 4]> {
+        let (width, height) = (self.level(level).width, self.level(level).height);
+        let r = lobe.centre.as_dvec3();
+        let around = r.x.hypot(r.y);
+        let (polar, azimuth) = (around.atan2(r.z), r.y.atan2(r.x));
+        let end = lobe.ends[0];
+        let per_row = PI / f64::from(height);
+        let per_column = TAU / f64::from(width);
+        let outline = Outline::new(lobe, polar);
+        let row_of = |angle: f64| angle / per_row - 0.5;
+        let (first, last) =
+            (row_of(polar - end).ceil().max(0.0), row_of(polar + end).floor().min(f64::from(height) - 1.0));
+        let (step_sin, step_cos) = per_column.sin_cos();
+        let mut total = Total::default();
+        for j in first as i32..=last as i32 {
+            let angle = (f64::from(j) + 0.5) * per_row;
+            let (sin, cos) = angle.sin_cos();
+            let Some(half) = outline.half_circle(sin, cos, r.z, around) else { continue };
+            let (from, to) = outline.columns(polar - angle, sin, half);
+            // The middle of column i is at azimuth (i + 1/2) per_column - pi.
+            let column = |v: f64| (v + azimuth + PI) / per_column - 0.5;
+            let (i, end) = (column(from).ceil(), column(to).floor());
+            let count = ((end - i) as i64 + 1).clamp(0, i64::from(width));
+            let (mut y, mut x) = ((i + 0.5) * per_column - PI).sin_cos();
+            for k in 0..count {
+                let d = Vec3::new((x * sin) as f32, (y * sin) as f32, cos as f32);
+                let weight = lobe.weight(d);
+                if weight > 0.0 {
+                    let column = (i as i64 + k).rem_euclid(i64::from(width)) as u32;
+                    total.add(self.texel(level, column, j as u32), weight * sin as f32);
+                }
+                (x, y) = (x * step_cos - y * step_sin, y * step_cos + x * step_sin);
+            }
+        }
+        total.mean()
+    }
+}
+
+/// What of the rows of a panorama a footprint may cover: the cap around all of it and, where that is less, the ellipse as
+/// it would lie on a plane, made wider by as much as rows are bent.
+struct Outline {
+    cos_end: f64,
+    /// Squared half widths, east and north, made wider.
+    xx: f64,
+    xy: f64,
+    yy: f64,
+}
+
+impl Outline {
+    fn new(lobe: &Lobe, polar: f64) -> Self {
+        let end = lobe.ends[0];
+        let least = (polar - end).min(PI - polar - end).max(0.0).sin().max(1e-9);
+        // North of a place is off by this much from the difference of polar angles.
+        let bent = polar.cos().abs() * end * end / (2.0 * least) + end * end * end;
+        let half = 0.5 * f64::from(CUT) * 1.03;
+        let s = lobe.spread;
+        let short = s.ellipse().b * half;
+        let more = (short + bent).powi(2) - short * short;
+        let squared = half * half;
+        let cos_end = if end >= 2.0 * FRAC_PI_2 { -1.0 } else { end.cos() };
+        Self { cos_end, xx: s.xx * squared + more, xy: s.xy * squared, yy: s.yy * squared + more }
+    }
+
+    /// Half the azimuths of the row of this polar angle that lie in the cap; `None` for none.
+    fn half_circle(&self, sin: f64, cos: f64, centre_cos: f64, centre_sin: f64) -> Option<f64> {
+        let (rest, most) = (self.cos_end - cos * centre_cos, sin * centre_sin);
+        match () {
+            () if rest <= -most => Some(PI),
+            () if rest > most => None,
+            () => Some((rest / most).acos()),
+        }
+    }
+
+    /// From where to where, in azimuth from the centre, of a row `north` of it.
+    fn columns(&self, north: f64, sin: f64, half: f64) -> (f64, f64) {
+        let (middle, squared) = (
+            self.xy / self.yy * north,
+            (self.xx - self.xy * self.xy / self.yy) * (1.0 - north * north / self.yy),
+        );
+        let reach = squared.max(0.0).sqrt();
+        let most = reach + middle.abs();
+        if !most.is_finite() || most > half * sin || most > 0.8 * sin {
+            return (-half, half);
+        }
+        // An arc is longer than its chord; where it is much longer, the cap is as good.
+        let longer = |v: f64| v / sin * (1.0 + 0.5 * v * v / (sin * sin));
+        ((longer(middle - reach)).max(-half), (longer(middle + reach)).min(half))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn intervals() {
+        assert_eq!(interval(-1.0, 0.0, 0.25, (-1.0, 1.0)), Some((-0.5, 0.5)));
+        assert_eq!(interval(-1.0, 0.0, -0.25, (-1.0, 1.0)), None);
+        assert_eq!(interval(-1.0, 2.0, 0.0, (-1.0, 1.0)), Some((0.0, 1.0)));
+        assert_eq!(interval(-1.0, 5.0, -20.0, (-1.0, 1.0)), None);
+        assert_eq!(interval(1.0, 0.0, 0.0, (-1.0, 1.0)), Some((-1.0, 1.0)));
+        assert_eq!(cells((-1.0, 1.0), 4), 0..=3);
+        assert_eq!(cells((-0.3, 0.3), 4), 1..=2);
+        assert!(cells((0.3, 0.7), 4).is_empty());
+    }
+}
