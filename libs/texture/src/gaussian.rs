@@ -132,14 +132,14 @@ impl Sampler<'_> {
 
     #[inline]
     fn mean_of(&self, sums: &Sums) -> Option<[f32; 4]> {
-        sums.mean().map(|raw| raw.map(|v| self.file.from_raw(v)))
+        sums.mean().map(|raw| raw.map(|v| self.file.number(v)))
     }
 }
 
 impl TextureFile {
     /// A stored number as what lookups give.
     #[inline]
-    pub(crate) fn from_raw(&self, raw: f32) -> f32 {
+    pub(crate) fn number(&self, raw: f32) -> f32 {
         crate::tiles::from_raw(self.pixel_type, raw)
     }
 }

@@ -269,7 +269,7 @@ fn exp2<S: Simd>(simd: S, x: S::F) -> S::F {
     let f = simd.sub(x, simd.sub(rounded, round));
     // 2^f in [-0.5, 0.5], by least squares at Chebyshev's points.
     let mut p = simd.splat(1.321_87e-3);
-    for c in [9.671_7e-3, 5.550_893e-2, 0.240_222_38, 0.693_146_86, 1.0] {
+    for c in [9.671_7e-3, 5.550_893e-2, 0.240_222_38, 0.693_146_9, 1.0] {
         p = simd.add(simd.mul(p, f), simd.splat(c));
     }
     simd.mul(p, simd.power(rounded))
@@ -446,8 +446,8 @@ impl Sums {
         let mut weights = Weights::of(Portable, row, self.bend);
         weights.prepare();
         let weight = weights.lowered()[row.lane];
-        for c in 0..4 {
-            self.above[c][row.lane] += weight * (value[c] - self.base[c]);
+        for ((above, value), base) in self.above.iter_mut().zip(value).zip(self.base) {
+            above[row.lane] += weight * (value - base);
         }
         self.weight[row.lane] += weight;
         row.lane += 1;

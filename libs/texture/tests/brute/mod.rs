@@ -1,5 +1,5 @@
 //! Texture filtering by brute force, for tests and benches.
-#![allow(dead_code, unreachable_pub, reason = "each user takes its part")]
+#![allow(dead_code, unreachable_pub, clippy::unwrap_used, reason = "each user takes its part; a test")]
 
 use granita_base::hash;
 use granita_texture::{Lookup, TextureCache};
