@@ -257,6 +257,10 @@ impl Net for Mesh {
         let vertices = self.facets[part].corners.iter().map(|&c| self.verts[c as usize] as usize);
         Some(Bound::around(vertices.map(|v| self.control.position(v, key))))
     }
+    fn facet(&self, part: usize, key: usize) -> Option<[Vec3; 4]> {
+        let corners = self.facets.get(part)?.corners;
+        Some(LATTICE.map(|i| self.control.position(self.verts[corners[i] as usize] as usize, key)))
+    }
     fn dices_over(&self) -> bool {
         false
     }

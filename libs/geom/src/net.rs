@@ -38,6 +38,10 @@ pub(crate) trait Net: Send + Sync {
     fn face(&self, part: usize) -> u32;
     /// Box around a whole part at a motion key, where it is cheaper than from its Bezier vertices.
     fn part_bound(&self, part: usize, key: usize) -> Option<Bound>;
+    /// Corners of a flat part at a motion key; `None` for parts that are not flat faces.
+    fn facet(&self, _part: usize, _key: usize) -> Option<[Vec3; 4]> {
+        None
+    }
     /// Trim curves.
     fn trim(&self) -> Option<&Trim> {
         None
@@ -573,6 +577,25 @@ impl Surface for NetPiece {
         let values = self.block(places, key * dim..(key + 1) * dim, None);
         out.clear();
         out.extend(values.chunks_exact(dim).map(|v| position(v, 3)));
+    }
+
+    fn facets(&self) -> usize {
+        let flat = self.net.facet(self.part(), 0).is_some();
+        let whole = self.range.iter().all(|r| *r == Range::whole(1));
+        if flat && whole { self.parts.len() } else { 0 }
+    }
+
+    fn facet(&self, facet: usize, key: usize) -> [Vec3; 4] {
+        let part = self.parts.start + facet;
+        let known = self.net.facet(part, key.min(self.bounds.len() - 1)).filter(|_| part < self.parts.end);
+        known.unwrap_or([Vec3::ZERO; 4])
+    }
+
+    fn facet_piece(&self, facet: usize) -> Option<Piece> {
+        let part = self.parts.start + facet;
+        (facet < self.facets()).then(|| -> Piece {
+            Box::new(Self::new(self.net.clone(), part..part + 1, None, Settled::default()))
+        })
     }
 
     fn domain(&self) -> [f32; 4] {

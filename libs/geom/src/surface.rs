@@ -102,6 +102,25 @@ pub trait Surface: Send + Sync {
     /// the piece. A piece that must be split dices its first part only.
     fn dice(&self, nu: usize, nv: usize) -> Dice;
 
+    /// How many facets the piece spans: quadrilaterals, or triangles of which two corners are the same, of a mesh of flat
+    /// faces. 0 for other primitives.
+    fn facets(&self) -> usize {
+        0
+    }
+
+    /// Positions of the corners (0,0), (1,0), (0,1) and (1,1) of a facet at motion key `key`: to the bit what dicing it
+    /// gives. Zeros for a facet that does not exist.
+    fn facet(&self, facet: usize, key: usize) -> [Vec3; 4] {
+        let _ = (facet, key);
+        [Vec3::ZERO; 4]
+    }
+
+    /// A facet as a piece of its own; `None` for one that does not exist.
+    fn facet_piece(&self, facet: usize) -> Option<Piece> {
+        let _ = facet;
+        None
+    }
+
     /// Whether the piece turns towards the viewer ([`Dice::turn`]).
     fn is_facing(&self) -> bool {
         false

@@ -464,3 +464,39 @@ proptest! {
         prop_assert!((area - whole).abs() < 1e-3 * whole.abs(), "{} {}", area, whole);
     }
 }
+
+#[test]
+fn facets_of_flat_meshes_are_what_dicing_gives() {
+    // A quadrilateral, a triangle, a concave face and one of five corners.
+    let p: Vec<f32> = (0..17_u32)
+        .flat_map(|i| {
+            let corner = |n: u32, k: u32, dent: bool| {
+                let t = k as f32 / n as f32 * std::f32::consts::TAU;
+                let r = if dent && k == 1 { 0.1 } else { 1.0 };
+                [r * t.cos() + 3.0 * n as f32, r * t.sin(), 0.1 * k as f32]
+            };
+            match i {
+                0..4 => corner(4, i, false),
+                4..7 => corner(3, i - 4, false),
+                7..11 => corner(4, i - 7, true),
+                _ => corner(5, (i - 11).min(4), false),
+            }
+        })
+        .collect();
+    let params = params(&[("vertex point P", &p[..])]);
+    let nverts = [4, 3, 4, 5];
+    let shape = ShapeDesc::Mesh { subdivide: false, nverts: nverts.into(), verts: (0..16).collect() };
+    let keys = [granita_geom::ShapeKey { time: 0.0, params: &params }];
+    let pieces = granita_geom::build(&shape, &keys, None, &mut |_, _| {}).unwrap();
+    let n = pieces[0].facets();
+    assert_eq!(n, 1 + 1 + 2 + 3);
+    for k in 0..n {
+        let piece = pieces[0].facet_piece(k).unwrap();
+        assert_eq!(piece.facets(), 1);
+        assert_eq!(piece.dice(2, 2).p[0], pieces[0].facet(k, 0));
+    }
+    assert!(pieces[0].facet_piece(n).is_none());
+    let ball = ShapeDesc::Sphere { radius: 1.0, zmin: -1.0, zmax: 1.0, thetamax_deg: 360.0 };
+    let none = granita_geom::build(&ball, &keys, None, &mut |_, _| {}).unwrap();
+    assert_eq!(none[0].facets(), 0);
+}

@@ -6,7 +6,7 @@
 //! of threads.
 
 use crate::layout::{Box3, Link, Node};
-use crate::simd::{NARROW, WIDE};
+use crate::simd::{self, NARROW, WIDE};
 use std::sync::Mutex;
 use std::sync::PoisonError;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -78,6 +78,8 @@ pub(crate) fn build(items: &mut [Item], threads: usize) -> Topology {
         return out;
     }
     let all = Range::around(items, 0);
+    // Room for more nodes than there will be: what is not written to takes no memory.
+    out.nodes = simd::with_large_pages(items.len() / NARROW + 1);
     subtree(items, all, 0, threads, &mut out);
     out
 }

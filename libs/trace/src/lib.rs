@@ -13,6 +13,9 @@
 //! - **Any scale**: coordinates are scaled by a power of two; nothing depends on absolute sizes.
 //! - Rays with NaN anywhere, or with a zero direction, miss.
 //!
+//! - **In parts as whole**: tracers made [`TracerBuilder::within`] one bound answer as a single one of all their meshes
+//!   would. A [`BoxTree`] says which of them a ray passes.
+//!
 //! # Deliberately absent
 //!
 //! Shading, transparency and materials: see [`Tracer::closest_where`] for the hook.
@@ -36,6 +39,7 @@
 //! ```
 #![deny(unsafe_code)]
 
+mod boxes;
 mod build;
 mod layout;
 mod mesh;
@@ -50,6 +54,7 @@ mod tracer;
 #[cfg(test)]
 mod tests;
 
+pub use boxes::{BoxTree, Passage};
 pub use mesh::{MeshId, TriangleMesh};
 pub use ray::{Hit, Ray};
-pub use tracer::{Tracer, TracerBuilder};
+pub use tracer::{Tracer, TracerBuilder, Triangles};

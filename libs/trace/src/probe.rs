@@ -16,7 +16,7 @@
 use crate::Ray;
 use crate::layout::{Block, Box3, Node};
 use crate::simd::{NARROW, Simd, WIDE};
-use granita_base::Vec3;
+use granita_base::{Bound, Vec3};
 
 /// Origins farther away than this, in sizes of the scene, are moved towards it.
 const FAR: f32 = 4.0;
@@ -34,6 +34,17 @@ impl Scale {
     /// For coordinates up to `size`.
     pub(crate) fn new(size: f32) -> Self {
         Self { factor: if size > 0.0 { power_of_two(-exponent(size) - 1) } else { 1.0 } }
+    }
+
+    /// For what is within `bound`, which may be empty.
+    pub(crate) fn of(bound: &Bound) -> Self {
+        let size = bound.min.abs().max(bound.max.abs()).max_element();
+        Self::new(if bound.is_empty() { 0.0 } else { size })
+    }
+
+    /// A box of the scene.
+    pub(crate) fn bounds(&self, bound: &Bound) -> Box3 {
+        Box3 { lo: self.point(bound.min).to_array(), hi: self.point(bound.max).to_array() }
     }
 
     /// A place of the scene.
@@ -147,8 +158,13 @@ impl Probe {
         ((f64::from(t) + self.advance) / self.unit) as f32
     }
 
+    /// A distance in the units of the tree.
+    pub(crate) fn within(&self, t: f32) -> f32 {
+        (f64::from(t) * self.unit - self.advance) as f32
+    }
+
     /// Where the line of the ray enters and leaves a box. As for nodes, operation by operation.
-    fn through(&self, bounds: &Box3) -> (f32, f32) {
+    pub(crate) fn through(&self, bounds: &Box3) -> (f32, f32) {
         let (mut near, mut far) = (f32::NEG_INFINITY, f32::INFINITY);
         for a in 0..3 {
             let (first, second) = if self.near_row[a] & 1 == 0 {

@@ -228,3 +228,110 @@ fn trees_of_items_that_nothing_tells_apart_are_shallow() {
         }
     }
 }
+
+/// A closed, bumpy ball of `n` by `2 n` squares, each of two triangles; slivers at the poles.
+fn ball(n: u32) -> TriangleMesh {
+    let mut positions = Vec::new();
+    for j in 0..=n {
+        for i in 0..2 * n {
+            let (t, f) = (i as f32 / n as f32, j as f32 / n as f32);
+            let (t, f) = (t * std::f32::consts::PI, f * std::f32::consts::PI);
+            let pole = j == 0 || j == n;
+            let p = if pole {
+                Vec3::Z * f.cos().round()
+            } else {
+                Vec3::new(t.cos() * f.sin(), t.sin() * f.sin(), f.cos())
+            };
+            let bump = if pole { 0.0 } else { 0.3 * random(7, j * 1000 + i) };
+            positions.push(p * (1.0 + bump) + Vec3::new(0.1, -0.2, 0.3));
+        }
+    }
+    let at = |i: u32, j: u32| j * 2 * n + i % (2 * n);
+    let squares = (0..n).flat_map(|j| (0..2 * n).map(move |i| (i, j)));
+    let triangles = squares.flat_map(|(i, j)| {
+        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)];
+        [[a, b, c], [d, c, b]]
+    });
+    let triangles = triangles.collect();
+    TriangleMesh { times: vec![0.0], positions: vec![positions], triangles }
+}
+
+/// Rays from inside of the ball through its vertices and places on its edges, near and far.
+fn rays_at_edges(mesh: &TriangleMesh, count: u32) -> Vec<Ray> {
+    let p = &mesh.positions[0];
+    let ray = |i: u32| {
+        let t = mesh.triangles[(hash::words(&[i, 1]) as usize) % mesh.triangles.len()];
+        let corner = |k: u32| p[t[(k % 3) as usize] as usize];
+        let (a, b) = (corner(hash::words(&[i, 2])), corner(hash::words(&[i, 2]) + 1));
+        let part = [0.0, 0.5, 0.25, hash::unit(hash::words(&[i, 3]))][(i % 4) as usize];
+        let target = a + (b - a) * part;
+        let origin = random_point(5, i) * 0.3 + Vec3::new(0.1, -0.2, 0.3);
+        let dir = (target - origin) * [1.0, 1e-5, 3e7][(i % 3) as usize];
+        Ray { origin, tmin: 0.0, dir, tmax: f32::INFINITY, time: 0.0 }
+    };
+    (0..count).map(ray).collect()
+}
+
+#[test]
+fn nothing_passes_between_triangles_that_share_an_edge() {
+    let mesh = ball(40);
+    let rays = rays_at_edges(&mesh, 300_000);
+    let whole = {
+        let mut builder = TracerBuilder::new();
+        builder.add(mesh.clone());
+        builder.build(1)
+    };
+    let mut hits = vec![Hit::MISS; rays.len()];
+    whole.closest(&rays, &mut hits);
+    assert_eq!(hits.iter().position(|h| !h.is_hit()), None);
+    // Nor between those of different tracers within one bound, which answer as the whole does.
+    let parts: Vec<Tracer> = (0..7)
+        .map(|k| {
+            let mut builder = TracerBuilder::within(whole.bound());
+            let own = mesh.triangles.iter().enumerate().filter(|(t, _)| t % 7 == k).map(|(_, t)| *t);
+            builder.add(TriangleMesh { triangles: own.collect(), ..mesh.clone() });
+            builder.build(1)
+        })
+        .collect();
+    for (ray, hit) in rays.iter().zip(&hits).take(100_000) {
+        let mut best = Hit::MISS;
+        for (k, part) in parts.iter().enumerate() {
+            let mut found = [Hit::MISS];
+            part.closest(std::slice::from_ref(ray), &mut found);
+            let [mut found] = found;
+            found.triangle = found.triangle.wrapping_mul(7).wrapping_add(k as u32);
+            if found.is_hit() && (found.t, found.triangle) < (best.t, best.triangle) {
+                best = found;
+            }
+        }
+        assert_eq!(best, *hit);
+    }
+}
+
+#[test]
+fn triangles_that_lie_elsewhere_are_met_as_others() {
+    struct Lent<'a>(&'a TriangleMesh);
+    impl crate::Triangles for Lent<'_> {
+        fn count(&self) -> usize {
+            self.0.triangles.len()
+        }
+        fn triangle(&self, t: usize) -> Option<[Vec3; 3]> {
+            Some(self.0.triangles[t].map(|v| self.0.positions[0][v as usize]))
+        }
+    }
+    let mut mesh = ball(20);
+    mesh.positions[0][55].x = f32::NAN;
+    let rays = rays_at_edges(&mesh, 5000);
+    let trace = |builder: TracerBuilder<'_>| {
+        let mut hits = vec![Hit::MISS; rays.len()];
+        builder.build(2).closest(&rays, &mut hits);
+        hits
+    };
+    let lent = Lent(&mesh);
+    let (mut own, mut other) = (TracerBuilder::new(), TracerBuilder::new());
+    own.add(mesh.clone());
+    own.add(ball(3));
+    other.add_triangles(&lent);
+    other.add(ball(3));
+    assert_eq!(trace(own), trace(other));
+}

@@ -13,17 +13,52 @@ use granita_base::{Bound, Vec3};
 /// Triangles of all meshes of a tracer at most.
 const MAX_TRIANGLES: usize = 1 << 30;
 
-/// Collects meshes.
-#[derive(Debug, Default)]
-pub struct TracerBuilder {
-    meshes: Vec<TriangleMesh>,
-    triangles: usize,
+/// Triangles that stand still and lie elsewhere: nothing of them is copied before the tree is built.
+pub trait Triangles: Sync {
+    /// How many there are.
+    fn count(&self) -> usize;
+
+    /// The vertices of one; `None` for one that is never hit.
+    fn triangle(&self, triangle: usize) -> Option<[Vec3; 3]>;
 }
 
-impl TracerBuilder {
+/// Collects meshes.
+#[derive(Default)]
+pub struct TracerBuilder<'a> {
+    meshes: Vec<TriangleMesh>,
+    /// By mesh: where its triangles are when they are not in it.
+    elsewhere: Vec<Option<&'a dyn Triangles>>,
+    triangles: usize,
+    within: Option<Bound>,
+}
+
+impl<'a> TracerBuilder<'a> {
     /// No meshes.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// No meshes, of a tracer that is one of several within `bound`: what is hit, and where, does not depend on which of
+    /// them a triangle is in, and no ray passes between triangles that share an edge and are in different ones.
+    pub fn within(bound: Bound) -> Self {
+        Self { within: Some(bound), ..Self::default() }
+    }
+
+    /// Adds triangles that stand still; as [`TracerBuilder::add`]. Vertices that are not finite are never hit.
+    ///
+    /// # Panics
+    ///
+    /// With more than 2^30 triangles in all.
+    pub fn add_triangles(&mut self, triangles: &'a dyn Triangles) -> MeshId {
+        let id = self.add(TriangleMesh::default());
+        self.count(triangles.count());
+        self.elsewhere[id.0 as usize] = Some(triangles);
+        id
+    }
+
+    fn count(&mut self, more: usize) {
+        self.triangles += more;
+        assert!(self.triangles <= MAX_TRIANGLES && self.meshes.len() < MAX_TRIANGLES, "too many triangles");
     }
 
     /// Adds a mesh. Triangles with vertex indices out of range, or with vertices that are not finite, are never hit;
@@ -33,9 +68,9 @@ impl TracerBuilder {
     ///
     /// With more than 2^30 triangles in all.
     pub fn add(&mut self, mesh: TriangleMesh) -> MeshId {
-        self.triangles += mesh.triangles.len();
-        assert!(self.triangles <= MAX_TRIANGLES && self.meshes.len() < MAX_TRIANGLES, "too many triangles");
+        self.count(mesh.triangles.len());
         self.meshes.push(mesh);
+        self.elsewhere.push(None);
         MeshId(self.meshes.len() as u32 - 1)
     }
 
@@ -45,8 +80,14 @@ impl TracerBuilder {
         let mut bound = Bound::EMPTY;
         let mut first = Vec::with_capacity(self.meshes.len());
         let mut count = 0;
-        for mesh in &mut self.meshes {
+        for (mesh, elsewhere) in self.meshes.iter_mut().zip(&self.elsewhere) {
             first.push(count);
+            if let Some(triangles) = elsewhere {
+                count += triangles.count() as u32;
+                let all = (0..triangles.count()).filter_map(|t| corners_elsewhere(*triangles, t));
+                bound = all.flatten().fold(bound, |b, p| b.with(p));
+                continue;
+            }
             count += mesh.triangles.len() as u32;
             if !mesh.is_usable() {
                 *mesh = TriangleMesh::default();
@@ -57,15 +98,15 @@ impl TracerBuilder {
                 }
             }
         }
-        let size = bound.min.abs().max(bound.max.abs()).max_element();
-        let scale = Scale::new(if bound.is_empty() { 0.0 } else { size });
-        let still = StillTree::new(&self.meshes, &first, scale, threads);
+        let all = self.within.map_or(bound, |b| b.union(bound));
+        let (scale, bounds) = (Scale::of(&all), all);
+        let still = StillTree::new(&self.meshes, &self.elsewhere, &first, scale, threads);
         // Only what moves is looked up again.
         for mesh in self.meshes.iter_mut().filter(|m| m.times.len() < 2) {
             *mesh = TriangleMesh::default();
         }
         let moving = MovingTree::new(self.meshes, &first, scale, threads);
-        let bounds = Box3 { lo: scale.point(bound.min).to_array(), hi: scale.point(bound.max).to_array() };
+        let bounds = scale.bounds(&bounds);
         let sorter = Sorter::new(&Box3 { lo: bound.min.to_array(), hi: bound.max.to_array() });
         Tracer { bound, sorter, scene: Scene { still, moving, first, scale, bounds } }
     }
@@ -154,6 +195,11 @@ impl Tracer {
     }
 }
 
+/// The vertices of a triangle that lies elsewhere, if it can be hit.
+fn corners_elsewhere(triangles: &dyn Triangles, t: usize) -> Option<[Vec3; 3]> {
+    triangles.triangle(t).filter(|v| v.iter().all(|p| p.is_finite()))
+}
+
 /// The tree of all that stands still.
 #[derive(Debug, Default)]
 pub(crate) struct StillTree {
@@ -162,29 +208,39 @@ pub(crate) struct StillTree {
 }
 
 impl StillTree {
-    fn new(meshes: &[TriangleMesh], first: &[u32], scale: Scale, threads: usize) -> Self {
-        let still = || meshes.iter().enumerate().filter(|(_, m)| m.times.len() == 1);
+    fn new(
+        meshes: &[TriangleMesh],
+        elsewhere: &[Option<&dyn Triangles>],
+        first: &[u32],
+        scale: Scale,
+        threads: usize,
+    ) -> Self {
+        let count = |mesh: usize| match elsewhere[mesh] {
+            Some(triangles) => triangles.count(),
+            None if meshes[mesh].times.len() == 1 => meshes[mesh].triangles.len(),
+            None => 0,
+        };
         let corners = |mesh: usize, t: usize| -> Option<[Vec3; 3]> {
+            if let Some(triangles) = elsewhere[mesh] {
+                return corners_elsewhere(triangles, t).map(|v| v.map(|p| scale.point(p)));
+            }
+            meshes[mesh].triangle_bound(t)?;
             let [a, b, c] = meshes[mesh].triangles[t].map(|v| meshes[mesh].positions[0].get(v as usize));
             Some([*a?, *b?, *c?].map(|p| scale.point(p)))
         };
-        let mut items = Vec::with_capacity(still().map(|(_, m)| m.triangles.len()).sum());
-        for (m, mesh) in still() {
-            for t in 0..mesh.triangles.len() {
-                if mesh.triangle_bound(t).is_some()
-                    && let Some(vertices) = corners(m, t)
-                {
+        let mut items = Vec::with_capacity((0..meshes.len()).map(count).sum());
+        for m in 0..meshes.len() {
+            for t in 0..count(m) {
+                if let Some(vertices) = corners(m, t) {
                     items.push(Item::new(first[m] + t as u32, &Box3::around(&vertices)));
                 }
             }
         }
-        let Topology { nodes: made, blocks: spans } = build::build(&mut items, threads);
+        let Topology { mut nodes, blocks: spans } = build::build(&mut items, threads);
+        nodes.shrink_to_fit();
         // The boxes are not needed any more, and the blocks are about to take their room.
         let ids: Vec<u32> = items.iter().map(Item::id).collect();
         drop(items);
-        let mut nodes = simd::with_large_pages(made.len());
-        nodes.extend_from_slice(&made);
-        drop(made);
         let mut blocks = simd::with_large_pages(spans.len());
         blocks.resize(spans.len(), Block::EMPTY);
         let part = spans.len().div_ceil(threads.max(1)).max(1);
