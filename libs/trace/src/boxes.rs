@@ -1,0 +1,196 @@
+//! A tree over boxes: which parts of a scene a ray passes.
+
+use crate::Ray;
+use crate::build::{self, Item, LEVELS, Span, Topology};
+use crate::layout::{Box3, Link, Node};
+use crate::probe::{Probe, Scale, Wide, still_plane};
+use crate::simd::{Portable, WIDE};
+use granita_base::Bound;
+
+/// Boxes around parts of a scene, to be asked which of them a ray passes.
+#[derive(Debug)]
+pub struct BoxTree {
+    nodes: Vec<Node>,
+    spans: Vec<Span>,
+    /// In the order of the leaves.
+    boxes: Vec<(u32, Box3)>,
+    scale: Scale,
+    bounds: Box3,
+    bound: Bound,
+}
+
+/// A box that a ray passes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Passage {
+    /// Which one.
+    pub index: u32,
+    /// Where the ray comes in, or starts, in units of its direction; never behind anything in the box that it hits.
+    pub enters: f32,
+}
+
+impl BoxTree {
+    /// A tree over `boxes`; those that are empty or not finite are never passed.
+    pub fn new(boxes: &[Bound]) -> Self {
+        let there = |b: &Bound| !b.is_empty() && b.is_finite();
+        let bound = boxes.iter().filter(|b| there(b)).fold(Bound::EMPTY, |all, b| all.union(*b));
+        let scale = Scale::of(&bound);
+        let mut items: Vec<Item> = boxes
+            .iter()
+            .enumerate()
+            .filter(|(_, b)| there(b))
+            .map(|(i, b)| Item::new(i as u32, &scale.bounds(b)))
+            .collect();
+        let Topology { mut nodes, blocks } = build::build(&mut items, 1);
+        nodes.shrink_to_fit();
+        let boxes = items.iter().map(|i| (i.id(), scale.bounds(&boxes[i.id() as usize]))).collect();
+        Self { nodes, spans: blocks, boxes, scale, bounds: scale.bounds(&bound), bound }
+    }
+
+    /// Box around all boxes.
+    pub fn bound(&self) -> Bound {
+        self.bound
+    }
+
+    /// Bytes of memory that it takes.
+    pub fn bytes(&self) -> usize {
+        self.nodes.capacity() * size_of::<Node>()
+            + self.spans.capacity() * size_of::<Span>()
+            + self.boxes.capacity() * size_of::<(u32, Box3)>()
+    }
+
+    /// Tells `passed` of the boxes that the ray passes, those whose insides it may hit first mostly first. `passed`
+    /// answers how far the ray goes from then on: boxes beyond are left out. A negative answer ends it.
+    pub fn visit(&self, ray: &Ray, passed: &mut dyn FnMut(Passage) -> f32) {
+        let Some(probe) = Probe::new(ray, self.scale, &self.bounds).filter(|_| !self.nodes.is_empty()) else {
+            return;
+        };
+        let s = Portable;
+        let wide = Wide::new(s, &probe);
+        let mut tmax = probe.tmax;
+        let mut stack = Vec::with_capacity(LEVELS * WIDE);
+        let mut inside: Vec<(f32, u32)> = Vec::new();
+        stack.push((f32::NEG_INFINITY, Link::node(0)));
+        while let Some((near, link)) = stack.pop() {
+            if near > tmax {
+                continue;
+            }
+            if !link.is_leaf() {
+                let node = &self.nodes[link.0 as usize];
+                let (mask, near) = wide.enter(s, still_plane(s, node), tmax);
+                let first = stack.len();
+                let met = node.children().filter(|(slot, _)| mask >> slot & 1 != 0);
+                stack.extend(met.map(|(slot, link)| (near[slot], link)));
+                stack[first..].sort_by(|a, b| b.0.total_cmp(&a.0));
+                continue;
+            }
+            inside.clear();
+            for span in &self.spans[link.blocks()] {
+                for (index, b) in &self.boxes[span.first as usize..][..span.count as usize] {
+                    let (near, far) = probe.through(b);
+                    if near <= far && probe.tmin <= far && near <= tmax {
+                        inside.push((near, *index));
+                    }
+                }
+            }
+            inside.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            for &(near, index) in &inside {
+                if near > tmax {
+                    break;
+                }
+                let enters = probe.distance(near.max(probe.tmin)).max(ray.tmin);
+                let reach = passed(Passage { index, enters });
+                if reach < 0.0 {
+                    return;
+                }
+                tmax = tmax.min(probe.within(reach));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use granita_base::{Vec3, hash};
+
+    fn random(i: u32, d: u32) -> f32 {
+        hash::unit(hash::words(&[i, d]))
+    }
+
+    fn point(i: u32, d: u32) -> Vec3 {
+        Vec3::new(random(i, d), random(i, d + 1), random(i, d + 2))
+    }
+
+    #[test]
+    fn finds_the_boxes_that_a_test_of_all_finds() {
+        let boxes: Vec<Bound> = (0..300)
+            .map(|i| {
+                let (a, size) = (point(i, 0) * 10.0, point(i, 3) * point(i, 3));
+                if i % 50 == 7 { Bound::EMPTY } else { Bound { min: a, max: a + size } }
+            })
+            .collect();
+        let tree = BoxTree::new(&boxes);
+        let mut found = 0;
+        for i in 0..2000 {
+            let (origin, to) = (point(i, 10) * 20.0 - 5.0, point(i, 13) * 10.0);
+            let dir = if i % 9 == 0 { Vec3::X } else { to - origin };
+            let ray = Ray { origin, tmin: 0.0, dir, tmax: f32::INFINITY, time: 0.0 };
+            let mut passed = vec![None; boxes.len()];
+            tree.visit(&ray, &mut |p| {
+                assert_eq!(passed[p.index as usize], None);
+                passed[p.index as usize] = Some(p.enters);
+                f32::INFINITY
+            });
+            for (b, passed) in boxes.iter().zip(&passed) {
+                let a = (b.min - origin) / dir;
+                let c = (b.max - origin) / dir;
+                let near = a.min(c).max_element().max(0.0);
+                let far = a.max(c).min_element();
+                let sure = 1e-4 * (1.0 + near.abs());
+                if near.is_nan() || far.is_nan() || (far - near).abs() < sure || b.is_empty() {
+                    continue;
+                }
+                assert_eq!(near <= far, passed.is_some(), "{b:?} {ray:?}");
+                if let Some(enters) = passed {
+                    assert!((enters - near).abs() < sure && *enters <= near + 1e-6 * near.abs().max(1.0));
+                    found += 1;
+                }
+            }
+        }
+        assert!(found > 500, "{found}");
+    }
+
+    #[test]
+    fn what_is_beyond_the_answer_is_left_out() {
+        let boxes: Vec<Bound> = (0..100)
+            .map(|i| Bound { min: Vec3::new(i as f32, 0.0, 0.0), max: Vec3::new(i as f32 + 0.5, 1.0, 1.0) })
+            .collect();
+        let tree = BoxTree::new(&boxes);
+        let ray = Ray {
+            origin: Vec3::new(-3.0, 0.5, 0.5),
+            tmin: 0.0,
+            dir: Vec3::X * 2.0,
+            tmax: f32::INFINITY,
+            time: 0.0,
+        };
+        let ask = |answer: &dyn Fn(Passage) -> f32| {
+            let mut seen = Vec::new();
+            tree.visit(&ray, &mut |p| {
+                seen.push(p.index);
+                answer(p)
+            });
+            seen.sort_unstable();
+            seen
+        };
+        assert_eq!(ask(&|_| f32::INFINITY).len(), 100);
+        // To x = 7: boxes 0 to 7, and what was told before the answer.
+        let some = ask(&|_| 5.0);
+        assert!(
+            some.iter().filter(|i| **i > 7).count() <= 1 && (0..7).all(|i| some.contains(&i)),
+            "{some:?}"
+        );
+        assert_eq!(ask(&|_| -1.0).len(), 1);
+        let nothing = BoxTree::new(&[]);
+        nothing.visit(&ray, &mut |_| panic!("nothing is passed"));
+    }
+}
