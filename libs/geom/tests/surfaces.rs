@@ -472,7 +472,7 @@ fn facets_of_flat_meshes_are_what_dicing_gives() {
         .flat_map(|i| {
             let corner = |n: u32, k: u32, dent: bool| {
                 let t = k as f32 / n as f32 * std::f32::consts::TAU;
-                let r = if dent && k == 1 { 0.1 } else { 1.0 };
+                let r = if dent && k == 1 { -0.5 } else { 1.0 };
                 [r * t.cos() + 3.0 * n as f32, r * t.sin(), 0.1 * k as f32]
             };
             match i {

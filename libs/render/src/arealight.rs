@@ -4,7 +4,8 @@
 //! surfaces in it. Its shader runs once per sample ("light:nsamples"), with `Pl` and `Nl` on the surface;
 //! the light is the mean of the samples. Points are uniform in area over the tessellation for rays.
 
-use crate::raytrace::RayScene;
+use crate::rayset::RayScene;
+use crate::shading::ShaderThread;
 use granita_base::{Vec3, hash, sample};
 use granita_shade::Lanes3;
 
@@ -16,23 +17,17 @@ const MOST_SAMPLES: i32 = 4096;
 pub(crate) struct AreaTable {
     /// Sum of the areas up to and with each triangle; increasing.
     sums: Vec<f64>,
-    /// Mesh and triangle.
+    /// Part of the set and triangle.
     places: Vec<(u32, u32)>,
 }
 
 impl AreaTable {
-    /// Of triangles in order, as mesh, triangle and area; those without an area are left out.
-    pub(crate) fn new(triangles: impl Iterator<Item = (u32, u32, f32)>) -> Self {
-        let mut table = Self::default();
-        let mut sum = 0.0;
-        for (mesh, triangle, area) in triangles {
-            if area.is_finite() && area > 0.0 {
-                sum += f64::from(area);
-                table.sums.push(sum);
-                table.places.push((mesh, triangle));
-            }
+    /// Adds a triangle of a part; one without an area is left out.
+    pub(crate) fn push(&mut self, part: u32, triangle: u32, area: f32) {
+        if area.is_finite() && area > 0.0 {
+            self.sums.push(self.sums.last().unwrap_or(&0.0) + f64::from(area));
+            self.places.push((part, triangle));
         }
-        table
     }
 
     /// The triangle at a fraction (0 to 1) of the whole area; `None` without any.
@@ -64,22 +59,25 @@ impl AreaLight {
 /// the set has no surface.
 pub(crate) fn points(
     scene: &RayScene,
+    thread: &mut ShaderThread<'_>,
     index: u32,
     active: &[u32],
     seed: &dyn Fn(u32) -> u32,
-    pl: &mut Lanes3,
-    nl: &mut Lanes3,
+    [pl, nl]: [&mut Lanes3; 2],
 ) -> bool {
-    for &lane in active {
-        let seed = seed(lane);
+    let place = |lane: &u32| {
+        let seed = seed(*lane);
         let fraction = sample::line(index, hash::words(&[seed, 0]));
         let (x, y) = sample::square(index, hash::words(&[seed, 1]));
         // The square folded into the triangle, uniform in area.
         let root = x.sqrt();
-        let (b1, b2) = (root * (1.0 - y), root * y);
-        let Some((p, n)) = scene.area_point(fraction, b1, b2) else { return false };
-        pl.set(lane as usize, p);
-        nl.set(lane as usize, n);
+        (fraction, root * (1.0 - y), root * y)
+    };
+    let places: Vec<_> = active.iter().map(place).collect();
+    let Some(found) = scene.area_points(thread, &places) else { return false };
+    for (lane, (p, n)) in active.iter().zip(found) {
+        pl.set(*lane as usize, p);
+        nl.set(*lane as usize, n);
     }
     true
 }
@@ -95,7 +93,10 @@ mod tests {
 
     #[test]
     fn triangles_are_chosen_by_area() {
-        let table = AreaTable::new([(0, 0, 1.0), (0, 1, 0.0), (1, 0, 3.0), (2, 5, f32::NAN)].into_iter());
+        let mut table = AreaTable::default();
+        for (part, triangle, area) in [(0, 0, 1.0), (0, 1, 0.0), (1, 0, 3.0), (2, 5, f32::NAN)] {
+            table.push(part, triangle, area);
+        }
         assert_eq!(table.at(0.0), Some((0, 0)));
         assert_eq!(table.at(0.24), Some((0, 0)));
         assert_eq!(table.at(0.26), Some((1, 0)));

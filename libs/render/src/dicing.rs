@@ -11,7 +11,7 @@ pub(crate) use grid::{GridView, Viewpoint, make_grid};
 pub(crate) use motion::{Placement, Viewer, key_at, points_at};
 pub(crate) use rate::{DiceSettings, Measure, Plan, Rates, SceneDicing};
 
-use granita_geom::{Dice, Piece, Trimming};
+use granita_geom::{Dice, Piece, Surface, Trimming};
 use granita_scene::AttributeSet;
 
 /// A piece that is small enough, and the grid it is to be diced into.
@@ -23,10 +23,16 @@ pub(crate) struct Leaf {
 }
 
 impl Leaf {
-    /// Dices the piece; points and curves turn towards `viewer`.
+    /// As [`Rates::dice`].
     pub(crate) fn dice(&self, viewer: &Viewer) -> Dice {
-        let Rates { nu, nv, sides } = &*self.rates;
-        let mut dice = self.piece.dice_between(*nu, *nv, sides);
+        self.rates.dice(&*self.piece, viewer)
+    }
+}
+
+impl Rates {
+    /// Dices a piece at these rates; points and curves turn towards `viewer`.
+    pub(crate) fn dice(&self, piece: &dyn Surface, viewer: &Viewer) -> Dice {
+        let mut dice = piece.dice_between(self.nu, self.nv, &self.sides);
         if dice.facing.is_some() {
             dice.turn(&|key, p| viewer.view(key, p));
         }
@@ -34,27 +40,30 @@ impl Leaf {
     }
 }
 
-/// Splits `pieces` until each one dices into a grid within the limits, for ray tracing: nothing is culled,
-/// and what is not in view is diced by its distance from the camera.
+/// Splits a piece until each part dices into a grid within the limits, for ray tracing: nothing is culled, and what is
+/// not in view is diced by its distance from the camera. Parts go to `out` in the order of the surface.
 pub(crate) fn tessellate(
-    pieces: Vec<Piece>,
+    piece: &dyn Surface,
     placement: &Placement,
     measure: &Measure<'_>,
     settings: &DiceSettings,
-) -> Vec<Leaf> {
-    let mut leaves = Vec::new();
-    let mut stack: Vec<(Piece, u32)> = pieces.into_iter().rev().map(|p| (p, 0)).collect();
-    while let Some((piece, depth)) = stack.pop() {
-        match measure.plan(&*piece, placement, settings, depth) {
-            Plan::Dice(rates) => leaves.push(Leaf { piece, rates: Box::new(rates) }),
+    out: &mut dyn FnMut(&dyn Surface, &Rates),
+) {
+    let mut stack: Vec<(Piece, u32)> = Vec::new();
+    let mut plan = |piece: &dyn Surface, depth: u32, stack: &mut Vec<(Piece, u32)>| {
+        match measure.plan(piece, placement, settings, depth) {
+            Plan::Dice(rates) => out(piece, &rates),
             Plan::Split(direction, settled) => {
-                // The first half comes out first, so that the order follows the surface.
+                // The first half comes out first.
                 let parts = piece.split_settled(direction, settled);
                 stack.extend(parts.into_iter().rev().map(|p| (p, depth + 1)));
             }
         }
+    };
+    plan(piece, 0, &mut stack);
+    while let Some((piece, depth)) = stack.pop() {
+        plan(&*piece, depth, &mut stack);
     }
-    leaves
 }
 
 /// The trim curves of an object with its and the scene's attributes (reference 4.3.4, 4.4.8).

@@ -1,15 +1,15 @@
 //! Primitives tessellated for rays, and hits made into grids.
 //!
-//! A primitive is split and diced as for the camera, but by flatness: rays need the shape, the shader is
+//! Primitives are split and diced as for the camera, but by flatness: rays need the shape, the shader is
 //! evaluated at the hit. Only what displacement shaders move is diced finely. Everything is in world
-//! space at the time of shading; positions have further keys when rays see motion.
+//! space at the time of shading; positions have further keys when rays see motion. See `build` for what is made when.
 
 mod build;
 
-pub(crate) use build::{FLATNESS_PX, tessellate};
+pub(crate) use build::{FLATNESS_PX, Flat, Level, Member, Solid, prepare};
 
 use crate::object::ObjectState;
-use granita_base::Vec3;
+use granita_base::{Vec3, hash};
 use granita_scene::Primitive;
 use granita_shade::{Grid, Primvar, PrimvarData, RayKind, Topology};
 use std::sync::Arc;
@@ -51,13 +51,9 @@ struct RayPrimvar {
     data: RayData,
 }
 
-/// A primitive as rays see it.
+/// A primitive, or a part of it, as rays see it.
 #[derive(Debug)]
 pub(crate) struct RayMesh {
-    /// The primitive.
-    pub(crate) primitive: Arc<Primitive>,
-    /// Its state.
-    pub(crate) object: Arc<ObjectState>,
     quads: Vec<Quad>,
     p: Vec<Vec3>,
     n: Vec<Vec3>,
@@ -68,6 +64,8 @@ pub(crate) struct RayMesh {
     primvars: Vec<RayPrimvar>,
     /// Of each piece: which combination of strings it carries.
     string_set: Vec<u32>,
+    /// Of each combination: the number of its strings.
+    string_keys: Vec<u64>,
 }
 
 /// A place where a ray met a mesh.
@@ -109,9 +107,24 @@ struct Place {
 }
 
 impl RayMesh {
-    /// Which combination of uniform strings a triangle carries: hits of different ones cannot share a grid.
-    pub(crate) fn strings_of(&self, triangle: u32) -> u32 {
-        self.string_set[self.quads[triangle as usize / 2].piece as usize]
+    /// A number for the uniform strings that a triangle carries: hits of different ones cannot share a grid.
+    pub(crate) fn strings_of(&self, triangle: u32) -> u64 {
+        let set = self.string_set[self.quads[triangle as usize / 2].piece as usize];
+        self.string_keys.get(set as usize).copied().unwrap_or(0)
+    }
+
+    /// Gives the combinations of strings their numbers.
+    fn number_strings(&mut self) {
+        let of = |set: usize| {
+            let sets = self.primvars.iter().filter_map(|v| match &v.data {
+                RayData::Strings(sets) => sets.get(set),
+                _ => None,
+            });
+            let bytes: Vec<u8> = sets.flatten().flat_map(|s| s.bytes().chain([0])).collect();
+            hash::bytes64(&bytes)
+        };
+        let count = self.string_set.iter().max().map_or(0, |most| *most as usize + 1);
+        self.string_keys = (0..count).map(of).collect();
     }
 
     /// How many triangles there are.
@@ -129,7 +142,12 @@ impl RayMesh {
             RayData::Vertex(values) | RayData::Piece(values) => of(values),
             RayData::Strings(sets) => of(sets),
         });
-        of(&self.quads) + vectors + of(&self.uv) + primvars.sum::<usize>() + of(&self.string_set)
+        of(&self.quads)
+            + vectors
+            + of(&self.uv)
+            + primvars.sum::<usize>()
+            + of(&self.string_set)
+            + of(&self.string_keys)
     }
 
     /// Gives back the room that was left for more.
@@ -182,53 +200,10 @@ impl RayMesh {
         (0..4).map(|k| values[place.corners[k]] * place.weights[k]).fold(Vec3::ZERO, |s, v| s + v)
     }
 
-    /// Makes hits, all with the same strings, into a grid: `n` centres and, when derivatives are wanted,
-    /// their neighbours at the distance of the ray's width.
-    pub(crate) fn grid(&self, hits: &[MeshHit], how: HitShading) -> Grid {
-        let n = hits.len();
-        let topology = if how.derivatives { Topology::Triplets { n } } else { Topology::Scattered { n } };
-        let mut grid = Grid::new(topology);
-        let lanes = grid.len();
-        grid.time = how.time;
-        grid.dtime = how.dtime;
-        grid.ray = how.ray;
-        grid.seed = how.seed;
-        grid.flip_normals = self.object.attributes.flip_normals;
-        grid.object = self.object.name.clone();
-
-        // Where each lane is: centres, then the neighbours along u, then along v.
-        let mut places: Vec<(Place, u32)> = Vec::with_capacity(lanes);
-        for turn in 0..lanes / n.max(1) {
-            for (k, hit) in hits.iter().enumerate() {
-                let (quad, a, b) = self.local(hit);
-                let (da, db) = match turn {
-                    0 => (0.0, 0.0),
-                    1 => (self.step(quad, hit.width, 1), 0.0),
-                    _ => (0.0, self.step(quad, hit.width, quad.stride as usize)),
-                };
-                let place = self.place(quad, a + da, b + db);
-                let lane = turn * n + k;
-                // Neighbours move from the true hit by the tessellation's difference.
-                let moved = if turn == 0 {
-                    Vec3::ZERO
-                } else {
-                    self.mix(&place, &self.p) - self.mix(&self.place(quad, a, b), &self.p)
-                };
-                grid.p.set(lane, hit.p + moved);
-                grid.i.set(lane, hit.i + moved);
-                grid.n.set(lane, self.mix(&place, &self.n));
-                grid.ng.set(lane, self.mix(&place, &self.ng));
-                grid.dpdu.set(lane, self.mix(&place, &self.dpdu));
-                grid.dpdv.set(lane, self.mix(&place, &self.dpdv));
-                let uv = |c: usize| (0..4).map(|k| self.uv[place.corners[k]][c] * place.weights[k]).sum();
-                grid.u[lane] = uv(0);
-                grid.v[lane] = uv(1);
-                places.push((place, quad.piece));
-            }
-        }
-        self.fill_primvars(&mut grid, &places);
-        self.fill_color(&mut grid);
-        grid
+    /// The values of a variable, which is most likely the one of this index.
+    fn variable(&self, index: usize, name: &str) -> Option<&RayData> {
+        let there = self.primvars.get(index).filter(|v| &*v.name == name);
+        there.or_else(|| self.primvars.iter().find(|v| &*v.name == name)).map(|v| &v.data)
     }
 
     /// Fraction of a quad's side (of a vertex step) that is `width` long; at most a few sides.
@@ -237,45 +212,91 @@ impl RayMesh {
         let side = self.p[c].distance(self.p[c + vertex_step]);
         if side > 0.0 { (width / side).clamp(1e-4, 8.0) } else { 1e-2 }
     }
+}
 
-    fn fill_primvars(&self, grid: &mut Grid, places: &[(Place, u32)]) {
-        let lanes = places.len();
-        for var in &self.primvars {
-            let width = var.ty.width();
-            let data = match &var.data {
-                RayData::Vertex(values) => {
-                    let mut out = vec![0.0; width * lanes];
-                    for (lane, (place, _)) in places.iter().enumerate() {
-                        for c in 0..width {
-                            out[c * lanes + lane] =
-                                (0..4).map(|k| values[place.corners[k] * width + c] * place.weights[k]).sum();
-                        }
-                    }
-                    PrimvarData::Floats { values: out, varying: true }
-                }
-                RayData::Piece(values) => {
-                    let of = |piece: u32| &values[piece as usize * width..][..width];
-                    let first = places.first().map_or(0, |p| p.1);
-                    if places.iter().all(|(_, piece)| of(*piece) == of(first)) {
-                        PrimvarData::Floats { values: of(first).to_vec(), varying: false }
-                    } else {
-                        let at = |c: usize| places.iter().map(move |(_, piece)| of(*piece)[c]);
-                        PrimvarData::Floats { values: (0..width).flat_map(at).collect(), varying: true }
-                    }
-                }
-                RayData::Strings(sets) => {
-                    let first = places.first().map_or(0, |p| p.1);
-                    let set = self.string_set[first as usize] as usize;
-                    PrimvarData::Strings(sets.get(set).cloned().unwrap_or_default())
-                }
+/// Makes hits of one object, all with the same strings, into a grid: `n` centres and, when derivatives are wanted,
+/// their neighbours at the distance of the ray's width.
+pub(crate) fn grid_of(hits: &[(&RayMesh, MeshHit)], object: &ObjectState, how: HitShading) -> Grid {
+    let n = hits.len();
+    let topology = if how.derivatives { Topology::Triplets { n } } else { Topology::Scattered { n } };
+    let mut grid = Grid::new(topology);
+    let lanes = grid.len();
+    grid.time = how.time;
+    grid.dtime = how.dtime;
+    grid.ray = how.ray;
+    grid.seed = how.seed;
+    grid.flip_normals = object.attributes.flip_normals;
+    grid.object = object.name.clone();
+
+    // Where each lane is: centres, then the neighbours along u, then along v.
+    let mut places: Vec<(&RayMesh, Place, u32)> = Vec::with_capacity(lanes);
+    for turn in 0..lanes / n.max(1) {
+        for (k, (mesh, hit)) in hits.iter().enumerate() {
+            let (quad, a, b) = mesh.local(hit);
+            let (da, db) = match turn {
+                0 => (0.0, 0.0),
+                1 => (mesh.step(quad, hit.width, 1), 0.0),
+                _ => (0.0, mesh.step(quad, hit.width, quad.stride as usize)),
             };
-            grid.primvars.push(Primvar { name: var.name.clone(), ty: var.ty, data });
+            let place = mesh.place(quad, a + da, b + db);
+            let lane = turn * n + k;
+            // Neighbours move from the true hit by the tessellation's difference.
+            let moved = if turn == 0 {
+                Vec3::ZERO
+            } else {
+                mesh.mix(&place, &mesh.p) - mesh.mix(&mesh.place(quad, a, b), &mesh.p)
+            };
+            grid.p.set(lane, hit.p + moved);
+            grid.i.set(lane, hit.i + moved);
+            grid.n.set(lane, mesh.mix(&place, &mesh.n));
+            grid.ng.set(lane, mesh.mix(&place, &mesh.ng));
+            grid.dpdu.set(lane, mesh.mix(&place, &mesh.dpdu));
+            grid.dpdv.set(lane, mesh.mix(&place, &mesh.dpdv));
+            let uv = |c: usize| (0..4).map(|k| mesh.uv[place.corners[k]][c] * place.weights[k]).sum();
+            grid.u[lane] = uv(0);
+            grid.v[lane] = uv(1);
+            places.push((mesh, place, quad.piece));
         }
     }
+    fill_primvars(&mut grid, &places);
+    set_surface_color(&mut grid, object);
+    grid
+}
 
-    /// Surface colour and opacity: the object's, or the primitive's own.
-    fn fill_color(&self, grid: &mut Grid) {
-        set_surface_color(grid, &self.object);
+/// All meshes of a primitive carry the same variables; what is uniform in one may vary in another.
+fn fill_primvars(grid: &mut Grid, places: &[(&RayMesh, Place, u32)]) {
+    let Some((first, ..)) = places.first() else { return };
+    for (index, var) in first.primvars.iter().enumerate() {
+        let width = var.ty.width();
+        let data = if let RayData::Strings(sets) = &var.data {
+            let set = first.string_set[places[0].2 as usize] as usize;
+            PrimvarData::Strings(sets.get(set).cloned().unwrap_or_default())
+        } else {
+            let lanes = places.len();
+            let mut values = vec![0.0; width * lanes];
+            for (lane, (mesh, place, piece)) in places.iter().enumerate() {
+                for c in 0..width {
+                    values[c * lanes + lane] = match mesh.variable(index, &var.name) {
+                        Some(RayData::Vertex(values)) => {
+                            (0..4).map(|k| values[place.corners[k] * width + c] * place.weights[k]).sum()
+                        }
+                        Some(RayData::Piece(values)) => values[*piece as usize * width + c],
+                        _ => 0.0,
+                    };
+                }
+            }
+            let of_piece =
+                |mesh: &RayMesh| matches!(mesh.variable(index, &var.name), Some(RayData::Piece(_)));
+            let uniform = places.iter().all(|(mesh, ..)| of_piece(mesh))
+                && values.chunks_exact(lanes).all(|c| c.iter().all(|x| *x == c[0]));
+            if uniform {
+                let values = values.chunks_exact(lanes).map(|c| c[0]).collect();
+                PrimvarData::Floats { values, varying: false }
+            } else {
+                PrimvarData::Floats { values, varying: true }
+            }
+        };
+        grid.primvars.push(Primvar { name: var.name.clone(), ty: var.ty, data });
     }
 }
 
@@ -307,11 +328,24 @@ mod tests {
     use granita_base::{Params, ShapeDesc};
     use granita_trace::TriangleMesh;
 
-    fn mesh_of(fixture: &Fixture, primitive: &Arc<Primitive>) -> (RayMesh, TriangleMesh) {
+    fn with_member<T>(
+        fixture: &Fixture,
+        primitive: &Arc<Primitive>,
+        then: impl FnOnce(Member, &mut ShaderThread<'_>) -> T,
+    ) -> T {
         let (scene, camera, environment) = fixture.finish();
         let frame = ShadingContext::new(&scene, &camera, &environment);
         let object = frame.object(primitive);
-        tessellate(primitive, &object, false, &mut ShaderThread::new(&frame)).unwrap()
+        let mut thread = ShaderThread::new(&frame);
+        let member = prepare(primitive, &object, false, &mut thread).unwrap();
+        then(member, &mut thread)
+    }
+
+    fn parts_of(fixture: &Fixture, primitive: &Arc<Primitive>, level: Level) -> Vec<(RayMesh, TriangleMesh)> {
+        with_member(fixture, primitive, |member, thread| {
+            let Member::Solid(solid) = member else { panic!("a mesh") };
+            (0..solid.parts.len()).map(|k| solid.tessellate(k as u32, level, thread).unwrap()).collect()
+        })
     }
 
     fn plain() -> HitShading {
@@ -323,21 +357,30 @@ mod tests {
         let mut f = Fixture::new(&[]);
         let ball = f.attributes("", &["set"], &[]);
         let ball = f.sphere(Vec3::new(0.5, 0.0, 1.0), 2.0, ball);
-        let (mesh, triangles) = mesh_of(&f, &ball);
         let center = Vec3::new(0.5, 0.0, 1.0);
-        let p = &triangles.positions[0];
         // 640 x 480 pixels, 90 degrees: at distance 7 to 11 a pixel is 0.03 to 0.05 units.
-        for t in &triangles.triangles {
-            let middle = t.iter().map(|i| p[*i as usize]).sum::<Vec3>() / 3.0;
-            let off = 2.0 - middle.distance(center);
-            assert!((-1e-5..2.0 * 0.046 * FLATNESS_PX).contains(&off), "{off}");
+        let mut counts = Vec::new();
+        for level in 0..4 {
+            let level = Level::for_width(f32::powi(4.0, level));
+            let mut count = 0;
+            for (mesh, triangles) in parts_of(&f, &ball, level) {
+                let p = &triangles.positions[0];
+                for t in triangles.triangles.iter().filter(|t| t[0] != u32::MAX) {
+                    let middle = t.iter().map(|i| p[*i as usize]).sum::<Vec3>() / 3.0;
+                    let off = 2.0 - middle.distance(center);
+                    assert!((-1e-5..2.0 * 0.046 * FLATNESS_PX * level.scale()).contains(&off), "{off}");
+                    count += 1;
+                }
+                // Normals point outward.
+                for (p, n) in mesh.p.iter().zip(&mesh.n) {
+                    assert!((*n - (*p - center) / 2.0).length() < 1e-3, "{p} {n}");
+                }
+            }
+            counts.push(count);
         }
-        let count = triangles.triangles.len();
-        assert!((1000..100_000).contains(&count), "{count}");
-        // Normals point outward.
-        for (p, n) in mesh.p.iter().zip(&mesh.n) {
-            assert!((*n - (*p - center) / 2.0).length() < 1e-3, "{p} {n}");
-        }
+        // Half as many segments each way from level to level.
+        assert!((1000..100_000).contains(&counts[0]), "{counts:?}");
+        assert!(counts.windows(2).all(|w| w[1] * 2 < w[0]), "{counts:?}");
     }
 
     #[test]
@@ -345,8 +388,10 @@ mod tests {
         let mut f = Fixture::new(&[]);
         let floor = f.attributes("", &["set"], &[]);
         let floor = f.rectangle([-1.0, -2.0], [3.0, 2.0], 0.5, floor);
-        let (_, triangles) = mesh_of(&f, &floor);
-        assert_eq!(triangles.triangles.len(), 2);
+        with_member(&f, &floor, |member, _| match member {
+            Member::Flat(flat) => assert_eq!(flat.facets(), 1),
+            Member::Solid(_) => panic!("tessellated"),
+        });
     }
 
     #[test]
@@ -362,14 +407,17 @@ mod tests {
         let shape = ShapeDesc::Mesh { subdivide: false, nverts: [4].into(), verts: [0, 1, 2, 3].into() };
         let floor = f.attributes("", &["set"], &[]);
         let floor = f.add(shape, params, floor);
-        let (mesh, triangles) = mesh_of(&f, &floor);
-        let positions = &triangles.positions[0];
-        for (k, t) in triangles.triangles.iter().enumerate() {
-            let corner = |i: usize| positions[t[i] as usize];
+        let (mesh, object) = with_member(&f, &floor, |member, thread| {
+            let Member::Flat(flat) = member else { panic!("tessellated") };
+            (flat.mesh_of(&[0], thread).unwrap(), flat.object)
+        });
+        for k in 0..2 {
+            let corners = mesh.corners(k);
+            let corner = |i: usize| corners[i];
             let (b1, b2) = (0.3, 0.2);
             let p = corner(0) * (1.0 - b1 - b2) + corner(1) * b1 + corner(2) * b2;
-            let hit = MeshHit { triangle: k as u32, b1, b2, p, i: -Vec3::Z, width: 0.01 };
-            let grid = mesh.grid(&[hit], plain());
+            let hit = MeshHit { triangle: k, b1, b2, p, i: -Vec3::Z, width: 0.01 };
+            let grid = grid_of(&[(&mesh, hit)], &object, plain());
             assert_eq!(grid.topology, Topology::Triplets { n: 1 });
             let PrimvarData::Floats { values, varying: true } =
                 &grid.primvars.iter().find(|v| &*v.name == "s").unwrap().data

@@ -1,26 +1,29 @@
 //! Rays: what they can meet, and what they bring back.
 //!
-//! Geometry sets are names; sets with the same members share one structure. It is built, with all the
-//! dicing and displacing that goes before, by the first ray that needs it; no ray, no structure.
+//! Geometry sets are names; sets with the same members share one structure, a [`RayScene`]. It is built by the first ray
+//! that needs it; no ray, no structure.
 //!
 //! Rays come in the batches that a shading grid makes. Their hits are gathered by object, made into grids
 //! and shaded by the same executor as everything else. What a batch finds depends on the batch alone, and
 //! batches depend on grids alone: neither threads nor buckets show.
 
-use crate::arealight::{AreaTable, area};
 use crate::object::Holdout;
+use crate::raycache::{CACHE_BYTES, TessellationCache};
 use crate::raymesh::{self, HitShading, MeshHit, RayMesh};
+use crate::rayset::{Located, RayScene, SetHit, mesh_hit};
 use crate::shading::{ShaderThread, ShadingContext};
 use granita_base::{Color, Vec3, hash};
 use granita_scene::Scene;
 use granita_shade::{Primvar, PrimvarData, RayKind};
-use granita_trace::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
+use granita_trace::Ray;
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 
 /// Hits shaded as one grid, at most.
 const GRID_HITS: usize = 128;
+/// Hits whose tessellations are held at once.
+const LOCATED_HITS: usize = 1024;
 /// Layers of transparent surfaces that a ray passes, at most.
 const MAX_LAYERS: usize = 256;
 /// Length of one hit's step that the next one must exceed, relative to the distance.
@@ -40,6 +43,8 @@ pub(crate) struct RayWorld {
     pub(crate) limits: RayLimits,
     /// What has been traced so far.
     pub(crate) counts: RayCounts,
+    /// Tessellations of all sets.
+    pub(crate) cache: TessellationCache,
 }
 
 /// What ends a ray (reference 4.3.4, 4.3.5).
@@ -88,18 +93,6 @@ struct RaySet {
     built: OnceLock<RayScene>,
 }
 
-/// A geometry set, ready for rays.
-pub(crate) struct RayScene {
-    tracer: Tracer,
-    meshes: Vec<RayMesh>,
-    /// Nothing in it lets light through.
-    opaque_to_shadows: bool,
-    /// Some of its shaders ask the shaders whose rays meet them.
-    pub(crate) asks_parents: bool,
-    /// Made when the first light shines from it.
-    areas: OnceLock<AreaTable>,
-}
-
 impl RayWorld {
     /// Learns which primitives are in which sets; builds nothing.
     pub(crate) fn new(scene: &Scene, threads: usize) -> Self {
@@ -133,7 +126,8 @@ impl RayWorld {
             });
             sets.insert(name, index);
         }
-        Self { sets, scenes, threads, motion, limits: RayLimits::new(scene), counts: RayCounts::default() }
+        let (limits, counts) = (RayLimits::new(scene), RayCounts::default());
+        Self { sets, scenes, threads, motion, limits, counts, cache: TessellationCache::new(CACHE_BYTES) }
     }
 
     /// Whether the name is that of a geometry set that rays can be traced against.
@@ -143,10 +137,12 @@ impl RayWorld {
 
     /// The set of this name, built if it is not yet. `None` for other names.
     pub(crate) fn scene(&self, name: &str, frame: &ShadingContext) -> Option<&RayScene> {
-        let set = &self.scenes[*self.sets.get(name)?];
+        let index = *self.sets.get(name)?;
+        let set = &self.scenes[index];
         // Not on the pool that renders buckets: a waiting pool thread could pick up a bucket whose shader
         // asks for this very set.
-        Some(set.built.get_or_init(|| RayScene::build(&set.members, frame, self.threads, self.motion)))
+        let build = || RayScene::build(index as u32, &set.members, frame, self.threads, self.motion);
+        Some(set.built.get_or_init(build))
     }
 
     /// How many sets of different membership have been built, and how many there are.
@@ -154,77 +150,11 @@ impl RayWorld {
         (self.scenes.iter().filter(|s| s.built.get().is_some()).count(), self.scenes.len())
     }
 
-    /// Triangles of all sets that have been built, and the bytes that these take.
-    pub(crate) fn size(&self) -> (usize, usize) {
+    /// Triangles that there are for rays at the moment, and the bytes that everything takes.
+    pub(crate) fn size(&self) -> (u64, u64) {
         let built = self.scenes.iter().filter_map(|s| s.built.get()).map(RayScene::size);
-        built.fold((0, 0), |sum, size| (sum.0 + size.0, sum.1 + size.1))
-    }
-}
-
-impl RayScene {
-    fn build(members: &[u32], frame: &ShadingContext, threads: usize, motion: bool) -> Self {
-        let next = AtomicUsize::new(0);
-        let made: Mutex<Vec<(usize, RayMesh, TriangleMesh)>> = Mutex::default();
-        let work = || {
-            let mut thread = ShaderThread::new(frame);
-            thread.builds_rays = true;
-            loop {
-                let k = next.fetch_add(1, Ordering::Relaxed);
-                let Some(member) = members.get(k) else { break };
-                let primitive = &frame.scene.primitives[*member as usize];
-                let object = frame.object(primitive);
-                if let Some((mesh, triangles)) = raymesh::tessellate(primitive, &object, motion, &mut thread)
-                {
-                    made.lock().unwrap_or_else(PoisonError::into_inner).push((k, mesh, triangles));
-                }
-            }
-        };
-        std::thread::scope(|scope| {
-            for _ in 1..threads.min(members.len()) {
-                scope.spawn(work);
-            }
-            work();
-        });
-        let mut made = made.into_inner().unwrap_or_else(PoisonError::into_inner);
-        made.sort_by_key(|m| m.0);
-        let mut tracer = TracerBuilder::new();
-        let mut meshes = Vec::with_capacity(made.len());
-        for (_, mesh, triangles) in made {
-            tracer.add(triangles);
-            meshes.push(mesh);
-        }
-        Self {
-            opaque_to_shadows: meshes.iter().all(|m| m.object.opaque_to_shadows),
-            asks_parents: meshes.iter().any(|m| asks_parent(&m.object)),
-            tracer: tracer.build(threads),
-            meshes,
-            areas: OnceLock::new(),
-        }
-    }
-
-    /// Triangles, and the bytes that everything takes.
-    fn size(&self) -> (usize, usize) {
-        let triangles = self.meshes.iter().map(|m| m.triangles() as usize).sum();
-        (triangles, self.tracer.bytes() + self.meshes.iter().map(RayMesh::bytes).sum::<usize>())
-    }
-
-    /// The point at a fraction of the area of all surfaces, at barycentric coordinates of its triangle, and
-    /// the normal there. `None` without any area.
-    pub(crate) fn area_point(&self, fraction: f32, b1: f32, b2: f32) -> Option<(Vec3, Vec3)> {
-        let areas = self.areas.get_or_init(|| {
-            let meshes = self.meshes.iter().enumerate();
-            AreaTable::new(meshes.flat_map(|(m, mesh)| {
-                (0..mesh.triangles()).map(move |t| {
-                    let [a, b, c] = mesh.corners(t);
-                    (m as u32, t, area(a, b, c))
-                })
-            }))
-        });
-        let (mesh, triangle) = areas.at(fraction)?;
-        let [a, b, c] = self.meshes[mesh as usize].corners(triangle);
-        let p = a * (1.0 - b1 - b2) + b * b1 + c * b2;
-        let place = MeshHit { triangle, b1, b2, p, i: Vec3::ZERO, width: 0.0 };
-        Some((p, self.meshes[mesh as usize].normal(&place)))
+        let kept = self.cache.counts();
+        built.fold((kept.triangles, kept.bytes), |sum, size| (sum.0 + size.0, sum.1 + size.1))
     }
 }
 
@@ -292,7 +222,7 @@ impl Radiance {
 #[derive(Clone, Copy)]
 struct Pending {
     ray: u32,
-    hit: Hit,
+    hit: SetHit,
 }
 
 impl ShaderThread<'_> {
@@ -306,19 +236,24 @@ impl ShaderThread<'_> {
         said: &[Primvar],
     ) -> Vec<Radiance> {
         let mut out = vec![Radiance::NOTHING; rays.len()];
-        let plain: Vec<Ray> = rays.iter().map(|r| r.ray).collect();
-        let mut hits = vec![Hit::MISS; rays.len()];
-        scene.tracer.closest(&plain, &mut hits);
+        let hits = scene.closest(self, rays);
         let mut waiting: Vec<Pending> = Vec::with_capacity(rays.len());
         for (k, hit) in hits.iter().enumerate().filter(|(_, h)| h.is_hit()) {
-            let place = mesh_hit(&rays[k], hit);
             out[k].distance = hit.t;
-            out[k].p = place.p;
-            out[k].n = scene.meshes[hit.mesh as usize].normal(&place);
+            out[k].p = rays[k].ray.origin + rays[k].ray.dir * hit.t;
             waiting.push(Pending { ray: k as u32, hit: *hit });
         }
         if !why.shade {
-            waiting.iter().for_each(|w| out[w.ray as usize].opacity = Color::ONE);
+            self.for_located(scene, &waiting, &mut |_, located, group| {
+                for (at, k) in group.iter().enumerate() {
+                    let w = waiting[*k];
+                    let found = &mut out[w.ray as usize];
+                    found.opacity = Color::ONE;
+                    if let Some((mesh, triangle)) = located.get(at) {
+                        found.n = mesh.normal(&mesh_hit(&rays[w.ray as usize], &w.hit, triangle));
+                    }
+                }
+            });
             return out;
         }
         let rays_of_frame = &self.frame().rays;
@@ -331,15 +266,18 @@ impl ShaderThread<'_> {
             let shaded = self.shade_hits(scene, rays, &waiting, how, said);
             layer += 1;
             let mut behind = Vec::new();
-            for (w, (color, opacity)) in waiting.iter().zip(shaded) {
+            for (w, Shaded { color, opacity, n }) in waiting.iter().zip(shaded) {
                 let sum = &mut out[w.ray as usize];
+                if layer == 1 {
+                    sum.n = n;
+                }
                 let through = Color::ONE - sum.opacity;
                 sum.color += through * color;
                 sum.opacity += through * opacity;
                 let blocks = sum.opacity.cmpge(limits.opacity_threshold).all();
-                let holdout = scene.meshes[w.hit.mesh as usize].object.holdout != Holdout::No;
+                let holdout = scene.object(&w.hit).holdout != Holdout::No;
                 if !blocks && !holdout && (layer as usize) < limits.layers {
-                    let next = next_behind(&scene.tracer, &rays[w.ray as usize].ray, w.hit.t);
+                    let next = self.next_behind(scene, &rays[w.ray as usize], w.hit.t);
                     if next.is_hit() {
                         behind.push(Pending { ray: w.ray, hit: next });
                     }
@@ -361,19 +299,17 @@ impl ShaderThread<'_> {
         why: RayPurpose,
         said: &[Primvar],
     ) -> Vec<Color> {
-        let plain: Vec<Ray> = rays.iter().map(|r| r.ray).collect();
         self.frame().rays.counts.shadow_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
         if scene.opaque_to_shadows {
-            let mut blocked = vec![false; rays.len()];
-            scene.tracer.any(&plain, &mut blocked);
+            let blocked = scene.any(self, rays);
             return blocked.into_iter().map(|b| if b { Color::ZERO } else { Color::ONE }).collect();
         }
         let mut out = vec![Color::ONE; rays.len()];
         let mut waiting: Vec<Pending> = Vec::new();
-        for (k, ray) in plain.iter().enumerate() {
+        for (k, ray) in rays.iter().enumerate() {
             let first = waiting.len();
-            let wall = scene.tracer.closest_where(ray, &mut |hit| {
-                let opaque = scene.meshes[hit.mesh as usize].object.opaque_to_shadows;
+            let wall = scene.closest_where(self, ray, &mut |hit| {
+                let opaque = scene.object(hit).opaque_to_shadows;
                 if !opaque {
                     waiting.push(Pending { ray: k as u32, hit: *hit });
                 }
@@ -385,17 +321,13 @@ impl ShaderThread<'_> {
                 continue;
             }
             // In an order that does not depend on the structure; a triangle is met once.
-            waiting[first..].sort_by(|a, b| {
-                a.hit
-                    .t
-                    .total_cmp(&b.hit.t)
-                    .then((a.hit.mesh, a.hit.triangle).cmp(&(b.hit.mesh, b.hit.triangle)))
-            });
+            waiting[first..]
+                .sort_by(|a, b| a.hit.t.total_cmp(&b.hit.t).then(a.hit.order().cmp(&b.hit.order())));
             // Both triangles of an edge may report one passage.
             let mut kept = first;
             for at in first..waiting.len() {
                 let again = kept > first
-                    && waiting[kept - 1].hit.mesh == waiting[at].hit.mesh
+                    && scene.primitive(&waiting[kept - 1].hit) == scene.primitive(&waiting[at].hit)
                     && waiting[at].hit.t - waiting[kept - 1].hit.t <= STEP * waiting[at].hit.t;
                 if !again {
                     waiting[kept] = waiting[at];
@@ -406,7 +338,7 @@ impl ShaderThread<'_> {
         }
         let kind = RayKind { shadow: true, ..why.parent };
         let shaded = self.shade_hits(scene, rays, &waiting, why.hits(kind, why.seed), said);
-        for (w, (_, opacity)) in waiting.iter().zip(shaded) {
+        for (w, Shaded { opacity, .. }) in waiting.iter().zip(shaded) {
             out[w.ray as usize] *= Color::ONE - opacity.clamp(Color::ZERO, Color::ONE);
         }
         out
@@ -414,13 +346,32 @@ impl ShaderThread<'_> {
 
     /// Which rays meet anything.
     pub(crate) fn blocked(&mut self, scene: &RayScene, rays: &[RayRequest]) -> Vec<bool> {
-        let plain: Vec<Ray> = rays.iter().map(|r| r.ray).collect();
-        let mut blocked = vec![false; rays.len()];
-        scene.tracer.any(&plain, &mut blocked);
-        blocked
+        scene.any(self, rays)
     }
 
-    /// Colour and opacity of hits, in their order. Time and derivatives of `how` are decided here.
+    /// The next hit behind distance `t`.
+    fn next_behind(&mut self, scene: &RayScene, request: &RayRequest, t: f32) -> SetHit {
+        let past = t + STEP * t.abs();
+        scene.closest_where(self, request, &mut |hit| hit.t > past)
+    }
+
+    /// Finds the meshes of hits, some hits at a time: `visit` gets them, and which hits they are of.
+    fn for_located(
+        &mut self,
+        scene: &RayScene,
+        pending: &[Pending],
+        visit: &mut dyn FnMut(&mut Self, &Located, &[usize]),
+    ) {
+        let mut order: Vec<usize> = (0..pending.len()).collect();
+        order.sort_by_key(|k| (scene.primitive(&pending[*k].hit).0, pending[*k].hit.order().0, *k));
+        for group in order.chunks(LOCATED_HITS) {
+            let hits: Vec<SetHit> = group.iter().map(|k| pending[*k].hit).collect();
+            let located = scene.locate(self, &hits);
+            visit(self, &located, group);
+        }
+    }
+
+    /// What hits look like, in their order. Time and derivatives of `how` are decided here.
     fn shade_hits(
         &mut self,
         scene: &RayScene,
@@ -428,62 +379,74 @@ impl ShaderThread<'_> {
         pending: &[Pending],
         how: HitShading,
         said: &[Primvar],
-    ) -> Vec<(Color, Color)> {
-        let mut out = vec![(Color::ZERO, Color::ONE); pending.len()];
-        // What may share a grid: mesh, strings, time.
-        let mut order: Vec<(u32, u32, u32, usize)> = pending
-            .iter()
-            .enumerate()
-            .map(|(k, w)| {
-                let strings = scene.meshes[w.hit.mesh as usize].strings_of(w.hit.triangle);
-                (w.hit.mesh, strings, rays[w.ray as usize].ray.time.to_bits(), k)
-            })
-            .collect();
-        order.sort_unstable();
-        let same =
-            |a: &(u32, u32, u32, usize), b: &(u32, u32, u32, usize)| (a.0, a.1, a.2) == (b.0, b.1, b.2);
+    ) -> Vec<Shaded> {
+        let mut out = vec![Shaded { color: Color::ZERO, opacity: Color::ONE, n: Vec3::ZERO }; pending.len()];
         self.frame().rays.counts.shaded.fetch_add(pending.len() as u64, Ordering::Relaxed);
-        for run in order.chunk_by(same) {
-            let mesh = &scene.meshes[run[0].0 as usize];
-            let object = mesh.object.clone();
-            if how.ray.shadow && object.opaque_to_shadows {
-                continue;
+        self.for_located(scene, pending, &mut |thread, located, group| {
+            // What may share a grid: primitive, strings, time.
+            let mut order: Vec<((u32, u64, u32), usize, usize)> = Vec::with_capacity(group.len());
+            for (at, &k) in group.iter().enumerate() {
+                let Some((mesh, triangle)) = located.get(at) else { continue };
+                let time = rays[pending[k].ray as usize].ray.time.to_bits();
+                let (primitive, _) = scene.primitive(&pending[k].hit);
+                order.push(((primitive, mesh.strings_of(triangle), time), k, at));
             }
-            let derivatives = self.frame().wants_derivatives(&object, how.ray);
-            for part in run.chunks(GRID_HITS) {
-                let hits: Vec<MeshHit> = part
-                    .iter()
-                    .map(|o| {
-                        let w = &pending[o.3];
-                        mesh_hit(&rays[w.ray as usize], &w.hit)
-                    })
-                    .collect();
-                let seed = hash::words(&[how.seed, mesh.primitive.id, part[0].3 as u32]);
-                let time = f32::from_bits(part[0].2);
-                let mut grid = mesh.grid(&hits, HitShading { time, seed, derivatives, ..how });
-                if !said.is_empty() && asks_parent(&object) {
-                    let lanes: Vec<u32> = part.iter().map(|o| rays[pending[o.3].ray as usize].lane).collect();
-                    grid.parent = said.iter().filter_map(|v| of_rays(v, &lanes, grid.len())).collect();
+            order.sort_unstable();
+            for run in order.chunk_by(|a, b| a.0 == b.0) {
+                let ((_, _, time), first, _) = run[0];
+                let object = scene.object(&pending[first].hit).clone();
+                if how.ray.shadow && object.opaque_to_shadows {
+                    continue;
                 }
-                if object.displacement.is_some() && !object.displaces_rays() {
-                    self.bump(&object, &mut grid);
-                }
-                self.shade(&object, &mut grid, &[]);
-                for (lane, o) in part.iter().enumerate() {
-                    out[o.3] = (grid.c.get(lane), grid.opacity.get(lane));
+                let (_, id) = scene.primitive(&pending[first].hit);
+                let derivatives = thread.frame().wants_derivatives(&object, how.ray);
+                for part in run.chunks(GRID_HITS) {
+                    let place = |&(_, k, at): &(_, usize, usize)| {
+                        let (mesh, triangle) = located.get(at)?;
+                        Some((mesh, mesh_hit(&rays[pending[k].ray as usize], &pending[k].hit, triangle)))
+                    };
+                    let hits: Vec<(&RayMesh, MeshHit)> = part.iter().filter_map(place).collect();
+                    let seed = hash::words(&[how.seed, id, part[0].1 as u32]);
+                    let time = f32::from_bits(time);
+                    let mut grid =
+                        raymesh::grid_of(&hits, &object, HitShading { time, seed, derivatives, ..how });
+                    for (lane, (_, k, _)) in part.iter().enumerate() {
+                        out[*k].n = grid.n.get(lane).normalize_or_zero();
+                    }
+                    if !said.is_empty() && asks_parent(&object) {
+                        let lanes: Vec<u32> =
+                            part.iter().map(|o| rays[pending[o.1].ray as usize].lane).collect();
+                        grid.parent = said.iter().filter_map(|v| of_rays(v, &lanes, grid.len())).collect();
+                    }
+                    if object.displacement.is_some() && !object.displaces_rays() {
+                        thread.bump(&object, &mut grid);
+                    }
+                    thread.shade(&object, &mut grid, &[]);
+                    for (lane, (_, k, _)) in part.iter().enumerate() {
+                        out[*k].color = grid.c.get(lane);
+                        out[*k].opacity = grid.opacity.get(lane);
+                    }
                 }
             }
-        }
+        });
         out
     }
+}
+
+/// What a hit looks like.
+#[derive(Clone, Copy, Debug)]
+struct Shaded {
+    color: Color,
+    opacity: Color,
+    /// Shading normal before bumps, of length 1.
+    n: Vec3,
 }
 
 impl ShadingContext {
     /// Distance that a tessellation for rays may be from the surface at `p`, with a margin: nearer hits are
     /// of the very surface that a ray leaves.
     pub(crate) fn ray_margin(&self, p: Vec3) -> f32 {
-        let distance = self.camera.position_world().distance(p).max(self.camera.near);
-        3.0 * raymesh::FLATNESS_PX / self.camera.raster_scale(distance).abs().max_element()
+        3.0 * raymesh::FLATNESS_PX * self.pixel_world(p)
     }
 
     /// Whether anything that runs when this object is hit looks at neighbouring points.
@@ -501,7 +464,7 @@ impl ShadingContext {
 }
 
 /// Whether a shader of the object may ask the shader whose ray meets it.
-fn asks_parent(object: &crate::object::ObjectState) -> bool {
+pub(crate) fn asks_parent(object: &crate::object::ObjectState) -> bool {
     let bumps = object.displacement.as_ref().filter(|_| !object.displaces_rays());
     [Some(&object.surface), object.volume.as_ref(), bumps]
         .into_iter()
@@ -524,25 +487,6 @@ fn of_rays(value: &Primvar, lanes: &[u32], points: usize) -> Option<Primvar> {
         same => same.clone(),
     };
     Some(Primvar { data, ..value.clone() })
-}
-
-/// A tracer's hit as a place in the world.
-fn mesh_hit(request: &RayRequest, hit: &Hit) -> MeshHit {
-    let i = request.ray.dir * hit.t;
-    MeshHit {
-        triangle: hit.triangle,
-        b1: hit.b1,
-        b2: hit.b2,
-        p: request.ray.origin + i,
-        i,
-        width: request.width + request.spread * hit.t,
-    }
-}
-
-/// The next hit behind distance `t`.
-fn next_behind(tracer: &Tracer, ray: &Ray, t: f32) -> Hit {
-    let past = t + STEP * t.abs();
-    tracer.closest_where(ray, &mut |hit| hit.t > past)
 }
 
 #[cfg(test)]
@@ -653,7 +597,13 @@ mod tests {
         f.sphere(Vec3::ZERO, 500.0, ball);
         let (scene, camera, environment) = f.finish();
         let frame = ShadingContext::new(&scene, &camera, &environment);
-        frame.rays.scene("set", &frame).unwrap();
+        let set = frame.rays.scene("set", &frame).unwrap();
+        assert_eq!(frame.rays.size().0, 0);
+        // From its middle, every way.
+        let rays: Vec<RayRequest> = (0..5000)
+            .map(|i| request(Vec3::ZERO, in_cone(Vec3::Z, 3.2, Distribution::Uniform, i, 3), 0.0))
+            .collect();
+        assert!(ShaderThread::new(&frame).blocked(set, &rays).iter().all(|b| *b));
         let (triangles, bytes) = frame.rays.size();
         assert!(triangles > 10_000, "{triangles}");
         assert!(bytes < 120 * triangles, "{} bytes each", bytes as f64 / triangles as f64);

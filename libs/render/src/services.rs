@@ -144,8 +144,10 @@ impl<'r, 'f> Run<'r, 'f> {
         let share = 1.0 / area.samples as f32;
         let scale = |lanes: &mut Lanes3| lanes.xyz.iter_mut().flatten().for_each(|v| *v *= share);
         for index in 0..area.samples {
-            let seed = |lane: u32| hash::words(&[self.seed, call, light.seed, lane]);
-            if !arealight::points(scene, index, query.batch.active, &seed, &mut pl, &mut nl) {
+            let own = self.seed;
+            let seed = |lane: u32| hash::words(&[own, call, light.seed, lane]);
+            let active = query.batch.active;
+            if !arealight::points(scene, self.thread, index, active, &seed, [&mut pl, &mut nl]) {
                 return sum;
             }
             let query = IlluminateQuery { pl: Some(Lane3::over(&pl)), nl: Some(Lane3::over(&nl)), ..*query };

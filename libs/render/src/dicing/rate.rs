@@ -3,7 +3,7 @@
 use super::Placement;
 use crate::{CameraView, Projection};
 use granita_base::Vec3;
-use granita_geom::{Dice, DiceData, SidePart, SidePoints, SplitDirection, Surface};
+use granita_geom::{Dice, DiceData, Piece, SidePart, SidePoints, SplitDirection, Surface};
 use granita_scene::{AttributeSet, Scene};
 use std::sync::Arc;
 
@@ -161,18 +161,72 @@ pub(crate) struct Measure<'a> {
     pixels: f32,
     /// Measure by distance from the camera only: for what rays see.
     by_distance: bool,
+    /// Ask for flatness within so many pixels, and not for small micropolygons.
+    flatness_px: Option<f32>,
 }
 
 impl<'a> Measure<'a> {
     /// As seen on the raster of `camera`.
     pub(crate) fn on_raster(camera: &'a CameraView) -> Self {
         let s = camera.raster_scale(1.0);
-        Self { camera, pixels: s.x.abs().max(s.y.abs()), by_distance: false }
+        Self { camera, pixels: s.x.abs().max(s.y.abs()), by_distance: false, flatness_px: None }
     }
 
     /// As if every piece were turned towards `camera`, also behind and beside it.
     pub(crate) fn by_distance(camera: &'a CameraView) -> Self {
         Self { by_distance: true, ..Self::on_raster(camera) }
+    }
+
+    /// As [`Measure::by_distance`], for micropolygons of any size that are no more than `flatness_px` off the surface.
+    /// Facets of flat meshes stay whole.
+    pub(crate) fn by_flatness(camera: &'a CameraView, flatness_px: f32) -> Self {
+        Self { flatness_px: Some(flatness_px), ..Self::by_distance(camera) }
+    }
+
+    /// Segments along u and v that a piece asks for; without meaning for one that must be split.
+    pub(crate) fn asked(
+        &self,
+        piece: &dyn Surface,
+        placement: &Placement,
+        settings: &DiceSettings,
+    ) -> [f32; 2] {
+        let asked = self.segments(piece, placement, settings);
+        [asked.u, asked.v]
+    }
+
+    /// The parts of a piece split along a direction, with what is settled of its sides: dicing these is as dicing the
+    /// whole.
+    pub(crate) fn split(
+        &self,
+        piece: &dyn Surface,
+        placement: &Placement,
+        settings: &DiceSettings,
+        direction: SplitDirection,
+    ) -> Vec<Piece> {
+        let asked = self.segments(piece, placement, settings);
+        let (_, settled) = self.settle(piece, &asked, settings);
+        piece.split_settled(direction, settled)
+    }
+
+    /// The sides of a piece that are not settled yet, and of those short enough the number of steps.
+    ///
+    /// The points on a side are a function of the side alone, so that neighbours agree: it is halved until its parts
+    /// are short, and these have equal steps. Nothing is to be agreed about a single point.
+    fn settle(
+        &self,
+        piece: &dyn Surface,
+        asked: &Asked,
+        settings: &DiceSettings,
+    ) -> ([Option<SidePart>; 4], [Option<u32>; 4]) {
+        let parts: [Option<SidePart>; 4] = std::array::from_fn(|side| {
+            let length = asked.sides?[side];
+            if length > 0.0 { piece.side(side) } else { None }
+        });
+        let settled = std::array::from_fn(|side| {
+            let (part, asked) = (parts[side]?, asked.sides?[side]);
+            (!part.must_part() && asked <= settings.longest_part()).then(|| settings.round(asked) as u32)
+        });
+        (parts, settled)
     }
 
     /// Decides about a piece that has been split `depth` times.
@@ -187,16 +241,7 @@ impl<'a> Measure<'a> {
         let asked = self.segments(piece, placement, settings);
         let longer = if asked.u >= asked.v { SplitDirection::U } else { SplitDirection::V };
         let round = |m: f32| settings.round(m);
-        // The points on a side are a function of the side alone, so that neighbours agree: it is halved until its parts
-        // are short, and these have equal steps. Nothing is to be agreed about a single point.
-        let parts: [Option<SidePart>; 4] = std::array::from_fn(|side| {
-            let length = asked.sides?[side];
-            if length > 0.0 { piece.side(side) } else { None }
-        });
-        let settled: [Option<u32>; 4] = std::array::from_fn(|side| {
-            let (part, asked) = (parts[side]?, asked.sides?[side]);
-            (!part.must_part() && asked <= settings.longest_part()).then(|| round(asked) as u32)
-        });
+        let (parts, settled) = self.settle(piece, &asked, settings);
         if may_split && piece.must_split() {
             return Plan::Split(longer, settled);
         }
@@ -268,6 +313,9 @@ impl<'a> Measure<'a> {
             let [u, v] = fixed.segments(piece);
             return Asked { u, v, sides: None };
         }
+        if self.flatness_px.is_some() && piece.facets() == 1 {
+            return Asked { u: 1.0, v: 1.0, sides: None };
+        }
         let [Some(lattice), moved] =
             self.at_ends(placement, settings, |time| self.lattice(piece, placement, time))
         else {
@@ -281,7 +329,19 @@ impl<'a> Measure<'a> {
         let largest = |lines: &mut dyn Iterator<Item = f32>| lines.fold(1.0_f32, f32::max);
         let rows = |j: usize| j * LATTICE;
         let mut u = largest(&mut (0..LATTICE).map(|j| line(rows(j), 1)));
-        let v = largest(&mut (0..LATTICE).map(|i| line(i, LATTICE)));
+        let mut v = largest(&mut (0..LATTICE).map(|i| line(i, LATTICE)));
+        if let Some(flatness_px) = self.flatness_px {
+            // A twisted square deviates by a quarter of its twist from two triangles.
+            let last = LATTICE - 1;
+            let (a, b) = (lattice[0], lattice[last]);
+            let (c, d) = (lattice[rows(last)], lattice[rows(last) + last]);
+            let middle = (a + b + c + d) * 0.25;
+            let twist_px = self.length(middle, middle + (a - b - c + d), false);
+            let by_twist = (twist_px / (4.0 * flatness_px)).sqrt();
+            if by_twist.is_finite() {
+                (u, v) = (u.max(by_twist), v.max(by_twist));
+            }
+        }
         if settings.thincurve_px > 0.0 && piece.is_curve() {
             // As wide as it is, not as it lies: a ribbon seen from its edge is not thin.
             let width = |j: usize| {
@@ -411,6 +471,11 @@ impl<'a> Measure<'a> {
         }
         // The lattice sees the turning at its inner points only: a circle's arc turns a little more.
         turn *= LATTICE as f32 / (LATTICE - 1) as f32;
+        if let Some(flatness_px) = self.flatness_px {
+            // An arc of length l that turns by t deviates by l t / (8 n^2) from n equal chords.
+            let by_sag = (length_px * turn / (8.0 * flatness_px)).sqrt();
+            return by_sag.max(turn / settings.curvature);
+        }
         let by_length = seen_px * settings.quality;
         // Micropolygons under a third of a pixel show no curvature.
         let by_curvature = (turn / settings.curvature).min(length_px * 3.0);

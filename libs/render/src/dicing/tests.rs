@@ -53,7 +53,19 @@ impl Rig {
         let settings = DiceSettings::new(&self.attributes, &SceneDicing::new(&self.scene), &self.camera);
         let times = pieces[0].key_times().to_vec();
         let placement = Placement::new(to_world, &times, &[], self.camera.shutter);
-        tessellate(pieces, &placement, &Measure::on_raster(&self.camera), &settings)
+        let measure = Measure::on_raster(&self.camera);
+        let mut leaves = Vec::new();
+        let mut stack: Vec<(Piece, u32)> = pieces.into_iter().rev().map(|p| (p, 0)).collect();
+        while let Some((piece, depth)) = stack.pop() {
+            match measure.plan(&*piece, &placement, &settings, depth) {
+                Plan::Dice(rates) => leaves.push(Leaf { piece, rates: Box::new(rates) }),
+                Plan::Split(direction, settled) => {
+                    let parts = piece.split_settled(direction, settled);
+                    stack.extend(parts.into_iter().rev().map(|p| (p, depth + 1)));
+                }
+            }
+        }
+        leaves
     }
 
     /// Points along u and v of each grid of something that stands still.

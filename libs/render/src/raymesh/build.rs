@@ -1,36 +1,124 @@
-//! The tessellation of a primitive for rays.
+//! Primitives in parts, and the tessellation of a part for rays.
+//!
+//! A [`Solid`] is a primitive that is tessellated as rays need it. Its parts are small enough to be made, kept and thrown
+//! away one by one, each at any [`Level`]: all parts at one level together are as watertight as the primitive diced at
+//! once, because a part is reached by the same splits, with the same settled sides, whoever asks for it.
 
 use super::{Quad, RayData, RayMesh, RayPrimvar};
 use crate::CameraView;
 use crate::dicing::{
-    self, DiceSettings, GridView, Leaf, Measure, Placement, Rates, SceneDicing, Viewer, Viewpoint,
+    self, DiceSettings, GridView, Measure, Placement, Rates, SceneDicing, Viewer, Viewpoint,
 };
 use crate::object::ObjectState;
-use crate::shading::ShaderThread;
-use granita_base::{MotionTransform, Severity, Vec3};
+use crate::shading::{ShaderThread, ShadingContext};
+use granita_base::{Bound, Interp, MotionTransform, ParamData, Severity, Vec3};
 use granita_geom::{Dice, Piece, ShapeKey, SplitDirection, Surface};
 use granita_scene::Primitive;
 use granita_shade::{Grid, PrimvarData, RayKind};
-use granita_trace::TriangleMesh;
+use granita_trace::{TriangleMesh, Triangles};
 use std::sync::Arc;
 
-/// Largest deviation of a tessellation from the surface, in pixels of the camera.
+/// Largest deviation of the finest tessellation from the surface, in pixels of the camera.
 pub(crate) const FLATNESS_PX: f32 = 0.1;
-/// Segments of a diced piece in one direction; longer pieces are split.
-const MAX_SEGMENTS: usize = 64;
-/// Points of the lattice that rates are judged by, in each direction.
-const LATTICE: usize = 9;
-/// Levels of splitting; a piece that still wants to be split is diced as it is.
-const MAX_SPLITS: u32 = 24;
+/// Largest turning between segments of the finest tessellation, degrees.
+const CURVATURE_DEG: f32 = 10.0;
+/// Points of a grid: 64 segments each way.
+const GRID_POINTS: usize = 65 * 65;
+/// Triangles of a part at the finest level, about.
+const PART_TRIANGLES: f32 = 4096.0;
+/// Levels of splitting; a piece that still wants to be split is part of a part.
+const MAX_SPLITS: usize = 40;
+/// A triangle that is never met.
+const NO_TRIANGLE: [u32; 3] = [u32::MAX; 3];
+/// Room around parts of points and curves, which turn, relative to their size.
+const TURNING_ROOM: f32 = 0.1;
 
-/// Tessellates a primitive for rays, with motion keys when `motion`. `None` for one without surface, or
-/// that cannot be built (reported).
-pub(crate) fn tessellate(
+/// How finely something is tessellated: at level `k` micropolygons may be `4^k` times as large, or as far off the
+/// surface, as at level 0, which is as fine as the camera's.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(crate) struct Level(u8);
+
+impl Level {
+    /// The finest.
+    pub(crate) const FINEST: Self = Self(0);
+    /// The coarsest.
+    pub(crate) const COARSEST: Self = Self(3);
+
+    /// For a ray that is so many of the camera's pixels wide: no coarser than the ray.
+    pub(crate) fn for_width(width_px: f32) -> Self {
+        // NaN compares false.
+        Self((1..=Self::COARSEST.0).rev().find(|k| width_px >= Self(*k).scale()).unwrap_or(0))
+    }
+
+    /// How many times as large micropolygons are.
+    pub(crate) fn scale(self) -> f32 {
+        f32::from(1_u16 << (2 * self.0))
+    }
+}
+
+/// One step on the way from a piece to a part of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Step {
+    direction: SplitDirection,
+    child: u32,
+}
+
+/// A part of a solid.
+#[derive(Debug)]
+pub(crate) struct Part {
+    /// Which of the solid's roots it is of.
+    root: u32,
+    /// How to get there.
+    path: Box<[Step]>,
+    /// Box around it in world space at all times, displacement included.
+    pub(crate) bound: Bound,
+}
+
+/// A primitive that is tessellated when rays need it.
+pub(crate) struct Solid {
+    /// The primitive.
+    pub(crate) primitive: Arc<Primitive>,
+    /// Its state.
+    pub(crate) object: Arc<ObjectState>,
+    placement: Placement,
+    /// Pieces that are the same at every level.
+    roots: Vec<Piece>,
+    settings: DiceSettings,
+    displaced: bool,
+    /// Its parts, in the order of the surface.
+    pub(crate) parts: Vec<Part>,
+    /// Box around it in world space at all times, displacement included.
+    pub(crate) bound: Bound,
+    /// Size of the camera's pixels where it is farthest from the camera.
+    pixel_world: f32,
+}
+
+/// A mesh of flat faces that neither moves nor is displaced: its triangles are what rays meet.
+pub(crate) struct Flat {
+    /// The primitive.
+    pub(crate) primitive: Arc<Primitive>,
+    /// Its state.
+    pub(crate) object: Arc<ObjectState>,
+    placement: Placement,
+    piece: Piece,
+}
+
+/// A primitive as a geometry set has it.
+pub(crate) enum Member {
+    /// As it is.
+    Flat(Flat),
+    /// Tessellated on demand.
+    Solid(Solid),
+}
+
+/// Gets a primitive ready for rays, with motion keys when `motion`. `None` for one without surface, or that cannot be
+/// built (reported).
+pub(crate) fn prepare(
     primitive: &Arc<Primitive>,
     object: &Arc<ObjectState>,
     motion: bool,
     thread: &mut ShaderThread<'_>,
-) -> Option<(RayMesh, TriangleMesh)> {
+) -> Option<Member> {
     let frame = thread.frame();
     let (camera, reporter) = (&frame.camera, &frame.reporter);
     let attributes = &primitive.attributes;
@@ -42,7 +130,7 @@ pub(crate) fn tessellate(
     };
     let dicing = SceneDicing::new(&frame.scene);
     let trim = dicing::trimming(attributes, dicing.trim_quality);
-    let pieces = match granita_geom::build(&primitive.shape, &keys, trim, &mut report) {
+    let mut pieces = match granita_geom::build(&primitive.shape, &keys, trim, &mut report) {
         Ok(pieces) => pieces,
         Err(error) => {
             report(Severity::Error, error.to_string());
@@ -53,53 +141,305 @@ pub(crate) fn tessellate(
     let shutter = if motion { camera.shutter } else { [camera.shading_time(); 2] };
     let still: [&MotionTransform; 0] = [];
     let placement = Placement::new(&attributes.to_world, &shape_times, &still, shutter);
-    let times = placement.times().to_vec();
     let displaced = object.displaces_rays();
-    let mut build = Builder {
-        object,
-        camera,
-        placement: &placement,
-        mesh: RayMesh {
-            primitive: primitive.clone(),
-            object: object.clone(),
-            quads: Vec::new(),
-            p: Vec::new(),
-            n: Vec::new(),
-            ng: Vec::new(),
-            dpdu: Vec::new(),
-            dpdv: Vec::new(),
-            uv: Vec::new(),
-            primvars: Vec::new(),
-            string_set: Vec::new(),
-        },
-        triangles: TriangleMesh { positions: vec![Vec::new(); times.len()], times, triangles: Vec::new() },
-        pieces: 0,
-    };
-    let leaves = if displaced {
-        // What moves must be sampled as finely as for the camera.
-        let settings = DiceSettings::new(attributes, &dicing, camera);
-        dicing::tessellate(pieces, &placement, &Measure::by_distance(camera), &settings)
-    } else {
-        let flat = matches!(primitive.shape, granita_base::ShapeDesc::Mesh { subdivide: false, .. });
-        let mut leaves = Vec::new();
-        for piece in pieces {
-            build.refine(piece, flat, 0, &mut leaves);
-        }
-        leaves
-    };
-    for leaf in leaves {
-        build.add(&leaf, displaced, thread);
+    let (primitive, object) = (primitive.clone(), object.clone());
+    // Hits of faces with strings of their own cannot share a grid; parts know how to tell.
+    let many_strings = primitive.keys[0]
+        .params
+        .iter()
+        .any(|p| p.ty.interp == Interp::PerPiece && matches!(p.data, ParamData::String(_)));
+    let flat = !displaced && !many_strings && placement.times().len() == 1;
+    if flat && pieces.len() == 1 && pieces[0].facets() > 0 {
+        let piece = pieces.remove(0);
+        return Some(Member::Flat(Flat { primitive, object, placement, piece }));
     }
-    let Builder { mut mesh, mut triangles, .. } = build;
-    mesh.shrink();
-    triangles.positions.iter_mut().for_each(Vec::shrink_to_fit);
-    triangles.triangles.shrink_to_fit();
-    (!triangles.triangles.is_empty()).then_some((mesh, triangles))
+    let mut settings = DiceSettings::new(attributes, &dicing, camera);
+    if !displaced {
+        // Rays need the shape; the shader is evaluated at the hit.
+        settings.gridsize = GRID_POINTS;
+        settings.fixed = None;
+        settings.motionfactor = 0.0;
+        settings.binary = true;
+        settings.curvature = CURVATURE_DEG.to_radians();
+    }
+    let mut solid = Solid {
+        primitive,
+        object,
+        placement,
+        roots: Vec::new(),
+        settings,
+        displaced,
+        parts: Vec::new(),
+        bound: Bound::EMPTY,
+        pixel_world: 0.0,
+    };
+    solid.divide(pieces, camera);
+    if displaced && solid.object.max_displacement_world <= 0.0 {
+        // Nothing says how far it moves: look.
+        for k in 0..solid.parts.len() {
+            let bound = solid.tessellate(k as u32, Level::FINEST, thread).map_or(Bound::EMPTY, |made| {
+                Bound::around(made.1.positions.iter().flatten().copied().filter(|p| p.is_finite()))
+            });
+            solid.parts[k].bound = rounded(bound);
+        }
+    }
+    solid.bound = solid.parts.iter().fold(Bound::EMPTY, |all, part| all.union(part.bound));
+    solid.pixel_world =
+        solid.bound.corners().iter().map(|corner| frame.pixel_world(*corner)).fold(0.0, f32::max);
+    (!solid.parts.is_empty()).then_some(Member::Solid(solid))
+}
+
+/// A little more than a box: positions are rounded on their way to the world.
+fn rounded(bound: Bound) -> Bound {
+    if bound.is_empty() {
+        return bound;
+    }
+    bound.padded(4e-6 * bound.min.abs().max(bound.max.abs()).max_element())
+}
+
+impl ShadingContext {
+    /// Size of a pixel of the camera at the distance of a place.
+    pub(crate) fn pixel_world(&self, p: Vec3) -> f32 {
+        let distance = self.camera.position_world().distance(p).max(self.camera.near);
+        1.0 / self.camera.raster_scale(distance).abs().max_element()
+    }
+}
+
+impl Solid {
+    /// The level at which a ray sees it: as coarse as the ray is wide where it comes into its box, but the finest for rays
+    /// that start there.
+    pub(crate) fn level(&self, origin: Vec3, dir: Vec3, width: f32, spread: f32) -> Level {
+        let (a, b) = ((self.bound.min - origin) / dir, (self.bound.max - origin) / dir);
+        let enters = a.min(b).max_element();
+        if enters > 0.0 && enters.is_finite() && self.pixel_world > 0.0 {
+            Level::for_width((width + spread * enters) / self.pixel_world)
+        } else {
+            Level::FINEST
+        }
+    }
+
+    /// Bytes of memory that it takes without tessellations, but for its control vertices.
+    pub(crate) fn bytes(&self) -> usize {
+        self.parts.capacity() * size_of::<Part>()
+            + self.parts.iter().map(|p| p.path.len() * size_of::<Step>()).sum::<usize>()
+    }
+
+    fn measure<'a>(&self, camera: &'a CameraView, level: Level) -> (Measure<'a>, DiceSettings) {
+        let mut settings = self.settings.clone();
+        let scale = level.scale();
+        settings.curvature *= scale.sqrt();
+        if self.displaced {
+            // What moves must be sampled as finely as for the camera.
+            settings.quality /= scale;
+            (Measure::by_distance(camera), settings)
+        } else {
+            (Measure::by_flatness(camera, FLATNESS_PX * scale), settings)
+        }
+    }
+
+    /// Finds the parts.
+    fn divide(&mut self, pieces: Vec<Piece>, camera: &CameraView) {
+        let (measure, settings) = self.measure(camera, Level::FINEST);
+        let mut division = Division {
+            displacement: if self.displaced { self.object.max_displacement_world } else { 0.0 },
+            placement: &self.placement,
+            camera,
+            measure,
+            settings,
+            roots: Vec::new(),
+            parts: Vec::new(),
+        };
+        for piece in pieces {
+            if let Some((piece, _)) = division.run(piece) {
+                division.add_root(piece);
+            }
+        }
+        let Division { roots, parts, .. } = division;
+        (self.roots, self.parts) = (roots, parts);
+    }
+
+    /// Tessellates a part. `None` without a surface.
+    pub(crate) fn tessellate(
+        &self,
+        part: u32,
+        level: Level,
+        thread: &mut ShaderThread<'_>,
+    ) -> Option<(RayMesh, TriangleMesh)> {
+        let camera = &thread.frame().camera;
+        let (measure, settings) = self.measure(camera, level);
+        let part = &self.parts[part as usize];
+        let root = &*self.roots[part.root as usize];
+        let mut found: Option<Piece> = None;
+        for step in &*part.path {
+            let piece = found.as_deref().unwrap_or(root);
+            let children = measure.split(piece, &self.placement, &settings, step.direction);
+            found = Some(children.into_iter().nth(step.child as usize)?);
+        }
+        let piece = found.as_deref().unwrap_or(root);
+        let mut build = Builder::new(&self.primitive, &self.object, &self.placement, camera);
+        let was = std::mem::replace(&mut thread.builds_rays, true);
+        dicing::tessellate(piece, &self.placement, &measure, &settings, &mut |piece, rates| {
+            build.add(piece, rates, self.displaced, thread);
+        });
+        thread.builds_rays = was;
+        build.finish()
+    }
+}
+
+impl Flat {
+    /// How many facets there are.
+    pub(crate) fn facets(&self) -> usize {
+        self.piece.facets()
+    }
+
+    /// A mesh of some facets, two triangles each, in their order.
+    pub(crate) fn mesh_of(&self, facets: &[u32], thread: &mut ShaderThread<'_>) -> Option<RayMesh> {
+        let mut build = Builder::new(&self.primitive, &self.object, &self.placement, &thread.frame().camera);
+        let rates = Rates { nu: 2, nv: 2, ..Rates::default() };
+        for facet in facets {
+            let piece = self.piece.facet_piece(*facet as usize)?;
+            build.add(&*piece, &rates, false, thread);
+        }
+        build.mesh.number_strings();
+        Some(build.mesh)
+    }
+}
+
+impl Triangles for Flat {
+    fn count(&self) -> usize {
+        2 * self.facets()
+    }
+
+    fn triangle(&self, triangle: usize) -> Option<[Vec3; 3]> {
+        let to_world = self.placement.to_world.at(self.placement.times()[0]);
+        let corners = self.piece.facet(triangle / 2, 0);
+        let [a, b, c] =
+            Quad { corner: 0, stride: 2, piece: 0 }.triangles()[triangle % 2].map(|v| corners[v as usize]);
+        // Facets of three corners have one triangle.
+        (a != b && b != c && c != a).then(|| [a, b, c].map(|p| to_world.point(p)))
+    }
+}
+
+/// A solid being divided.
+struct Division<'a> {
+    displacement: f32,
+    placement: &'a Placement,
+    camera: &'a CameraView,
+    measure: Measure<'a>,
+    settings: DiceSettings,
+    roots: Vec<Piece>,
+    parts: Vec<Part>,
+}
+
+impl Division<'_> {
+    /// Divides a piece. Gives it back, with its number of triangles, when it is small enough to be part of a part.
+    fn run(&mut self, piece: Piece) -> Option<(Piece, f32)> {
+        // What has several faces, curves or particles parts in the same way at all levels.
+        let parts_alike = piece.must_split() && (0..4).all(|side| piece.side(side).is_none());
+        if parts_alike && piece.is_splittable() {
+            let mut small = Vec::new();
+            let (mut all, mut sum) = (true, 0.0);
+            for child in piece.split(SplitDirection::U) {
+                match self.run(child) {
+                    Some((child, triangles)) => {
+                        sum += triangles;
+                        small.push(child);
+                    }
+                    None => all = false,
+                }
+            }
+            if all && sum <= PART_TRIANGLES {
+                return Some((piece, sum));
+            }
+            small.into_iter().for_each(|child| self.add_root(child));
+            return None;
+        }
+        let first = self.parts.len();
+        match self.inside(&*piece, &mut Vec::new()) {
+            Some(triangles) => Some((piece, triangles)),
+            None => {
+                let root = self.roots.len() as u32;
+                self.parts[first..].iter_mut().for_each(|part| part.root = root);
+                self.roots.push(piece);
+                None
+            }
+        }
+    }
+
+    /// Makes a piece a part.
+    fn add_root(&mut self, piece: Piece) {
+        self.add_part(&*piece, &[]);
+        let root = self.roots.len() as u32;
+        self.parts.iter_mut().rev().take(1).for_each(|part| part.root = root);
+        self.roots.push(piece);
+    }
+
+    /// Divides a piece at the end of a path; its number of triangles when it is small.
+    fn inside(&mut self, piece: &dyn Surface, path: &mut Vec<Step>) -> Option<f32> {
+        let must_split = piece.must_split();
+        // Rates of a piece that must be split mean nothing.
+        let [u, v] =
+            if must_split { [1.0; 2] } else { self.measure.asked(piece, self.placement, &self.settings) };
+        let triangles = 2.0 * u.ceil() * v.ceil();
+        let small = !must_split && triangles <= PART_TRIANGLES;
+        if small || !piece.is_splittable() || path.len() >= MAX_SPLITS {
+            return Some(triangles);
+        }
+        let direction = if u >= v { SplitDirection::U } else { SplitDirection::V };
+        let children = self.measure.split(piece, self.placement, &self.settings, direction);
+        let first = self.parts.len();
+        let (mut sum, mut small) = (0.0, Vec::new());
+        for (child, piece) in children.iter().enumerate() {
+            path.push(Step { direction, child: child as u32 });
+            match self.inside(&**piece, path) {
+                Some(triangles) => {
+                    sum += triangles;
+                    small.push(child);
+                }
+                None => sum = f32::INFINITY,
+            }
+            path.pop();
+        }
+        if self.parts.len() == first && sum <= PART_TRIANGLES {
+            return Some(sum);
+        }
+        for child in small {
+            path.push(Step { direction, child: child as u32 });
+            self.add_part(&*children[child], path);
+            path.pop();
+        }
+        None
+    }
+
+    fn add_part(&mut self, piece: &dyn Surface, path: &[Step]) {
+        let mut bound = Bound::EMPTY;
+        for &time in self.placement.times() {
+            let mut own = Placement::object_bound(piece, time);
+            if own.is_empty() {
+                continue;
+            }
+            if piece.is_facing() {
+                own = own.padded((own.max - own.min).length() * TURNING_ROOM);
+            }
+            bound = bound.union(own.transformed(&self.placement.to_world.at(time)));
+        }
+        if !bound.is_empty() {
+            let raster = piece.raster_width();
+            if raster > 0.0 {
+                let eye = self.camera.position_world();
+                let far = bound.corners().iter().map(|c| eye.distance(*c)).fold(self.camera.near, f32::max);
+                bound = bound.padded(raster / self.camera.raster_scale(far).abs().max_element());
+            }
+            bound = bound.padded(self.displacement);
+        }
+        self.parts.push(Part { root: 0, path: path.into(), bound: rounded(bound) });
+    }
 }
 
 /// A tessellation in the making.
 struct Builder<'a> {
-    object: &'a Arc<ObjectState>,
+    primitive: &'a Primitive,
+    object: &'a ObjectState,
     camera: &'a CameraView,
     placement: &'a Placement,
     mesh: RayMesh,
@@ -107,67 +447,52 @@ struct Builder<'a> {
     pieces: u32,
 }
 
-impl Builder<'_> {
-    /// Splits until a piece is small enough; the leaves come in the order of the surface.
-    fn refine(&self, piece: Piece, flat: bool, depth: u32, leaves: &mut Vec<Leaf>) {
-        // Rates of a piece that must be split mean nothing.
-        let [nu, nv] = if flat || piece.must_split() { [1, 1] } else { self.segments(&*piece) };
-        let direction = if nu >= nv { SplitDirection::U } else { SplitDirection::V };
-        let too_long = nu.max(nv) > MAX_SEGMENTS;
-        if depth < MAX_SPLITS && piece.is_splittable() && (piece.must_split() || too_long) {
-            for part in piece.split(direction) {
-                self.refine(part, flat, depth + 1, leaves);
-            }
-            return;
+impl<'a> Builder<'a> {
+    fn new(
+        primitive: &'a Primitive,
+        object: &'a ObjectState,
+        placement: &'a Placement,
+        camera: &'a CameraView,
+    ) -> Self {
+        let times = placement.times().to_vec();
+        Self {
+            primitive,
+            object,
+            camera,
+            placement,
+            mesh: RayMesh {
+                quads: Vec::new(),
+                p: Vec::new(),
+                n: Vec::new(),
+                ng: Vec::new(),
+                dpdu: Vec::new(),
+                dpdv: Vec::new(),
+                uv: Vec::new(),
+                primvars: Vec::new(),
+                string_set: Vec::new(),
+                string_keys: Vec::new(),
+            },
+            triangles: TriangleMesh {
+                positions: vec![Vec::new(); times.len()],
+                times,
+                triangles: Vec::new(),
+            },
+            pieces: 0,
         }
-        // Powers of two: neighbouring pieces meet in shared points more often.
-        let points = |n: usize| n.min(MAX_SEGMENTS).next_power_of_two() + 1;
-        let rates = Rates { nu: points(nu), nv: points(nv), ..Rates::default() };
-        leaves.push(Leaf { piece, rates: Box::new(rates) });
     }
 
-    /// Segments along u and v that keep the tessellation within the flatness.
-    fn segments(&self, piece: &dyn Surface) -> [usize; 2] {
-        let mut lattice = Vec::with_capacity(LATTICE * LATTICE);
-        if piece.is_facing() {
-            let viewer = Viewer::new(self.camera, self.placement, piece.key_times());
-            piece.positions_towards(0, LATTICE, LATTICE, &|k, p| viewer.view(k, p), &mut lattice);
-        } else {
-            piece.positions(0, LATTICE, LATTICE, &mut lattice);
-        }
-        let to_world = self.placement.to_world.at(self.placement.times()[0]);
-        for p in &mut lattice {
-            *p = to_world.point(*p);
-        }
-        let at = |i: usize, j: usize| lattice[j * LATTICE + i];
-        let eye = self.camera.position_world();
-        let pixels_per_unit =
-            |p: Vec3| self.camera.raster_scale(eye.distance(p).max(self.camera.near)).abs().max_element();
-        // An arc of length l that turns by t deviates by l t / (8 n^2) from n equal chords.
-        let needed = |points: [Vec3; LATTICE]| {
-            let length: f32 =
-                points.windows(2).map(|w| w[0].distance(w[1]) * pixels_per_unit((w[0] + w[1]) * 0.5)).sum();
-            let turn: f32 = points.windows(3).map(|w| angle_between(w[1] - w[0], w[2] - w[1])).sum();
-            (length * turn / (8.0 * FLATNESS_PX)).sqrt().max(turn.to_degrees() / 10.0)
-        };
-        let (mut u, mut v) = (1.0_f32, 1.0_f32);
-        for k in 0..LATTICE {
-            u = u.max(needed(std::array::from_fn(|i| at(i, k))));
-            v = v.max(needed(std::array::from_fn(|j| at(k, j))));
-        }
-        // A twisted square deviates by a quarter of its twist from two triangles.
-        let last = LATTICE - 1;
-        let (a, b, c, d) = (at(0, 0), at(last, 0), at(0, last), at(last, last));
-        let twist = (a - b - c + d).length() * pixels_per_unit((a + b + c + d) * 0.25);
-        let by_twist = (twist / (4.0 * FLATNESS_PX)).sqrt();
-        // Not a number (positions that are not finite) becomes one segment.
-        let whole = |x: f32| if x.is_finite() { x.ceil().clamp(1.0, 1e6) as usize } else { 1 };
-        [whole(u.max(by_twist)), whole(v.max(by_twist))]
+    fn finish(self) -> Option<(RayMesh, TriangleMesh)> {
+        let Self { mut mesh, mut triangles, .. } = self;
+        mesh.number_strings();
+        mesh.shrink();
+        triangles.positions.iter_mut().for_each(Vec::shrink_to_fit);
+        triangles.triangles.shrink_to_fit();
+        (!triangles.triangles.is_empty()).then_some((mesh, triangles))
     }
 
-    fn add(&mut self, leaf: &Leaf, displaced: bool, thread: &mut ShaderThread<'_>) {
-        let key_times = leaf.piece.key_times();
-        let dice: Dice = leaf.dice(&Viewer::new(self.camera, self.placement, key_times));
+    fn add(&mut self, piece: &dyn Surface, rates: &Rates, displaced: bool, thread: &mut ShaderThread<'_>) {
+        let key_times = piece.key_times();
+        let dice: Dice = rates.dice(piece, &Viewer::new(self.camera, self.placement, key_times));
         let (nu, nv) = (dice.nu, dice.nv);
         if nu < 2 || nv < 2 {
             return;
@@ -178,7 +503,7 @@ impl Builder<'_> {
             dtime: 0.0,
             ray: RayKind::default(),
         };
-        let mut grid = dicing::make_grid(&dice, key_times, &self.mesh.primitive, self.placement, &view);
+        let mut grid = dicing::make_grid(&dice, key_times, self.primitive, self.placement, &view);
         let before = grid.p.clone();
         if displaced {
             thread.displace(self.object, &mut grid);
@@ -212,7 +537,17 @@ impl Builder<'_> {
                 let quad =
                     Quad { corner: (first + j * nu + i) as u32, stride: nu as u32, piece: self.pieces };
                 mesh.quads.push(quad);
-                self.triangles.triangles.extend(quad.triangles());
+                for triangle in quad.triangles() {
+                    let one_place = |a: usize, b: usize| {
+                        let at = |positions: &Vec<Vec3>| {
+                            positions[triangle[a] as usize] == positions[triangle[b] as usize]
+                        };
+                        self.triangles.positions.iter().all(at)
+                    };
+                    // Nothing is to be met where sides have fewer points than their grid.
+                    let line = one_place(0, 1) || one_place(1, 2) || one_place(2, 0);
+                    self.triangles.triangles.push(if line { NO_TRIANGLE } else { triangle });
+                }
             }
         }
         self.pieces += 1;
@@ -281,10 +616,4 @@ fn add_primvars(mesh: &mut RayMesh, grid: &Grid, piece: u32) -> u32 {
         }
     }
     known as u32
-}
-
-/// Angle between two directions, radians; 0 when one is zero.
-fn angle_between(a: Vec3, b: Vec3) -> f32 {
-    let (sin, cos) = (a.cross(b).length(), a.dot(b));
-    if sin == 0.0 && cos == 0.0 { 0.0 } else { sin.atan2(cos) }
 }

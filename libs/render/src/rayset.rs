@@ -1,0 +1,453 @@
+//! Geometry sets as rays meet them.
+//!
+//! Flat meshes that neither move nor are displaced lie in one tree as they are. Of everything else a tree over boxes
+//! says which parts a ray passes; these are tessellated when the first ray comes in, as finely as the ray is wide
+//! there, and kept in a [`TessellationCache`](crate::raycache::TessellationCache).
+//!
+//! # Why nothing leaks
+//!
+//! The level is chosen by the ray and the primitive: for one ray all parts of a primitive are at one level, and the
+//! sides of their grids agree (after Christensen, Laur, Fong, Wooten, Batali: "Ray Differentials and Multiresolution
+//! Geometry Caching for Distribution Ray Tracing in Complex Scenes", Eurographics 2003, where the levels of neighbouring
+//! patches may differ and rays may pass between). Distances are those of a single tree, to the bit
+//! ([`TracerBuilder::within`]). A ray that starts in the box of a primitive sees it at the finest level, which is what
+//! the margin around the surface it leaves is made for.
+
+use crate::arealight::{AreaTable, area};
+use crate::object::ObjectState;
+use crate::raycache::{Key, Tessellation};
+use crate::raymesh::{self, Flat, Level, Member, MeshHit, RayMesh, Solid};
+use crate::raytrace::RayRequest;
+use crate::shading::{ShaderThread, ShadingContext};
+use granita_base::{Bound, Vec3};
+use granita_trace::{BoxTree, Hit, Ray, Tracer, TracerBuilder};
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+/// A geometry set, ready for rays.
+pub(crate) struct RayScene {
+    /// Which of the frame's sets.
+    set: u32,
+    /// Meshes that are as they are; parts of the set from 0 on.
+    flats: Vec<Flat>,
+    /// Of the meshes.
+    tracer: Tracer,
+    /// What is tessellated on demand.
+    solids: Vec<Solid>,
+    /// Of the parts that follow the meshes: solid, and part of it.
+    parts: Vec<(u32, u32)>,
+    /// Of these parts.
+    boxes: BoxTree,
+    /// Nothing in it lets light through.
+    pub(crate) opaque_to_shadows: bool,
+    /// Some of its shaders ask the shaders whose rays meet them.
+    pub(crate) asks_parents: bool,
+    /// Made when the first light shines from it.
+    areas: OnceLock<AreaTable>,
+}
+
+/// Where a ray met a set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SetHit {
+    /// Distance; infinite for a miss.
+    pub(crate) t: f32,
+    /// Barycentric coordinates of the second and third vertex.
+    b1: f32,
+    b2: f32,
+    /// Part of the set; `u32::MAX` for a miss.
+    part: u32,
+    triangle: u32,
+    level: Level,
+}
+
+impl SetHit {
+    /// No hit.
+    pub(crate) const MISS: Self =
+        Self { t: f32::INFINITY, b1: 0.0, b2: 0.0, part: u32::MAX, triangle: u32::MAX, level: Level::FINEST };
+
+    /// Whether something was hit.
+    pub(crate) fn is_hit(&self) -> bool {
+        self.part != u32::MAX
+    }
+
+    fn flat(hit: &Hit) -> Self {
+        Self {
+            t: hit.t,
+            b1: hit.b1,
+            b2: hit.b2,
+            part: hit.mesh,
+            triangle: hit.triangle,
+            level: Level::FINEST,
+        }
+    }
+
+    /// What sorts hits at one distance, whatever found them.
+    pub(crate) fn order(&self) -> (u32, u32) {
+        (self.part, self.triangle)
+    }
+}
+
+/// Tessellations that a thread has at hand while it traces a batch.
+#[derive(Default)]
+struct AtHand {
+    made: HashMap<(u32, Level), Arc<Tessellation>>,
+    bytes: u64,
+}
+
+/// Where hits are: meshes, and the places of the hits in them.
+pub(crate) struct Located {
+    meshes: Vec<Arc<Tessellation>>,
+    temporary: Vec<RayMesh>,
+    places: Vec<Located1>,
+}
+
+/// Mesh and triangle of one hit.
+#[derive(Clone, Copy)]
+enum Located1 {
+    Kept(u32, u32),
+    Temporary(u32, u32),
+}
+
+impl Located {
+    /// The mesh of hit `k`, and the triangle in it.
+    pub(crate) fn get(&self, k: usize) -> Option<(&RayMesh, u32)> {
+        match self.places[k] {
+            Located1::Kept(mesh, triangle) => Some((self.meshes[mesh as usize].mesh.as_ref()?, triangle)),
+            Located1::Temporary(mesh, triangle) => Some((&self.temporary[mesh as usize], triangle)),
+        }
+    }
+}
+
+impl RayScene {
+    /// Gets the members ready, on up to `threads` threads. Tessellates nothing yet, but for displaced primitives that
+    /// do not say how far they move.
+    pub(crate) fn build(
+        set: u32,
+        members: &[u32],
+        frame: &ShadingContext,
+        threads: usize,
+        motion: bool,
+    ) -> Self {
+        let next = AtomicUsize::new(0);
+        let made: Mutex<Vec<(usize, Member)>> = Mutex::default();
+        let work = || {
+            let mut thread = ShaderThread::new(frame);
+            thread.builds_rays = true;
+            while let Some(member) = members.get(next.fetch_add(1, Ordering::Relaxed)) {
+                let primitive = &frame.scene.primitives[*member as usize];
+                let object = frame.object(primitive);
+                if let Some(ready) = raymesh::prepare(primitive, &object, motion, &mut thread) {
+                    let k = *member as usize;
+                    made.lock().unwrap_or_else(PoisonError::into_inner).push((k, ready));
+                }
+            }
+        };
+        std::thread::scope(|scope| {
+            for _ in 1..threads.min(members.len()) {
+                scope.spawn(work);
+            }
+            work();
+        });
+        let mut made = made.into_inner().unwrap_or_else(PoisonError::into_inner);
+        made.sort_by_key(|m| m.0);
+        let (mut flats, mut solids) = (Vec::new(), Vec::new());
+        for (_, member) in made {
+            match member {
+                Member::Flat(flat) => flats.push(flat),
+                Member::Solid(solid) => solids.push(solid),
+            }
+        }
+        let mut builder = TracerBuilder::new();
+        flats.iter().for_each(|flat| _ = builder.add_triangles(flat));
+        let tracer = builder.build(threads);
+        let each = solids.iter().enumerate();
+        let parts: Vec<(u32, u32)> =
+            each.flat_map(|(s, solid)| (0..solid.parts.len()).map(move |p| (s as u32, p as u32))).collect();
+        let bounds: Vec<Bound> = solids.iter().flat_map(|s| s.parts.iter().map(|p| p.bound)).collect();
+        let objects = || flats.iter().map(|f| &f.object).chain(solids.iter().map(|s| &s.object));
+        Self {
+            set,
+            opaque_to_shadows: objects().all(|object| object.opaque_to_shadows),
+            asks_parents: objects().any(|object| crate::raytrace::asks_parent(object)),
+            boxes: BoxTree::new(&bounds),
+            tracer,
+            flats,
+            solids,
+            parts,
+            areas: OnceLock::new(),
+        }
+    }
+
+    /// Triangles of meshes that are as they are, and the bytes that these and all structures but tessellations take.
+    pub(crate) fn size(&self) -> (u64, u64) {
+        let triangles: usize = self.flats.iter().map(|f| 2 * f.facets()).sum();
+        let solids: usize = self.solids.iter().map(Solid::bytes).sum();
+        let parts = self.parts.capacity() * size_of::<(u32, u32)>();
+        (triangles as u64, (self.tracer.bytes() + self.boxes.bytes() + parts + solids) as u64)
+    }
+
+    /// The object that was hit.
+    pub(crate) fn object(&self, hit: &SetHit) -> &Arc<ObjectState> {
+        match self.solid(hit.part) {
+            Some((solid, _)) => &solid.object,
+            None => &self.flats[hit.part as usize].object,
+        }
+    }
+
+    /// Which primitive was hit: a number for sorting, and its identity.
+    pub(crate) fn primitive(&self, hit: &SetHit) -> (u32, u32) {
+        match self.solid(hit.part) {
+            Some((solid, _)) => {
+                let own = self.parts[hit.part as usize - self.flats.len()].0;
+                (self.flats.len() as u32 + own, solid.primitive.id)
+            }
+            None => (hit.part, self.flats[hit.part as usize].primitive.id),
+        }
+    }
+
+    fn solid(&self, part: u32) -> Option<(&Solid, u32)> {
+        let (solid, own) = *self.parts.get((part as usize).checked_sub(self.flats.len())?)?;
+        Some((&self.solids[solid as usize], own))
+    }
+
+    /// A part that is made on demand, at a level.
+    fn part(&self, thread: &mut ShaderThread<'_>, part: u32, level: Level) -> Arc<Tessellation> {
+        let cache = &thread.frame().rays.cache;
+        cache.get(Key { set: self.set, part, level }, || {
+            let made = self.solid(part).and_then(|(solid, own)| solid.tessellate(own, level, thread));
+            let mut builder = TracerBuilder::within(self.boxes.bound());
+            let mesh = made.map(|(mesh, triangles)| {
+                builder.add(triangles);
+                mesh
+            });
+            Tessellation { mesh, tracer: builder.build(1) }
+        })
+    }
+
+    fn part_at_hand<'h>(
+        &self,
+        thread: &mut ShaderThread<'_>,
+        hand: &'h mut AtHand,
+        part: u32,
+        level: Level,
+    ) -> &'h Tessellation {
+        // What one thread holds must not be much of what all may keep.
+        if hand.bytes > thread.frame().rays.cache.limit() / 16 {
+            *hand = AtHand::default();
+        }
+        hand.made.entry((part, level)).or_insert_with(|| {
+            let made = self.part(thread, part, level);
+            hand.bytes += made.bytes();
+            made
+        })
+    }
+
+    /// Tells `passed` of the parts on a ray, nearest first, until it answers with a negative distance; otherwise it
+    /// answers how far the ray still goes.
+    fn along(
+        &self,
+        thread: &mut ShaderThread<'_>,
+        hand: &mut AtHand,
+        request: &RayRequest,
+        reach: f32,
+        passed: &mut dyn FnMut(&Tracer, u32, Level) -> f32,
+    ) {
+        let ray = Ray { tmax: reach.min(request.ray.tmax), ..request.ray };
+        let mut known: Option<(u32, Level)> = None;
+        self.boxes.visit(&ray, &mut |passage| {
+            let (solid, _) = self.parts[passage.index as usize];
+            let level = match known {
+                Some((of, level)) if of == solid => level,
+                _ => {
+                    let own = &self.solids[solid as usize];
+                    own.level(ray.origin, ray.dir, request.width, request.spread)
+                }
+            };
+            known = Some((solid, level));
+            let part = self.flats.len() as u32 + passage.index;
+            let made = self.part_at_hand(thread, hand, part, level);
+            passed(&made.tracer, part, level)
+        });
+    }
+
+    /// The closest hit of each ray.
+    pub(crate) fn closest(&self, thread: &mut ShaderThread<'_>, requests: &[RayRequest]) -> Vec<SetHit> {
+        let rays: Vec<Ray> = requests.iter().map(|r| r.ray).collect();
+        let mut flat = vec![Hit::MISS; rays.len()];
+        self.tracer.closest(&rays, &mut flat);
+        let mut hits: Vec<SetHit> =
+            flat.iter().map(|h| if h.is_hit() { SetHit::flat(h) } else { SetHit::MISS }).collect();
+        if self.parts.is_empty() {
+            return hits;
+        }
+        let mut hand = AtHand::default();
+        for (request, best) in requests.iter().zip(&mut hits) {
+            self.along(thread, &mut hand, request, best.t, &mut |tracer, part, level| {
+                let ray = Ray { tmax: best.t.min(request.ray.tmax), ..request.ray };
+                let mut found = [Hit::MISS];
+                tracer.closest(&[ray], &mut found);
+                let [hit] = found;
+                if hit.is_hit() {
+                    let hit = SetHit { part, level, ..SetHit::flat(&hit) };
+                    if hit.t < best.t || hit.t == best.t && hit.order() < best.order() {
+                        *best = hit;
+                    }
+                }
+                best.t
+            });
+        }
+        hits
+    }
+
+    /// Whether each ray hits anything.
+    pub(crate) fn any(&self, thread: &mut ShaderThread<'_>, requests: &[RayRequest]) -> Vec<bool> {
+        let rays: Vec<Ray> = requests.iter().map(|r| r.ray).collect();
+        let mut blocked = vec![false; rays.len()];
+        self.tracer.any(&rays, &mut blocked);
+        if self.parts.is_empty() {
+            return blocked;
+        }
+        let mut hand = AtHand::default();
+        for (request, blocked) in requests.iter().zip(&mut blocked).filter(|(_, b)| !**b) {
+            self.along(thread, &mut hand, request, f32::INFINITY, &mut |tracer, _, _| {
+                let mut found = [false];
+                tracer.any(std::slice::from_ref(&request.ray), &mut found);
+                [*blocked] = found;
+                if *blocked { -1.0 } else { f32::INFINITY }
+            });
+        }
+        blocked
+    }
+
+    /// The closest hit that `accept` lets pass; it is asked about some of the hits, in no particular order, about each at
+    /// most once, and must answer by the hit alone.
+    pub(crate) fn closest_where(
+        &self,
+        thread: &mut ShaderThread<'_>,
+        request: &RayRequest,
+        accept: &mut dyn FnMut(&SetHit) -> bool,
+    ) -> SetHit {
+        let hit = self.tracer.closest_where(&request.ray, &mut |h| accept(&SetHit::flat(h)));
+        let mut best = if hit.is_hit() { SetHit::flat(&hit) } else { SetHit::MISS };
+        if self.parts.is_empty() {
+            return best;
+        }
+        let mut hand = AtHand::default();
+        self.along(thread, &mut hand, request, best.t, &mut |tracer, part, level| {
+            let ray = Ray { tmax: best.t.min(request.ray.tmax), ..request.ray };
+            let of_part = |h: &Hit| SetHit { part, level, ..SetHit::flat(h) };
+            let hit = tracer.closest_where(&ray, &mut |h| accept(&of_part(h)));
+            if hit.is_hit() {
+                let hit = of_part(&hit);
+                if hit.t < best.t || hit.t == best.t && hit.order() < best.order() {
+                    best = hit;
+                }
+            }
+            best.t
+        });
+        best
+    }
+
+    /// The meshes of some hits.
+    pub(crate) fn locate(&self, thread: &mut ShaderThread<'_>, hits: &[SetHit]) -> Located {
+        let mut located = Located { meshes: Vec::new(), temporary: Vec::new(), places: Vec::new() };
+        let mut kept: HashMap<(u32, Level), u32> = HashMap::new();
+        // Facets of each mesh that were hit, in the order in which they were met first.
+        let mut flats: HashMap<u32, (u32, Vec<u32>, HashMap<u32, u32>)> = HashMap::new();
+        for hit in hits {
+            if self.solid(hit.part).is_some() {
+                let mesh = *kept.entry((hit.part, hit.level)).or_insert_with(|| {
+                    located.meshes.push(self.part(thread, hit.part, hit.level));
+                    located.meshes.len() as u32 - 1
+                });
+                located.places.push(Located1::Kept(mesh, hit.triangle));
+            } else {
+                let next = flats.len() as u32;
+                let (mesh, facets, known) =
+                    flats.entry(hit.part).or_insert((next, Vec::new(), HashMap::new()));
+                let facet = *known.entry(hit.triangle / 2).or_insert_with(|| {
+                    facets.push(hit.triangle / 2);
+                    facets.len() as u32 - 1
+                });
+                located.places.push(Located1::Temporary(*mesh, 2 * facet + hit.triangle % 2));
+            }
+        }
+        let mut flats: Vec<(u32, u32, Vec<u32>)> =
+            flats.into_iter().map(|(part, (mesh, facets, _))| (mesh, part, facets)).collect();
+        flats.sort_unstable();
+        let meshes =
+            flats.iter().filter_map(|(_, part, facets)| self.flats[*part as usize].mesh_of(facets, thread));
+        located.temporary = meshes.collect();
+        located
+    }
+
+    /// Points at fractions of the area of all surfaces, at barycentric coordinates of their triangles, and the normals
+    /// there. `None` without any area.
+    pub(crate) fn area_points(
+        &self,
+        thread: &mut ShaderThread<'_>,
+        places: &[(f32, f32, f32)],
+    ) -> Option<Vec<(Vec3, Vec3)>> {
+        let areas = match self.areas.get() {
+            Some(areas) => areas,
+            None => {
+                let made = self.area_table(thread);
+                self.areas.get_or_init(|| made)
+            }
+        };
+        let hits: Option<Vec<SetHit>> = places
+            .iter()
+            .map(|&(fraction, b1, b2)| {
+                let (part, triangle) = areas.at(fraction)?;
+                Some(SetHit { t: 0.0, b1, b2, part, triangle, level: Level::FINEST })
+            })
+            .collect();
+        let hits = hits?;
+        let located = self.locate(thread, &hits);
+        let point = |(k, hit): (usize, &SetHit)| {
+            let (mesh, triangle) = located.get(k)?;
+            let [a, b, c] = mesh.corners(triangle);
+            let p = a * (1.0 - hit.b1 - hit.b2) + b * hit.b1 + c * hit.b2;
+            let place = MeshHit { triangle, b1: hit.b1, b2: hit.b2, p, i: Vec3::ZERO, width: 0.0 };
+            Some((p, mesh.normal(&place)))
+        };
+        hits.iter().enumerate().map(point).collect()
+    }
+
+    /// Areas of all triangles at the finest level.
+    fn area_table(&self, thread: &mut ShaderThread<'_>) -> AreaTable {
+        use granita_trace::Triangles;
+        let mut table = AreaTable::default();
+        for (part, flat) in self.flats.iter().enumerate() {
+            for t in 0..flat.count() {
+                if let Some([a, b, c]) = flat.triangle(t) {
+                    table.push(part as u32, t as u32, area(a, b, c));
+                }
+            }
+        }
+        for part in 0..self.parts.len() as u32 {
+            let part = self.flats.len() as u32 + part;
+            let made = self.part(thread, part, Level::FINEST);
+            let Some(mesh) = &made.mesh else { continue };
+            for t in 0..mesh.triangles() {
+                let [a, b, c] = mesh.corners(t);
+                table.push(part, t, area(a, b, c));
+            }
+        }
+        table
+    }
+}
+
+/// A hit as a place in the world.
+pub(crate) fn mesh_hit(request: &RayRequest, hit: &SetHit, triangle: u32) -> MeshHit {
+    let i = request.ray.dir * hit.t;
+    MeshHit {
+        triangle,
+        b1: hit.b1,
+        b2: hit.b2,
+        p: request.ray.origin + i,
+        i,
+        width: request.width + request.spread * hit.t,
+    }
+}
