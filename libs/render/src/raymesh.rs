@@ -10,7 +10,6 @@ pub(crate) use build::{FLATNESS_PX, Flat, Level, Member, Solid, prepare};
 
 use crate::object::ObjectState;
 use granita_base::{Vec3, hash};
-use granita_scene::Primitive;
 use granita_shade::{Grid, Primvar, PrimvarData, RayKind, Topology};
 use std::sync::Arc;
 
@@ -326,6 +325,7 @@ mod tests {
     use crate::shading::ShaderThread;
     use crate::shading::ShadingContext;
     use granita_base::{Params, ShapeDesc};
+    use granita_scene::Primitive;
     use granita_trace::TriangleMesh;
 
     fn with_member<T>(
@@ -360,8 +360,8 @@ mod tests {
         let center = Vec3::new(0.5, 0.0, 1.0);
         // 640 x 480 pixels, 90 degrees: at distance 7 to 11 a pixel is 0.03 to 0.05 units.
         let mut counts = Vec::new();
-        for level in 0..4 {
-            let level = Level::for_width(f32::powi(4.0, level));
+        for level in Level::ALL {
+            assert_eq!(Level::for_width(level.scale() * 1.5), level);
             let mut count = 0;
             for (mesh, triangles) in parts_of(&f, &ball, level) {
                 let p = &triangles.positions[0];

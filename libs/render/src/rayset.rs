@@ -99,12 +99,23 @@ struct AtHand {
 pub(crate) struct Located {
     meshes: Vec<Arc<Tessellation>>,
     temporary: Vec<RayMesh>,
-    places: Vec<Located1>,
+    places: Vec<Place>,
+}
+
+/// Facets of a flat mesh that were hit.
+#[derive(Default)]
+struct HitFacets {
+    /// Which mesh is made of them.
+    mesh: u32,
+    /// In the order in which they were met first.
+    facets: Vec<u32>,
+    /// Where they stand in it.
+    known: HashMap<u32, u32>,
 }
 
 /// Mesh and triangle of one hit.
 #[derive(Clone, Copy)]
-enum Located1 {
+enum Place {
     Kept(u32, u32),
     Temporary(u32, u32),
 }
@@ -113,8 +124,8 @@ impl Located {
     /// The mesh of hit `k`, and the triangle in it.
     pub(crate) fn get(&self, k: usize) -> Option<(&RayMesh, u32)> {
         match self.places[k] {
-            Located1::Kept(mesh, triangle) => Some((self.meshes[mesh as usize].mesh.as_ref()?, triangle)),
-            Located1::Temporary(mesh, triangle) => Some((&self.temporary[mesh as usize], triangle)),
+            Place::Kept(mesh, triangle) => Some((self.meshes[mesh as usize].mesh.as_ref()?, triangle)),
+            Place::Temporary(mesh, triangle) => Some((&self.temporary[mesh as usize], triangle)),
         }
     }
 }
@@ -353,32 +364,29 @@ impl RayScene {
     pub(crate) fn locate(&self, thread: &mut ShaderThread<'_>, hits: &[SetHit]) -> Located {
         let mut located = Located { meshes: Vec::new(), temporary: Vec::new(), places: Vec::new() };
         let mut kept: HashMap<(u32, Level), u32> = HashMap::new();
-        // Facets of each mesh that were hit, in the order in which they were met first.
-        let mut flats: HashMap<u32, (u32, Vec<u32>, HashMap<u32, u32>)> = HashMap::new();
+        let mut flats: HashMap<u32, HitFacets> = HashMap::new();
         for hit in hits {
             if self.solid(hit.part).is_some() {
                 let mesh = *kept.entry((hit.part, hit.level)).or_insert_with(|| {
                     located.meshes.push(self.part(thread, hit.part, hit.level));
                     located.meshes.len() as u32 - 1
                 });
-                located.places.push(Located1::Kept(mesh, hit.triangle));
+                located.places.push(Place::Kept(mesh, hit.triangle));
             } else {
-                let next = flats.len() as u32;
-                let (mesh, facets, known) =
-                    flats.entry(hit.part).or_insert((next, Vec::new(), HashMap::new()));
-                let facet = *known.entry(hit.triangle / 2).or_insert_with(|| {
-                    facets.push(hit.triangle / 2);
-                    facets.len() as u32 - 1
+                let mesh = flats.len() as u32;
+                let flat = flats.entry(hit.part).or_insert(HitFacets { mesh, ..HitFacets::default() });
+                let facet = *flat.known.entry(hit.triangle / 2).or_insert_with(|| {
+                    flat.facets.push(hit.triangle / 2);
+                    flat.facets.len() as u32 - 1
                 });
-                located.places.push(Located1::Temporary(*mesh, 2 * facet + hit.triangle % 2));
+                located.places.push(Place::Temporary(flat.mesh, 2 * facet + hit.triangle % 2));
             }
         }
-        let mut flats: Vec<(u32, u32, Vec<u32>)> =
-            flats.into_iter().map(|(part, (mesh, facets, _))| (mesh, part, facets)).collect();
-        flats.sort_unstable();
-        let meshes =
-            flats.iter().filter_map(|(_, part, facets)| self.flats[*part as usize].mesh_of(facets, thread));
-        located.temporary = meshes.collect();
+        let mut flats: Vec<(u32, HitFacets)> = flats.into_iter().collect();
+        flats.sort_unstable_by_key(|(_, flat)| flat.mesh);
+        let mesh_of =
+            |(part, flat): &(u32, HitFacets)| self.flats[*part as usize].mesh_of(&flat.facets, thread);
+        located.temporary = flats.iter().filter_map(mesh_of).collect();
         located
     }
 
@@ -451,3 +459,6 @@ pub(crate) fn mesh_hit(request: &RayRequest, hit: &SetHit, triangle: u32) -> Mes
         width: request.width + request.spread * hit.t,
     }
 }
+
+#[cfg(test)]
+mod tests;

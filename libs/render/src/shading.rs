@@ -208,6 +208,7 @@ impl ShadingContext {
     pub(crate) fn statistics(&self) -> ShadingStatistics {
         let (built, sets) = self.rays.built();
         let (triangles, bytes) = self.rays.size();
+        let tessellations = self.rays.cache.counts();
         let count = |n: &AtomicU64| n.load(Ordering::Relaxed);
         let rays = &self.rays.counts;
         let t = self.textures.statistics();
@@ -219,6 +220,9 @@ impl ShadingContext {
             ray_structures_built: built as u64,
             ray_triangles: triangles,
             ray_bytes: bytes,
+            ray_tessellations: tessellations.made,
+            ray_tessellations_given_up: tessellations.given_up,
+            ray_tessellation_bytes_peak: tessellations.peak_bytes,
             texture_files: t.files,
             texture_automipmaps: t.automipmaps,
             texture_lookups: t.lookups,

@@ -111,10 +111,16 @@ pub struct ShadingStatistics {
     pub ray_structures: u64,
     /// Of them, those that were asked for and built.
     pub ray_structures_built: u64,
-    /// Triangles in those that were built.
+    /// Triangles that there were for rays at the end.
     pub ray_triangles: u64,
-    /// What those take in memory, with all that hits are shaded from.
+    /// What structures for rays took in memory at the end, with all that hits are shaded from.
     pub ray_bytes: u64,
+    /// Parts of primitives that were tessellated for rays, those made again included.
+    pub ray_tessellations: u64,
+    /// Of them, those given up to make room for others.
+    pub ray_tessellations_given_up: u64,
+    /// Most bytes of tessellations held at once.
+    pub ray_tessellation_bytes_peak: u64,
     pub texture_files: u64,
     /// Files that were no MIP maps.
     pub texture_automipmaps: u64,
@@ -127,7 +133,7 @@ pub struct ShadingStatistics {
 
 impl ShadingStatistics {
     /// All counts by the names of the fields, for machines.
-    pub fn counts(&self) -> [(&'static str, u64); 13] {
+    pub fn counts(&self) -> [(&'static str, u64); 16] {
         [
             ("rays", self.rays),
             ("shadow_rays", self.shadow_rays),
@@ -136,6 +142,9 @@ impl ShadingStatistics {
             ("ray_structures_built", self.ray_structures_built),
             ("ray_triangles", self.ray_triangles),
             ("ray_bytes", self.ray_bytes),
+            ("ray_tessellations", self.ray_tessellations),
+            ("ray_tessellations_given_up", self.ray_tessellations_given_up),
+            ("ray_tessellation_bytes_peak", self.ray_tessellation_bytes_peak),
             ("texture_files", self.texture_files),
             ("texture_automipmaps", self.texture_automipmaps),
             ("texture_lookups", self.texture_lookups),
@@ -160,6 +169,15 @@ impl ShadingStatistics {
                     self.ray_structures,
                     self.ray_triangles,
                     kb(self.ray_bytes)
+                ),
+            ),
+            (
+                "  tessellations made",
+                format!(
+                    "{} ({} given up, at most {} KB at once)",
+                    self.ray_tessellations,
+                    self.ray_tessellations_given_up,
+                    kb(self.ray_tessellation_bytes_peak)
                 ),
             ),
             (

@@ -229,10 +229,10 @@ impl StillTree {
             Some([*a?, *b?, *c?].map(|p| scale.point(p)))
         };
         let mut items = Vec::with_capacity((0..meshes.len()).map(count).sum());
-        for m in 0..meshes.len() {
+        for (m, first) in first.iter().enumerate() {
             for t in 0..count(m) {
                 if let Some(vertices) = corners(m, t) {
-                    items.push(Item::new(first[m] + t as u32, &Box3::around(&vertices)));
+                    items.push(Item::new(first + t as u32, &Box3::around(&vertices)));
                 }
             }
         }

@@ -41,13 +41,16 @@ pub(crate) struct Level(u8);
 impl Level {
     /// The finest.
     pub(crate) const FINEST: Self = Self(0);
-    /// The coarsest.
-    pub(crate) const COARSEST: Self = Self(3);
+    /// All, from the finest on.
+    ///
+    /// Coarser ones than these would have parts of less than a micropolygon, whose corners cannot all be kept apart.
+    pub(crate) const ALL: [Self; 3] = [Self(0), Self(1), Self(2)];
 
     /// For a ray that is so many of the camera's pixels wide: no coarser than the ray.
     pub(crate) fn for_width(width_px: f32) -> Self {
         // NaN compares false.
-        Self((1..=Self::COARSEST.0).rev().find(|k| width_px >= Self(*k).scale()).unwrap_or(0))
+        let fits = |level: &&Self| width_px >= level.scale();
+        *Self::ALL[1..].iter().rev().find(fits).unwrap_or(&Self::FINEST)
     }
 
     /// How many times as large micropolygons are.
@@ -218,6 +221,12 @@ impl Solid {
         }
     }
 
+    /// Size of the camera's pixels that widths of rays are compared with.
+    #[cfg(test)]
+    pub(crate) fn pixel(&self) -> f32 {
+        self.pixel_world
+    }
+
     /// Bytes of memory that it takes without tessellations, but for its control vertices.
     pub(crate) fn bytes(&self) -> usize {
         self.parts.capacity() * size_of::<Part>()
@@ -239,13 +248,11 @@ impl Solid {
 
     /// Finds the parts.
     fn divide(&mut self, pieces: Vec<Piece>, camera: &CameraView) {
-        let (measure, settings) = self.measure(camera, Level::FINEST);
         let mut division = Division {
             displacement: if self.displaced { self.object.max_displacement_world } else { 0.0 },
             placement: &self.placement,
             camera,
-            measure,
-            settings,
+            measures: Level::ALL.map(|level| self.measure(camera, level)),
             roots: Vec::new(),
             parts: Vec::new(),
         };
@@ -325,8 +332,8 @@ struct Division<'a> {
     displacement: f32,
     placement: &'a Placement,
     camera: &'a CameraView,
-    measure: Measure<'a>,
-    settings: DiceSettings,
+    /// By level.
+    measures: [(Measure<'a>, DiceSettings); Level::ALL.len()],
     roots: Vec<Piece>,
     parts: Vec<Part>,
 }
@@ -355,7 +362,7 @@ impl Division<'_> {
             return None;
         }
         let first = self.parts.len();
-        match self.inside(&*piece, &mut Vec::new()) {
+        match self.inside([&*piece; Level::ALL.len()], &mut Vec::new()) {
             Some(triangles) => Some((piece, triangles)),
             None => {
                 let root = self.roots.len() as u32;
@@ -368,33 +375,42 @@ impl Division<'_> {
 
     /// Makes a piece a part.
     fn add_root(&mut self, piece: Piece) {
-        self.add_part(&*piece, &[]);
+        self.add_part([&*piece; Level::ALL.len()], &[]);
         let root = self.roots.len() as u32;
         self.parts.iter_mut().rev().take(1).for_each(|part| part.root = root);
         self.roots.push(piece);
     }
 
-    /// Divides a piece at the end of a path; its number of triangles when it is small.
-    fn inside(&mut self, piece: &dyn Surface, path: &mut Vec<Step>) -> Option<f32> {
+    /// Divides a piece at the end of a path, as it is at each level; its number of triangles when it is small.
+    fn inside(&mut self, pieces: [&dyn Surface; Level::ALL.len()], path: &mut Vec<Step>) -> Option<f32> {
+        let piece = pieces[0];
         let must_split = piece.must_split();
+        let (measure, settings) = &self.measures[0];
         // Rates of a piece that must be split mean nothing.
-        let [u, v] =
-            if must_split { [1.0; 2] } else { self.measure.asked(piece, self.placement, &self.settings) };
+        let [u, v] = if must_split { [1.0; 2] } else { measure.asked(piece, self.placement, settings) };
         let triangles = 2.0 * u.ceil() * v.ceil();
         let small = !must_split && triangles <= PART_TRIANGLES;
         if small || !piece.is_splittable() || path.len() >= MAX_SPLITS {
             return Some(triangles);
         }
         let direction = if u >= v { SplitDirection::U } else { SplitDirection::V };
-        let children = self.measure.split(piece, self.placement, &self.settings, direction);
+        let children: [Vec<Piece>; Level::ALL.len()] = std::array::from_fn(|level| {
+            let (measure, settings) = &self.measures[level];
+            measure.split(pieces[level], self.placement, settings, direction)
+        });
+        let child_of = |child: usize| -> Option<[&dyn Surface; Level::ALL.len()]> {
+            let [a, b, c] = [0, 1, 2].map(|level: usize| children[level].get(child));
+            Some([&**a?, &**b?, &**c?])
+        };
         let first = self.parts.len();
         let (mut sum, mut small) = (0.0, Vec::new());
-        for (child, piece) in children.iter().enumerate() {
+        for child in 0..children[0].len() {
+            let Some(pieces) = child_of(child) else { continue };
             path.push(Step { direction, child: child as u32 });
-            match self.inside(&**piece, path) {
+            match self.inside(pieces, path) {
                 Some(triangles) => {
                     sum += triangles;
-                    small.push(child);
+                    small.push((child, pieces));
                 }
                 None => sum = f32::INFINITY,
             }
@@ -403,18 +419,21 @@ impl Division<'_> {
         if self.parts.len() == first && sum <= PART_TRIANGLES {
             return Some(sum);
         }
-        for child in small {
+        for (child, pieces) in small {
             path.push(Step { direction, child: child as u32 });
-            self.add_part(&*children[child], path);
+            self.add_part(pieces, path);
             path.pop();
         }
         None
     }
 
-    fn add_part(&mut self, piece: &dyn Surface, path: &[Step]) {
+    /// Makes a piece a part; what is settled of its sides, and with it its box, is different at each level.
+    fn add_part(&mut self, pieces: [&dyn Surface; Level::ALL.len()], path: &[Step]) {
+        let piece = pieces[0];
         let mut bound = Bound::EMPTY;
         for &time in self.placement.times() {
-            let mut own = Placement::object_bound(piece, time);
+            let of_levels = pieces.iter().map(|piece| Placement::object_bound(*piece, time));
+            let mut own = of_levels.fold(Bound::EMPTY, Bound::union);
             if own.is_empty() {
                 continue;
             }

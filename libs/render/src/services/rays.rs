@@ -234,6 +234,7 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
         let half_angle = 0.5 * (option(o.sblur, i, 0.0) + option(o.tblur, i, 0.0)) * FRAC_PI_4;
         let width = 0.5 * (option(o.swidth, i, 1.0) + option(o.twidth, i, 1.0));
         let samples = count(o.samples, i);
+        let per_ray = 1.0 / (samples as f32).sqrt();
         let seed = run.lane_seed(call, lane);
         for index in 0..samples {
             let (x, y) = in_footprint(index, samples, seed);
@@ -253,7 +254,8 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
             let margin = run.frame.ray_margin(p);
             let aim = Aim { p, dir, bias, margin, tmax: distance, time: run.ray_time(index, seed) };
             let footprint = query.dpdx.get(i).length().max(query.dpdy.get(i).length());
-            rays.push(RayRequest { lane, ray: aim.ray(), width: footprint, spread: 2.0 * half_angle });
+            let (width, spread) = (footprint * per_ray, 2.0 * half_angle.max(0.0) * per_ray);
+            rays.push(RayRequest { lane, ray: aim.ray(), width, spread });
         }
         spread_over.push((lane, samples));
     }
