@@ -6,17 +6,20 @@
 //! (coherent), from around through the box of the mesh, and from its surface (both incoherent). Embree comes from the
 //! Python package `embreex`, which is found by the option or in `python3`: once as the package calls it, and, where
 //! there is a C compiler (`cc`), once more by its single-ray calls alone. The quickest of four runs counts, in turns.
-//! `--large` adds what a tree of ten million triangles takes.
+//! `--large` adds what ten million triangles in a geometry set take: a tree of them, and whole frames of `gelato` in which a
+//! mirror sees a mesh, or a displaced patch that rays tessellate.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
 
 use cpu_time::ThreadTime;
 use granita_base::{Location, ParamData, Reporter, ShapeDesc, Vec3, hash};
-use granita_benches::{find_program, repository};
+use granita_benches::{find_program, measure as cost_of, release_tool, repository};
 use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
 use granita_trace::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::time::Instant;
@@ -61,15 +64,7 @@ fn run() -> Result<(), String> {
         compare(&name, &read(&file)?, &embree, place.path())?;
     }
     if large {
-        let mesh = sphere(3163);
-        let n = mesh.triangles.len();
-        let start = Instant::now();
-        let tracer = build(mesh, 2);
-        let wall = start.elapsed().as_secs_f64();
-        println!(
-            "{n} triangles: {:.1} bytes each, built in {wall:.1} s by two threads",
-            per_triangle(&tracer, n)
-        );
+        memory(place.path())?;
     }
     Ok(())
 }
@@ -78,6 +73,94 @@ fn build(mesh: TriangleMesh, threads: usize) -> Tracer {
     let mut builder = TracerBuilder::new();
     builder.add(mesh);
     builder.build(threads)
+}
+
+/// What ten million triangles take in a tree, and in frames whose mirror sees them.
+fn memory(place: &Path) -> Result<(), String> {
+    let mesh = sphere(3163);
+    let n = mesh.triangles.len();
+    write_ply(&mesh, &place.join("ball.ply")).map_err(|e| e.to_string())?;
+    let start = Instant::now();
+    let tracer = build(mesh, 2);
+    let wall = start.elapsed().as_secs_f64();
+    println!(
+        "{n} triangles: {:.1} bytes each, built in {wall:.1} s by two threads",
+        per_triangle(&tracer, n)
+    );
+    drop(tracer);
+    let gelato = release_tool("gelato")?;
+    println!(
+        "\n{:<20} {:>10} {:>9} {:>12} {:>15} {:>8}",
+        "a mirror sees", "triangles", "peak MiB", "no ray, MiB", "bytes/triangle", "wall"
+    );
+    let ball = "Input (\"ball.ply\")\n";
+    let bumps = "Shader (\"displacement\", \"bumpy\")\nAttribute (\"float displace:maxradius\", 0.01)\n\
+                 Attribute (\"float shadingquality\", 3.5)\n\
+                 Patch (\"linear\", 2, 2, \"vertex point P\", (-2, -2, -6, 2, -2, -6, -2, 2, -6, 2, 2, -6))\n";
+    for (what, seen) in [("a mesh", ball), ("a displaced patch", bumps)] {
+        let run = |surface: &str| {
+            let scene = format!(
+                "Attribute (\"int[2] resolution\", (640, 480))\nAttribute (\"string projection\", \"perspective\")\n\
+                 Attribute (\"float fov\", 40)\nAttribute (\"string units:length\", \"cm\")\n\
+                 Output (\"memory.tif\", \"tiff\", \"rgb\", \"camera\")\nWorld ()\nPushAttributes ()\n\
+                 Shader (\"surface\", \"constant\")\nAttribute (\"string geometryset\", \"seen\")\n{seen}\
+                 PopAttributes ()\nShader (\"surface\", {surface})\nPatch (\"linear\", 2, 2, \"vertex point P\", \
+                 (-3, -3, 2, 3, -3, 2, -3, 3, 2, 3, 3, 2))\nRender ()\n"
+            );
+            std::fs::write(place.join("memory.pyg"), scene).map_err(|e| e.to_string())?;
+            let command = || {
+                let mut command = Command::new(&gelato);
+                command.current_dir(place).args(["-threads", "2", "-statistics", "memory.pyg"]);
+                command
+            };
+            let told = output(&mut command());
+            Ok::<_, String>((cost_of(1, command)?, told))
+        };
+        let (without, _) = run("\"constant\"")?;
+        let (with, told) = run("\"shiny\", \"float Kr\", 1, \"string envname\", \"seen\"")?;
+        // "structures built   1 of 1 (10004569 triangles, 123456 KB)"
+        let row = told.lines().find(|line| line.contains("structures built")).unwrap_or_default();
+        let count =
+            row.split('(').nth(1).and_then(|rest| rest.split_whitespace().next()?.parse::<u64>().ok());
+        let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+        if let (Some(n), Some(peak), Some(base)) = (count, with.peak_bytes, without.peak_bytes) {
+            println!(
+                "{what:<20} {n:>10} {:>9.0} {:>12.0} {:>15.1} {:>7.1}s",
+                mib(peak),
+                mib(base),
+                peak.saturating_sub(base) as f64 / n as f64,
+                with.wall.as_secs_f64()
+            );
+        } else {
+            println!("{what:<20} no numbers: {told}");
+        }
+    }
+    Ok(())
+}
+
+/// A mesh as a binary file.
+fn write_ply(mesh: &TriangleMesh, file: &Path) -> std::io::Result<()> {
+    let mut out = BufWriter::new(File::create(file)?);
+    write!(
+        out,
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
+         element face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        mesh.positions[0].len(),
+        mesh.triangles.len()
+    )?;
+    for p in &mesh.positions[0] {
+        // Behind the camera.
+        for x in [p.x, p.y, p.z - 5.0] {
+            out.write_all(&x.to_le_bytes())?;
+        }
+    }
+    for t in &mesh.triangles {
+        out.write_all(&[3])?;
+        for v in t {
+            out.write_all(&v.to_le_bytes())?;
+        }
+    }
+    out.flush()
 }
 
 fn per_triangle(tracer: &Tracer, triangles: usize) -> f64 {
