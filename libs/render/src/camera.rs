@@ -301,6 +301,11 @@ impl CameraView {
         }
     }
 
+    /// The same camera with its whole image.
+    pub(crate) fn uncropped(&self) -> Self {
+        Self { crop: Self::crop_pixels([0.0, 1.0, 0.0, 1.0], self.resolution), ..self.clone() }
+    }
+
     /// Time at which splitting, dicing and shading happen: when the shutter opens.
     pub fn shading_time(&self) -> f32 {
         self.shutter[0]

@@ -2,6 +2,7 @@
 
 mod bucket;
 mod cells;
+mod demand;
 mod job;
 
 use crate::bucket::Buckets;
@@ -27,6 +28,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 pub(crate) use crate::hider::Holdout;
+pub(crate) use demand::{OnDemand, Surroundings};
 
 /// What the frame must know of an object without running its shaders.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,6 +60,10 @@ pub(crate) trait FrameShader: Sync {
     fn traits(&self, object: &Self::Object) -> ObjectTraits;
     /// For a new thread.
     fn thread(&self) -> Self::Thread<'_>;
+    /// For a new thread of a frame that shows no colours: its shaders need no light (reference 10.1.1).
+    fn unlit_thread(&self) -> Self::Thread<'_> {
+        self.thread()
+    }
     /// Displaces a grid.
     fn displace(&self, thread: &mut Self::Thread<'_>, object: &Self::Object, grid: &mut Grid);
     /// Shades a grid; returns the wanted variables, component by component.
@@ -115,6 +121,8 @@ struct Frame<'a, S: FrameShader> {
     margin: i32,
     dicing: SceneDicing,
     counters: Counters,
+    /// Buckets may be rendered again.
+    again: bool,
 }
 
 /// Renders one camera into the pixels of `outputs`, one set for each of its eyes, which want the same. Returns what was
@@ -129,54 +137,18 @@ pub(crate) fn render<S: FrameShader>(
 ) -> Result<(Statistics, bool), RenderError> {
     let begin = Instant::now();
     let (camera, threads) = (options.camera, options.threads.max(1));
-    let (progress, stop) = (options.progress, options.stop);
-    // The whole scene counts, not what is in view: a crop must not change the samples.
-    let moving = is_moving(scene, camera);
-    let pattern = SamplePattern::new(camera, moving);
+    let (progress, stop, registry) = (options.progress, options.stop, options.registry);
+    let eyes = options.eyes;
     let Some(plan) = outputs.first() else { return Ok((Statistics::default(), true)) };
-    let margin = plan.margin();
-    let margin = margin[0].max(margin[1]);
-    let color = |name: &str| match scene.floats(name)[..] {
-        [r, g, b] => Color::new(r, g, b),
-        _ => Color::ONE,
-    };
-    let buckets =
-        Buckets::new(&camera.crop, shared(camera, threads), &camera.bucketorder, pattern.per_pixel());
-    let canvas = |image, eye| Mutex::new(Canvas::new(image, eye, &buckets, options.registry));
+    let bucket = (shared(camera, threads), &*camera.bucketorder);
+    let frame = Frame::new(scene, shader, options, plan, bucket);
+    let canvas = |image, eye| Mutex::new(Canvas::new(image, eye, &frame.buckets, registry));
     let canvases: Vec<Mutex<Canvas>> = outputs
         .iter()
-        .zip(options.eyes)
+        .zip(eyes)
         .flat_map(|(set, eye)| set.images.iter().map(move |image| (image, eye)))
         .map(|(image, eye)| canvas(image, eye))
         .collect();
-    let eye = |camera| Eye { camera, projector: Projector::new(camera, pattern.defocus) };
-    let frame = Frame {
-        shader,
-        outputs: plan,
-        eyes: options.eyes.iter().map(eye).collect(),
-        filters: plan.images.iter().map(|i| film::Support::new(&i.filter, &pattern.tables)).collect(),
-        measure: Measure::on_raster(options.dicing_camera),
-        composite: CompositeSettings {
-            opacity_threshold: color("limits:opacitythreshold"),
-            depth_threshold: color("shadow:opacitythreshold"),
-            layers: match scene
-                .globals
-                .get("limits:transparentlayers")
-                .map(|_| scene.int("limits:transparentlayers"))
-            {
-                Some(n) if n >= 0 => usize::try_from(n).ok(),
-                _ => None,
-            },
-            depths: plan.wanted.depths,
-        },
-        buckets,
-        region: camera.crop.grown(margin),
-        margin,
-        pattern,
-        dicing: SceneDicing::new(scene),
-        counters: Counters::default(),
-        options,
-    };
     let mut failed = 0;
     if !camera.crop.is_empty() {
         let jobs = frame.jobs(scene, threads);
@@ -210,7 +182,62 @@ fn shared(camera: &CameraView, threads: usize) -> [u32; 2] {
     size
 }
 
-impl<S: FrameShader> Frame<'_, S> {
+impl<'a, S: FrameShader> Frame<'a, S> {
+    /// Gets ready to render; `bucket` is the size of buckets and their order.
+    fn new(
+        scene: &Scene,
+        shader: &'a S,
+        options: FrameOptions<'a>,
+        plan: &'a OutputSet,
+        (size, order): ([u32; 2], &str),
+    ) -> Self {
+        let camera = options.camera;
+        // The whole scene counts, not what is in view: a crop must not change the samples.
+        let moving = is_moving(scene, camera);
+        let pattern = SamplePattern::new(camera, moving);
+        let margin = plan.margin();
+        let margin = margin[0].max(margin[1]);
+        let color = |name: &str| match scene.floats(name)[..] {
+            [r, g, b] => Color::new(r, g, b),
+            _ => Color::ONE,
+        };
+        let eye = |camera| Eye { camera, projector: Projector::new(camera, pattern.defocus) };
+        Self {
+            shader,
+            outputs: plan,
+            eyes: options.eyes.iter().map(eye).collect(),
+            filters: plan.images.iter().map(|i| film::Support::new(&i.filter, &pattern.tables)).collect(),
+            measure: Measure::on_raster(options.dicing_camera),
+            composite: CompositeSettings {
+                opacity_threshold: color("limits:opacitythreshold"),
+                depth_threshold: color("shadow:opacitythreshold"),
+                layers: match scene
+                    .globals
+                    .get("limits:transparentlayers")
+                    .map(|_| scene.int("limits:transparentlayers"))
+                {
+                    Some(n) if n >= 0 => usize::try_from(n).ok(),
+                    _ => None,
+                },
+                depths: plan.wanted.depths,
+            },
+            buckets: Buckets::new(&camera.crop, size, order, pattern.per_pixel()),
+            region: camera.crop.grown(margin),
+            margin,
+            pattern,
+            dicing: SceneDicing::new(scene),
+            counters: Counters::default(),
+            again: false,
+            options,
+        }
+    }
+
+    /// For a new thread.
+    fn thread(&self) -> S::Thread<'a> {
+        let shows_colors = self.outputs.needs_shading || self.options.dump.is_some();
+        if shows_colors { self.shader.thread() } else { self.shader.unlit_thread() }
+    }
+
     /// Builds the primitives that this camera sees, for their bounds, and sorts them into buckets.
     fn jobs(&self, scene: &Scene, threads: usize) -> Jobs<S::Object> {
         let visible: Vec<&Arc<Primitive>> = scene.primitives.iter().filter(|p| self.is_visible(p)).collect();
@@ -274,7 +301,7 @@ impl<S: FrameShader> Frame<'_, S> {
         std::thread::scope(|scope| {
             for _ in 0..threads.min(total) {
                 scope.spawn(|| {
-                    let mut thread = self.shader.thread();
+                    let mut thread = self.thread();
                     while !self.options.stop.load(Ordering::Relaxed) {
                         let index = next.fetch_add(1, Ordering::Relaxed);
                         if index >= total {
@@ -292,7 +319,7 @@ impl<S: FrameShader> Frame<'_, S> {
                                 failed.fetch_add(1, Ordering::Relaxed);
                                 self.report_panic(index, &panic_text(&*panic));
                                 // Whatever it was doing is half done.
-                                thread = self.shader.thread();
+                                thread = self.thread();
                             }
                         }
                         let cost = jobs.cost(index);

@@ -222,6 +222,15 @@ fn beside(path: &std::path::Path, side: &str) -> PathBuf {
     path.with_file_name(name)
 }
 
+fn asks_for_dynamic(output: &Output) -> bool {
+    output.params.int("dynamic").is_some_and(|d| d != 0)
+}
+
+/// Whether an image is made on demand, by shaders that look at it, and not written (reference 10.1.5).
+pub(crate) fn is_dynamic(output: &Output) -> bool {
+    asks_for_dynamic(output) && matches!(&*output.data, "z" | "avgz") && !output.name.is_empty()
+}
+
 /// What an output shows; `None` (reported) when it cannot be made, or is deleted by the format "null".
 fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> Option<Data> {
     let refuse = |severity, what: String| {
@@ -247,11 +256,12 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
     if !known.supports("write") {
         return refuse(Severity::Error, format!("format \"{format}\" cannot be written"));
     }
-    if output.params.int("dynamic").is_some_and(|d| d != 0) {
-        let _ = refuse(
-            Severity::Warning,
-            "dynamic images are not supported yet; it is rendered whole".to_owned(),
+    if asks_for_dynamic(output) && !is_dynamic(output) {
+        let what = format!(
+            "\"dynamic\" is for \"z\" and \"avgz\", not for \"{}\"; it is rendered whole",
+            output.data
         );
+        let _ = refuse(Severity::Warning, what);
     }
     match &*output.data {
         "rgb" => Some(Data::Color { alpha: false }),

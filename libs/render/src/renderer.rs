@@ -1,10 +1,11 @@
 //! The door to this crate: a scene in, image files out.
 
+use crate::dynamic::DynamicMaps;
 use crate::environment::RenderEnvironment;
 use crate::frame::{self, FrameOptions, FrameShader, ObjectTraits};
 use crate::griddump::GridDump;
 use crate::object::{Holdout, ObjectState};
-use crate::output::OutputSet;
+use crate::output::{OutputSet, is_dynamic};
 use crate::preview;
 use crate::shading::{ShaderThread, ShadingContext};
 use crate::{CameraView, RenderError, ShadingStatistics, Statistics, hider};
@@ -70,7 +71,8 @@ impl Renderer {
         let mut report = FrameReport { complete: true, ..FrameReport::default() };
         let mut shading = None;
         for view in views.iter().filter(|v| camera.is_none_or(|name| &*v.name == name)) {
-            let outputs: Vec<&Output> = scene.outputs.iter().filter(|o| o.camera == view.name).collect();
+            let own = |o: &&Output| o.camera == view.name && !is_dynamic(o);
+            let outputs: Vec<&Output> = scene.outputs.iter().filter(own).collect();
             let plan = OutputSet::new(&outputs, view, &environment.registry, reporter)?;
             if plan.images.is_empty() {
                 continue;
@@ -88,7 +90,15 @@ impl Renderer {
             // Of several views the first one that is rendered.
             let dump = if report.statistics.is_empty() { self.dump(scene, &views[0]) } else { None };
             // Shading always looks from the first camera (reference 7.7), so all share what it builds.
-            let shading = shading.get_or_insert_with(|| ShadingContext::new(scene, &first, environment));
+            let shading = match &mut shading {
+                Some(shading) => &*shading,
+                none => {
+                    let mut context = ShadingContext::new(scene, &first, environment);
+                    context.dynamic =
+                        DynamicMaps::new(scene, &views, &context.textures, environment, threads)?;
+                    &*none.insert(context)
+                }
+            };
             let options = FrameOptions {
                 camera: view,
                 eyes: &eyes,
@@ -101,7 +111,7 @@ impl Renderer {
                 registry: Some(&environment.registry),
                 scene_files: &environment.scene_files,
             };
-            let (statistics, complete) = frame::render(scene, &*shading, options, &mut outputs)?;
+            let (statistics, complete) = frame::render(scene, shading, options, &mut outputs)?;
             if let Some(dump) = dump {
                 report.complete &= self.finish_dump(dump, complete);
             }
@@ -200,6 +210,12 @@ impl FrameShader for ShadingContext {
 
     fn thread(&self) -> ShaderThread<'_> {
         ShaderThread::new(self)
+    }
+
+    fn unlit_thread(&self) -> ShaderThread<'_> {
+        let mut thread = ShaderThread::new(self);
+        thread.is_unlit = true;
+        thread
     }
 
     fn displace(&self, thread: &mut ShaderThread<'_>, object: &ObjectState, grid: &mut Grid) {

@@ -8,6 +8,7 @@ pub(crate) mod maps;
 mod rays;
 
 use crate::arealight::{self, AreaLight};
+use crate::dynamic;
 use crate::lights::{LightMemory, LightState};
 use crate::object::{LinkedShaders, ObjectState, usage_word};
 use crate::shading::{ShaderThread, ShadingContext};
@@ -62,7 +63,7 @@ impl<'r, 'f> Run<'r, 'f> {
         shaders: &'r LinkedShaders,
         grid: &Grid,
     ) -> Self {
-        let gathers = shaders.usage != ShaderUsage::Displacement && !grid.ray.shadow;
+        let gathers = shaders.usage != ShaderUsage::Displacement && !grid.ray.shadow && !thread.is_unlit;
         let lights: &[LightId] = if gathers { &object.lights } else { &[] };
         Self {
             frame: thread.frame(),
@@ -290,7 +291,12 @@ impl Services for Run<'_, '_> {
         }
         let call = self.next_call();
         let seeds = |lane: u32| self.lane_seed(call, lane);
-        maps::shadow(&self.frame.textures, query, &seeds, &|lane| self.bias(query.options.bias, lane), out);
+        let (textures, maker) = (&self.frame.textures, dynamic::Maker(self.frame));
+        // What builds structures that others wait for, and what renders a map, must not wait for maps.
+        let may_wait = !self.thread.builds_rays && !self.thread.is_unlit && !self.frame.dynamic.is_empty();
+        let reader = if may_wait { textures.reader_with(&maker) } else { textures.reader() };
+        let bias = |lane| self.bias(query.options.bias, lane);
+        maps::shadow_with((textures, reader), query, &seeds, &bias, out);
     }
 
     fn light_count(&mut self) -> usize {

@@ -4,6 +4,7 @@
 //! are first asked for, structures for rays when the first ray needs them. A [`ShaderThread`] holds what
 //! one thread writes to while it shades.
 
+use crate::dynamic::DynamicMaps;
 use crate::lights::LightState;
 use crate::object::{Holdout, LinkedShaders, Linker, ObjectState, StateShaders};
 use crate::raytrace::RayWorld;
@@ -34,6 +35,8 @@ pub(crate) struct ShadingContext {
     pub(crate) units: Units,
     /// Texture files.
     pub(crate) textures: TextureCache,
+    /// Shadow maps without files.
+    pub(crate) dynamic: DynamicMaps,
     /// Spatial databases.
     pub(crate) databases: Arc<Databases>,
     database_attributes: Attributes,
@@ -84,9 +87,7 @@ impl ShadingContext {
         let lights = scene.lights.iter().map(|light| LightState::new(light, linker)).collect();
         let named = |name: &str| Some(scene.string(name).to_string()).filter(|s| !s.is_empty());
         let options = CacheOptions {
-            memory_bytes: u64::try_from(scene.int("limits:texturememory"))
-                .map_or(0, |kb| kb * 1024)
-                .max(1 << 20),
+            memory_bytes: u64::try_from(scene.int("limits:texturememory")).map_or(0, |kb| kb * 1024),
             max_files: usize::try_from(scene.int("limits:texturefiles")).unwrap_or(0).max(1),
             automipmap: scene.int("texture:automipmap") != 0,
             substitute_texture: named("texture:substtexture"),
@@ -109,6 +110,7 @@ impl ShadingContext {
             scene: scene.clone(),
             camera: camera.clone(),
             textures,
+            dynamic: DynamicMaps::default(),
             lights,
             library: environment.shaders.clone(),
             databases: environment.databases.clone(),
@@ -251,12 +253,14 @@ pub(crate) struct ShaderThread<'f> {
     idle: Vec<Executor>,
     /// Structures for rays are being built by this thread: its shaders see no rays.
     pub(crate) builds_rays: bool,
+    /// Depths are being rendered by this thread: its shaders see no lights, and nothing of dynamic shadow maps.
+    pub(crate) is_unlit: bool,
 }
 
 impl<'f> ShaderThread<'f> {
     /// With no memory yet.
     pub(crate) fn new(frame: &'f ShadingContext) -> Self {
-        Self { frame, idle: Vec::new(), builds_rays: false }
+        Self { frame, idle: Vec::new(), builds_rays: false, is_unlit: false }
     }
 
     /// The frame.

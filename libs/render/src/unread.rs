@@ -6,6 +6,7 @@
 use crate::dicing::Placement;
 use crate::hider::{NOWHERE, Projector, SamplePattern, pixels_of};
 use crate::object::longest_axis;
+use crate::output::is_dynamic;
 use crate::spaces::Spaces;
 use crate::{CameraView, Renderer, ShaderLibrary};
 use granita_base::{Bound, ParamData, Vec3};
@@ -29,6 +30,10 @@ impl Renderer {
         }
         let spaces = Spaces::new(scene, &first);
         let margin = margin(scene);
+        // Shaders may look at all of a map that is made on demand.
+        let maps = |v: &CameraView| scene.outputs.iter().any(|o| o.camera == v.name && is_dynamic(o));
+        let whole = |v: CameraView| if maps(&v) { v.uncropped() } else { v };
+        let views: Vec<CameraView> = views.into_iter().map(whole).collect();
         let seen = |v: &CameraView| scene.outputs.iter().any(|o| o.camera == v.name) && !v.crop.is_empty();
         let eyes = |v: &CameraView| v.eyes().map_or_else(|| vec![v.clone()], Vec::from);
         let views: Vec<CameraView> = views.iter().filter(|v| seen(v)).flat_map(eyes).collect();

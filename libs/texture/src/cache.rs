@@ -1,6 +1,6 @@
 //! The texture cache: names to files, files to tiles, tiles to answers.
 
-use crate::file::TextureFile;
+use crate::file::{MadeShadow, TextureFile, TileMaker};
 use crate::shared::Shared;
 use crate::{CacheStatistics, EnvLookup, Lookup, ShadowLookup, TextureKind, TextureReader};
 use granita_base::{BaseType, Param, ParamData, ParamType, Reporter, SearchPath, Transform};
@@ -89,6 +89,12 @@ impl TextureCache {
         self.shared.find(substitute.filter(|s| !s.is_empty()).unwrap_or(name)).map(TextureId)
     }
 
+    /// A depth map under a name that is no file: its tiles are made by the [`TileMaker`](crate::TileMaker) of the reader
+    /// that looks at them, and held and dropped as those of files are. `None` when the name is taken.
+    pub fn declare(&self, name: &str, map: &MadeShadow) -> Option<TextureId> {
+        self.shared.declare(name, map).map(TextureId)
+    }
+
     /// The kind of a texture.
     ///
     /// # Panics
@@ -99,7 +105,12 @@ impl TextureCache {
 
     /// For many lookups from one thread.
     pub fn reader(&self) -> TextureReader<'_> {
-        TextureReader::new(self)
+        TextureReader::new(self, None)
+    }
+
+    /// The same; tiles of maps without a file come from `maker`. To other readers there is nothing in such maps.
+    pub fn reader_with<'a>(&'a self, maker: &'a dyn TileMaker) -> TextureReader<'a> {
+        TextureReader::new(self, Some(maker))
     }
 
     /// Filtered value of a texture: channels `first_channel` and following into `out`, of which the last

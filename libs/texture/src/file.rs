@@ -4,7 +4,7 @@ use crate::cube::CubeLayout;
 use crate::make;
 use crate::picture::{Picture, half, level_count};
 use crate::tiles::{Cell, Layout, Tile};
-use crate::{TextureKind, Up, Wrap};
+use crate::{TextureId, TextureKind, Up, Wrap};
 use granita_base::{Filter, Transform};
 use granita_image::{ImageInput, ImageSpec, PixelType, Pixels};
 use std::path::PathBuf;
@@ -42,6 +42,8 @@ pub(crate) enum Source {
     },
     /// In memory, made from the whole file when first looked at: one block per level.
     Memory(OnceLock<Vec<Arc<Cell>>>),
+    /// Nowhere: there is no file, tiles are made when they are looked at.
+    Made,
 }
 
 impl std::fmt::Debug for Source {
@@ -49,6 +51,7 @@ impl std::fmt::Debug for Source {
         f.write_str(match self {
             Self::Tiles { .. } => "Tiles",
             Self::Memory(_) => "Memory",
+            Self::Made => "Made",
         })
     }
 }
@@ -136,6 +139,28 @@ fn plain_level(width: u32, height: u32, tile: (u32, u32)) -> Level {
     }
 }
 
+/// A depth map that is no file: [`TextureCache::declare`](crate::TextureCache::declare).
+#[derive(Clone, Copy, Debug)]
+pub struct MadeShadow {
+    /// Width and height in pixels.
+    pub resolution: [u32; 2],
+    /// Width and height of a tile.
+    pub tile: u32,
+    /// From "common" space to that of the light's camera, z being the depth.
+    pub world_to_camera: Transform,
+    /// From "common" space to the map, which spans -1 to 1 in x and y, y upwards.
+    pub world_to_screen: Transform,
+}
+
+/// Makes the tiles of maps that were declared ([`TextureCache::declare`](crate::TextureCache::declare)).
+///
+/// A tile may be asked for again after the cache dropped it: it must be the same to the bit. Several threads ask at once.
+pub trait TileMaker: Sync {
+    /// The depths of tile (`tx`, `ty`) of a map, row by row from the top; what lies outside the map is not looked at.
+    /// A tile of any other length than tile x tile counts as one in which nothing is.
+    fn tile(&self, map: TextureId, tx: u32, ty: u32) -> Vec<f32>;
+}
+
 /// What keeps a file from being used as it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Lack {
@@ -220,6 +245,27 @@ impl TextureFile {
             },
         };
         Ok((file, lack))
+    }
+
+    /// A depth map whose tiles are made on demand.
+    pub(crate) fn made(index: u32, name: &str, map: &MadeShadow) -> Self {
+        let [width, height] = map.resolution.map(|n| n.max(1));
+        Self {
+            index,
+            path: name.into(),
+            kind: TextureKind::Shadow,
+            levels: vec![plain_level(width, height, (map.tile.max(1), map.tile.max(1)))],
+            channels: 1,
+            swrap: Wrap::default(),
+            twrap: Wrap::default(),
+            up: Up::Z,
+            layout: CubeLayout::Mosaic,
+            world_to_camera: Some(map.world_to_camera),
+            world_to_screen: Some(map.world_to_screen),
+            texel_bytes: 4,
+            pixel_type: PixelType::Float,
+            source: Source::Made,
+        }
     }
 
     /// The levels that [`TextureFile::make_levels`] will make.

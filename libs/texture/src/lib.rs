@@ -19,8 +19,9 @@
 //! `environment` (what is narrower than a texel there), `shadow` (percentage-closer filtering), `volume` (opacity against depth).
 //! Threads that ask for many points do so through a [`TextureReader`].
 //!
-//! Deliberately absent: `texture3d` and its files, shadow maps made while rendering (reference 10.1.5),
-//! colour profiles, names of geometry sets (the renderer sorts those out before it asks).
+//! Shadow maps that are made while rendering (reference 10.1.5) are declared, and their tiles come from a [`TileMaker`].
+//!
+//! Deliberately absent: colour profiles, names of geometry sets (the renderer sorts those out before it asks).
 //!
 //! ```
 //! use granita_base::{Environment, Reporter, SearchPath};
@@ -84,6 +85,7 @@ mod wrap;
 
 pub use cache::{CacheOptions, TextureCache, TextureId, Use};
 pub use error::{Result, TextureError};
+pub use file::{MadeShadow, TileMaker};
 pub use kind::TextureKind;
 pub use lookup::{EnvLookup, Lookup, ShadowLookup, Up};
 pub use reader::TextureReader;

@@ -1,6 +1,6 @@
 //! One thread's way into a cache.
 
-use crate::file::TextureFile;
+use crate::file::{TextureFile, TileMaker};
 use crate::sampler::{Held, Sampler};
 use crate::shared::Shared;
 use crate::statistics::add;
@@ -10,17 +10,23 @@ use crate::{environment, plain, shadow};
 /// Looks up one point after another and keeps the few tiles it used last: threads that ask for many points do not
 /// meet in the cache for each. Made by [`TextureCache::reader`]; answers are those of the cache. What it looked up
 /// enters the statistics when it is dropped.
-#[derive(Debug)]
 pub struct TextureReader<'a> {
     cache: &'a TextureCache,
+    maker: Option<&'a dyn TileMaker>,
     held: Held,
     lookups: u64,
     pub(crate) probes: u64,
 }
 
+impl std::fmt::Debug for TextureReader<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "TextureReader({} lookups)", self.lookups)
+    }
+}
+
 impl<'a> TextureReader<'a> {
-    pub(crate) fn new(cache: &'a TextureCache) -> Self {
-        Self { cache, held: Held::new(cache.shared()), lookups: 0, probes: 0 }
+    pub(crate) fn new(cache: &'a TextureCache, maker: Option<&'a dyn TileMaker>) -> Self {
+        Self { cache, maker, held: Held::new(cache.shared()), lookups: 0, probes: 0 }
     }
 
     /// See [`TextureCache::texture`].
@@ -52,7 +58,7 @@ impl<'a> TextureReader<'a> {
         first: usize,
         channels: usize,
     ) -> Sampler<'s> {
-        Sampler::new(self.cache.shared(), &mut self.held, file, first, channels)
+        Sampler::new((self.cache.shared(), self.maker), &mut self.held, file, first, channels)
     }
 }
 

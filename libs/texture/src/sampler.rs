@@ -2,7 +2,7 @@
 
 use crate::Wrap;
 use crate::cube;
-use crate::file::{Level, TextureFile};
+use crate::file::{Level, TextureFile, TileMaker};
 use crate::footprint::mix;
 use crate::gaussian::Gaussian;
 use crate::shared::Shared;
@@ -12,12 +12,15 @@ use std::sync::Arc;
 
 /// Reads up to four neighbouring channels of a file.
 pub(crate) struct Sampler<'a> {
-    shared: &'a Shared,
+    shared: Tiles<'a>,
     pub(crate) file: &'a TextureFile,
     first: usize,
     channels: usize,
     held: &'a mut Held,
 }
+
+/// Where tiles come from.
+type Tiles<'a> = (&'a Shared, Option<&'a dyn TileMaker>);
 
 /// Places for tiles of one thread.
 const PLACES: usize = 64;
@@ -48,7 +51,7 @@ impl Held {
 
     /// The tile of a key.
     #[inline]
-    fn tile(&mut self, key: TileKey, shared: &Shared, file: &TextureFile) -> &Tile {
+    fn tile(&mut self, key: TileKey, shared: Tiles<'_>, file: &TextureFile) -> &Tile {
         let at = Self::place(&key);
         if !self.tiles[at].as_ref().is_some_and(|(k, _)| *k == key) {
             self.fetch(at, key, shared, file);
@@ -60,7 +63,7 @@ impl Held {
     }
 
     #[cold]
-    fn fetch(&mut self, at: usize, key: TileKey, shared: &Shared, file: &TextureFile) {
+    fn fetch(&mut self, at: usize, key: TileKey, (shared, maker): Tiles<'_>, file: &TextureFile) {
         if let Some((_, gone)) = self.tiles[at].take() {
             self.bytes -= gone.tile().bytes();
         }
@@ -71,7 +74,7 @@ impl Held {
             self.bytes = 0;
         }
         self.requests += 1;
-        let cell = shared.tile(file, key);
+        let cell = shared.tile(file, key, maker);
         self.bytes += cell.tile().bytes();
         self.tiles[at] = Some((key, cell));
     }
@@ -80,7 +83,7 @@ impl Held {
 impl<'a> Sampler<'a> {
     /// For channels `first .. first + channels`, at most four, all of them in the file.
     pub(crate) fn new(
-        shared: &'a Shared,
+        shared: Tiles<'a>,
         held: &'a mut Held,
         file: &'a TextureFile,
         first: usize,

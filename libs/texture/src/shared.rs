@@ -1,12 +1,13 @@
 //! What all lookups of a cache share: files, tiles, open handles, counters.
 
-use crate::CacheOptions;
-use crate::file::{Handle, Lack, Source, TextureFile};
+use crate::file::{Handle, Lack, MadeShadow, Source, TextureFile, TileMaker};
 use crate::files::Files;
 use crate::statistics::{Counters, add};
 use crate::tiles::{Cell, Tile, TileCache, TileKey};
+use crate::volume::EMPTY;
+use crate::{CacheOptions, TextureId};
 use granita_base::{Location, Reporter, SearchPath, Severity};
-use granita_image::{FormatRegistry, ImageInput};
+use granita_image::{FormatRegistry, ImageInput, Pixels};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -30,7 +31,7 @@ pub(crate) struct Shared {
 fn handle(file: &TextureFile) -> Option<(&Handle, &AtomicU64)> {
     match &file.source {
         Source::Tiles { handle, stamp } => Some((handle, stamp)),
-        Source::Memory(_) => None,
+        Source::Memory(_) | Source::Made => None,
     }
 }
 
@@ -67,6 +68,17 @@ impl Shared {
                 self.keep_open(index);
             }
         })
+    }
+
+    /// Index of a map without a file; `None` when the name is taken.
+    pub(crate) fn declare(&self, name: &str, map: &MadeShadow) -> Option<u32> {
+        let mut new = false;
+        let index = self.files.find(name, |index| {
+            new = true;
+            Some(TextureFile::made(index, name, map))
+        });
+        add(&self.counters.files, u64::from(new));
+        index.filter(|_| new)
     }
 
     fn open_new(&self, index: u32, name: &str) -> Option<TextureFile> {
@@ -136,8 +148,8 @@ impl Shared {
         self.counters.peak_files_open.fetch_max(open.len() as u64, Ordering::Relaxed);
     }
 
-    /// The tile of this key, of `file`.
-    pub(crate) fn tile(&self, file: &TextureFile, key: TileKey) -> Arc<Cell> {
+    /// The tile of this key, of `file`; made by `maker` where there is no file, and empty without one.
+    pub(crate) fn tile(&self, file: &TextureFile, key: TileKey, maker: Option<&dyn TileMaker>) -> Arc<Cell> {
         match &file.source {
             Source::Memory(made) => {
                 let levels = made.get_or_init(|| self.make_levels(file));
@@ -146,6 +158,18 @@ impl Shared {
             Source::Tiles { .. } => {
                 let bytes = file.tile_bytes(key.level as usize);
                 self.tiles.get(key, bytes, &self.counters, || self.read_tile(file, key))
+            }
+            Source::Made => {
+                let level = &file.levels[0];
+                let size = level.tile_width as usize * level.tile_height as usize;
+                let tile = |depths: Vec<f32>| {
+                    let depths = if depths.len() == size { depths } else { vec![EMPTY; size] };
+                    Tile::new(Pixels::Float(depths), level.tile_width as usize, 1, file.layout_in_memory())
+                };
+                // What is empty for want of a maker must not be found by those who have one.
+                let Some(maker) = maker else { return Arc::new(Cell::of(tile(Vec::new()))) };
+                let make = || tile(maker.tile(TextureId(file.index), key.tx, key.ty));
+                self.tiles.get(key, file.tile_bytes(0), &self.counters, make)
             }
         }
     }

@@ -197,13 +197,16 @@ fn ours(
     row
 }
 
+/// The error of values that are told by lookup and channel.
+type Error<'a> = &'a dyn Fn(&dyn Fn(usize, usize) -> f32) -> f64;
+
 /// The ways of the other program.
 fn theirs(
     program: &Path,
     lookups: &[Lookup],
     channels: usize,
     place: &Path,
-    error: &dyn Fn(&dyn Fn(usize, usize) -> f32) -> f64,
+    error: Error<'_>,
 ) -> Result<Vec<Row>, String> {
     let told = |e: std::io::Error| e.to_string();
     let (questions, answers) = (place.join("lookups.bin"), place.join("answers.bin"));

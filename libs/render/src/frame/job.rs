@@ -57,13 +57,15 @@ pub(super) struct LeafSlot {
     state: Mutex<LeafState>,
     /// Buckets that have not yet looked at it, counted for each eye.
     uses: AtomicU32,
+    /// Buckets may be rendered again: what was dropped is made once more.
+    again: bool,
 }
 
 enum LeafState {
     /// Not diced yet.
     Waiting(Leaf),
-    /// Diced and shaded; `None` when nothing is left to see.
-    Ready(Option<Arc<ShadedGrid>>),
+    /// Diced and shaded; nothing when nothing is left to see. The leaf as well, where it may be needed again.
+    Ready(Option<Arc<ShadedGrid>>, Option<Leaf>),
     /// Its last bucket is done.
     Gone,
 }
@@ -74,20 +76,28 @@ impl LeafSlot {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         if let LeafState::Waiting(leaf) = &*state {
             let grid = make(leaf).map(Arc::new);
-            *state = LeafState::Ready(grid);
+            if let LeafState::Waiting(leaf) = std::mem::replace(&mut *state, LeafState::Gone) {
+                *state = LeafState::Ready(grid, self.again.then_some(leaf));
+            }
         }
         match &*state {
-            LeafState::Ready(grid) => grid.clone(),
+            LeafState::Ready(grid, _) => grid.clone(),
             _ => None,
         }
     }
 
     /// One bucket is done with it.
     pub(super) fn release(&self) {
-        let uses = self.uses.fetch_sub(1, Ordering::AcqRel);
-        debug_assert!(uses > 0, "a grid is released by each of its buckets once");
-        if uses == 1 {
-            *self.state.lock().unwrap_or_else(PoisonError::into_inner) = LeafState::Gone;
+        let one_less = |uses: u32| uses.checked_sub(1);
+        let before = self.uses.fetch_update(Ordering::AcqRel, Ordering::Acquire, one_less).unwrap_or(0);
+        debug_assert!(self.again || before > 0, "a grid is released by each of its buckets once");
+        if before <= 1 {
+            let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+            *state = match std::mem::replace(&mut *state, LeafState::Gone) {
+                LeafState::Ready(_, Some(leaf)) => LeafState::Waiting(leaf),
+                LeafState::Waiting(leaf) if self.again => LeafState::Waiting(leaf),
+                _ => LeafState::Gone,
+            };
         }
     }
 }
@@ -253,6 +263,7 @@ impl<S: FrameShader> Frame<'_, S> {
                             seen,
                             state: Mutex::new(LeafState::Waiting(Leaf { piece, rates: Box::new(rates) })),
                             uses: AtomicU32::new(uses),
+                            again: self.again,
                         });
                     }
                 }

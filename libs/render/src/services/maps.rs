@@ -3,7 +3,7 @@
 use super::{count, option};
 use granita_base::{Transform, Vec3};
 use granita_shade::{Batch, EnvironmentQuery, Lanes3, LookupResult, ShadowQuery, TextureQuery};
-use granita_texture::{EnvLookup, Lookup, ShadowLookup, TextureCache, Up, Use, Wrap};
+use granita_texture::{EnvLookup, Lookup, ShadowLookup, TextureCache, TextureReader, Up, Use, Wrap};
 
 /// Most channels that one lookup returns, alpha included.
 const CHANNELS: usize = 4;
@@ -153,10 +153,20 @@ pub fn shadow(
     bias: &dyn Fn(usize) -> f32,
     out: &mut Lanes3,
 ) {
+    shadow_with((textures, textures.reader()), query, seed, bias, out);
+}
+
+/// As [`shadow`], by a reader of the cache.
+pub(super) fn shadow_with(
+    (textures, mut reader): (&TextureCache, TextureReader<'_>),
+    query: &ShadowQuery<'_>,
+    seed: &dyn Fn(u32) -> u32,
+    bias: &dyn Fn(usize) -> f32,
+    out: &mut Lanes3,
+) {
     fit(out, query.batch.lanes);
     let id = textures.find_for(query.name, Use::Shadow);
     let o = &query.options;
-    let mut reader = textures.reader();
     for &lane in query.batch.active {
         let i = lane as usize;
         let blocked = id.map_or(0.0, |id| {
