@@ -136,9 +136,9 @@ pub struct ShadowLookup {
     pub dpdx: Vec3,
     /// Change of `p` in y.
     pub dpdy: Vec3,
-    /// Full width of additional blur, as a fraction of the map's width (cube maps: of a face).
+    /// Full width of additional blur, as a fraction of the map's width (cube maps: of a face, around the y axis).
     pub sblur: f32,
-    /// Full height of additional blur, as a fraction of the map's height.
+    /// Full height of additional blur, as a fraction of the map's height (cube maps: towards the poles).
     pub tblur: f32,
     /// Scales the footprint in the map's width.
     pub swidth: f32,

@@ -146,34 +146,36 @@ fn cube_shadow(
     if !centre.is_finite() || centre == Vec3::ZERO {
         return 0.0;
     }
-    let face = &file.layout.faces()[cube::face_of(centre)];
-    let depth = centre.dot(face.forward);
-    let (right, up) = (face.right * (2.0 * depth * q.sblur), face.up * (2.0 * depth * q.tblur));
+    // Around the vertical axis and towards the poles, whichever face that is on: no edge shows.
+    let east = Vec3::Y.cross(centre).try_normalize().unwrap_or(Vec3::X);
+    let north = centre.cross(east).normalize_or(Vec3::Z);
+    let side = 2.0 * centre.length();
+    let (right, up) = (east * (side * q.sblur), north * (side * q.tblur));
     let (dx, dy) = (camera.vector(q.dpdx), camera.vector(q.dpdy));
     let mut sampler = reader.sampler(file, 0, 1);
     let (mut sum, mut n) = (0.0_f32, 0_u32);
     for ([u, v], in_blur) in pattern(q) {
         n += 1;
-        // Widths scale the footprint along the face's axes.
+        // Widths scale the footprint along the same axes.
         let d = dx * u + dy * v;
-        let d = d
-            + face.right * (d.dot(face.right) * (q.swidth - 1.0))
-            + face.up * (d.dot(face.up) * (q.twidth - 1.0));
-        let p = centre + d + right * in_blur[0] + up * in_blur[1];
-        if p == Vec3::ZERO || !p.is_finite() {
+        let d = d + east * (d.dot(east) * (q.swidth - 1.0)) + north * (d.dot(north) * (q.twidth - 1.0));
+        let place = centre + d;
+        let direction = place + right * in_blur[0] + up * in_blur[1];
+        if direction == Vec3::ZERO || !direction.is_finite() {
             continue;
         }
-        sum += cube_occluded(&mut sampler, p, q.bias);
+        // Blur looks aside; how far away the point is stays, as in a map of one view.
+        let depth = place.abs().max_element();
+        sum += cube_occluded(&mut sampler, direction, depth - q.bias);
     }
     reader.probes += u64::from(n);
     sum / n as f32
 }
 
-/// As [`occluded`], in direction `p` from the centre of a cube, across edges.
-fn cube_occluded(sampler: &mut Sampler<'_>, p: Vec3, bias: f32) -> f32 {
+/// As [`occluded`], in a direction from the centre of a cube, across edges.
+fn cube_occluded(sampler: &mut Sampler<'_>, direction: Vec3, z: f32) -> f32 {
     let layout = sampler.file.layout;
-    let at = cube::project(layout, p);
-    let z = p.dot(layout.faces()[at.face].forward) - bias;
+    let at = cube::project(layout, direction);
     let n = sampler.level(0).face_width;
     let ((x, fx), (y, fy)) = (cell(at.s.clamp(0.0, 1.0), n), cell(at.t.clamp(0.0, 1.0), n));
     let mut known = (0.0_f32, 0.0_f32);

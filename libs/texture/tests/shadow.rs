@@ -187,6 +187,66 @@ fn cubes_of_shadow_maps() {
     assert_eq!(cache.shadow(id, &ShadowLookup { p: light, ..ShadowLookup::default() }), 0.0);
 }
 
+/// Round things between a light and a ball around it: their shadows go over the edges and corners of the cube without a
+/// jump, sharp and blurred.
+#[test]
+fn no_edge_of_a_cube_shows() {
+    let folder = Folder::new();
+    let frames = [
+        [Vec3::X, Vec3::Y, Vec3::NEG_Z],
+        [Vec3::NEG_X, Vec3::Y, Vec3::Z],
+        [Vec3::Y, Vec3::NEG_Z, Vec3::X],
+        [Vec3::NEG_Y, Vec3::Z, Vec3::X],
+        [Vec3::Z, Vec3::Y, Vec3::X],
+        [Vec3::NEG_Z, Vec3::Y, Vec3::NEG_X],
+    ];
+    const N: u32 = 64;
+    let balls = [Vec3::new(1.0, 1.0, 1.0), Vec3::new(-1.0, 1.0, 0.3), Vec3::new(0.2, -1.0, -1.0)];
+    for (name, [forward, up, right]) in FACES.iter().zip(frames) {
+        depth_picture(&folder, name, N, true, |x, y| {
+            let ndc = |v: u32| 2.0 * (v as f32 + 0.5) / N as f32 - 1.0;
+            let d = (forward + right * ndc(x) - up * ndc(y)).normalize();
+            let hit = balls.iter().filter_map(|c| {
+                let (along, left) = (d.dot(*c), 0.5 - c.length_squared());
+                let root = along * along + left;
+                (along > 0.0 && root > 0.0).then(|| (along - root.sqrt()) * d.dot(forward))
+            });
+            hit.fold(1e30, f32::min)
+        });
+    }
+    folder.make(&FACES, "cube.sm", &options(Mode::ShadCube)).unwrap();
+    let (cache, id) = folder.open("cube.sm");
+    let light = Vec3::new(0.0, 0.0, -5.0);
+    let (mut worst, mut partly) = (0.0_f32, 0);
+    for i in 0..6000 {
+        let third = if i % 10 == 0 { 1.0 } else { random(i, 1) * 2.0 - 1.0 };
+        let sign = |k| if random(i, k) < 0.5 { -1.0 } else { 1.0 };
+        let (a, b) = (sign(2), sign(3));
+        let edge = match i % 3 {
+            0 => Vec3::new(a, b, third),
+            1 => Vec3::new(a, third, b),
+            _ => Vec3::new(third, a, b),
+        };
+        let aside = Vec3::new(random(i, 4) - 0.5, random(i, 5) - 0.5, random(i, 6) - 0.5) * 1e-5;
+        let blur = [0.0, 0.05, 0.3][i as usize / 3 % 3];
+        let look = |d: Vec3| {
+            let q = ShadowLookup {
+                p: light + d.normalize() * 3.0,
+                sblur: blur,
+                tblur: blur,
+                samples: 64,
+                seed: i,
+                ..ShadowLookup::default()
+            };
+            cache.shadow(id, &q)
+        };
+        let (one, other) = (look(edge + aside), look(edge - aside));
+        worst = worst.max((one - other).abs());
+        partly += u32::from(one > 0.01 && one < 0.99);
+    }
+    assert!(partly > 500 && worst < 1e-3, "{worst}, {partly}");
+}
+
 #[test]
 fn empty_faces_cast_no_shadow() {
     let folder = Folder::new();
