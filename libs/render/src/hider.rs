@@ -17,7 +17,7 @@ pub(crate) use samples::{SampleGrid, SamplePattern, Tables};
 pub(crate) use visible::{Holdout, NOWHERE, Projector, ShadedGrid, ViewedGrid, pixels_of};
 
 use granita_base::Vec2;
-use raster::{Hit, Raster};
+use raster::{Hit, Raster, Sink};
 
 /// One surface seen through a sample.
 #[derive(Clone, Copy, Debug)]
@@ -64,6 +64,9 @@ pub(crate) struct Surfaces<'a> {
     grids: Vec<std::sync::Arc<ShadedGrid>>,
     /// Per sample: the nearest surface that hides all behind it.
     nearest: Vec<Fragment>,
+    /// Per sample: what is not before this depth is hidden. Longer by [`SampleGrid::PADDING`]; infinite everywhere when
+    /// what is hidden counts, too.
+    limits: Vec<f32>,
     /// Per sample: first of its transparent fragments.
     first: Vec<u32>,
     fragments: Vec<Fragment>,
@@ -85,6 +88,7 @@ impl<'a> Surfaces<'a> {
             settings,
             grids: Vec::new(),
             nearest: vec![Fragment::NOTHING; n],
+            limits: vec![f32::INFINITY; n + SampleGrid::PADDING],
             first: vec![NONE; n],
             fragments: Vec::new(),
             first_beside: vec![NONE; n],
@@ -122,13 +126,10 @@ impl<'a> Surfaces<'a> {
         let Ok(index) = u32::try_from(self.grids.len()) else { return };
         self.grids.push(grid.clone());
         let samples = self.samples;
-        Raster { samples, grid, view: &grid.views[eye] }.each_hit(&mut |hit| {
-            let Hit { sample, z, at, u, v, rim, beside } = hit;
-            let fragment = Fragment { z, grid: index, at, u, v, next: NONE, rim };
-            match beside {
-                Some(toward) => self.hit_beside(sample, fragment, toward),
-                None => self.hit(grid, sample, fragment),
-            }
+        Raster { samples, grid, view: &grid.views[eye] }.each_hit(&mut Adding {
+            surfaces: self,
+            grid,
+            index,
         });
     }
 
@@ -193,6 +194,9 @@ impl<'a> Surfaces<'a> {
         }
         if hides {
             self.nearest[sample] = fragment;
+            if self.depths.is_empty() {
+                self.limits[sample] = z;
+            }
             self.horizon[sample / self.samples.per_pixel] = f32::NAN;
         } else if let Ok(new) = u32::try_from(self.fragments.len()) {
             self.fragments.push(Fragment { next: self.first[sample], ..fragment });
@@ -208,5 +212,32 @@ impl<'a> Surfaces<'a> {
     /// Texels of `n` numbers of a volume shadow map for `pixels`, row by row (reference 10.1.3).
     pub(crate) fn volumes(&self, pixels: &crate::PixelRect, n: usize, opaque_width: f32) -> Vec<f32> {
         composite::volumes(self, pixels, n, opaque_width)
+    }
+}
+
+/// A grid whose hits are taken.
+struct Adding<'s, 'a> {
+    surfaces: &'s mut Surfaces<'a>,
+    grid: &'s ShadedGrid,
+    /// Its index.
+    index: u32,
+}
+
+impl Sink for Adding<'_, '_> {
+    fn hides(&mut self, rect: &crate::PixelRect, z: f32) -> bool {
+        self.surfaces.depths.is_empty() && self.surfaces.hides(rect, z)
+    }
+
+    fn limits(&self) -> &[f32] {
+        &self.surfaces.limits
+    }
+
+    fn hit(&mut self, hit: Hit) {
+        let Hit { sample, z, at, u, v, rim, beside } = hit;
+        let fragment = Fragment { z, grid: self.index, at, u, v, next: NONE, rim };
+        match beside {
+            Some(toward) => self.surfaces.hit_beside(sample, fragment, toward),
+            None => self.surfaces.hit(self.grid, sample, fragment),
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Micropolygons that move, that are out of focus, or that reach before the near plane.
 
 use super::lanes::{LANES, Lanes, Points, first_lanes};
-use super::raster::{Hit, Hits, Raster, place, spans};
+use super::raster::{Hit, Raster, Sink, before, place, spans};
 use super::visible::pixels_of;
 use crate::PixelRect;
 use granita_base::{Vec2, Vec3};
@@ -45,7 +45,7 @@ impl Raster<'_> {
     /// their part of the shutter (Fatahalian et al., Data-Parallel Rasterization of Micropolygons with Defocus and
     /// Motion Blur, 2009); and of the samples there only those are taken whose lens point may see it.
     #[inline(always)]
-    pub(super) fn moving(&self, at: usize, mp: usize, rim: [bool; 4], room: &mut Room, hit: &mut Hits<'_>) {
+    pub(super) fn moving(&self, at: usize, mp: usize, rim: [bool; 4], room: &mut Room, sink: &mut impl Sink) {
         let (samples, view, nu) = (self.samples, self.view, self.grid.nu);
         let any_rim = rim.contains(&true);
         let pad = self.widening(any_rim);
@@ -55,6 +55,12 @@ impl Raster<'_> {
             return;
         }
         let corners = [at, at + 1, at + nu + 1, at + nu];
+        // Depths change along straight lines from key to key.
+        let depths = view.p_cam.iter().flat_map(|p| corners.map(|k| p[k].z));
+        let nearest = before(depths.fold(f32::INFINITY, f32::min));
+        if sink.hides(&whole, nearest) {
+            return;
+        }
         let strata = samples.time_strata();
         let groups = samples.per_pixel.div_ceil(LANES);
         // Each sample looks at its own part of the shutter, or those of a group at theirs together.
@@ -68,7 +74,7 @@ impl Raster<'_> {
                 true => Slice::All(group),
                 false => Slice::Each(group * LANES),
             };
-            self.sift(group, slice, &whole, room);
+            self.sift(group, slice, (&whole, nearest), sink.limits(), room);
         }
         let polygon = Polygon { corners, rim, pixel: Vec2::new(1.0 / view.scale.x, 1.0 / view.scale.y) };
         let near = view.near.max(view.z_min);
@@ -78,16 +84,23 @@ impl Raster<'_> {
             all[..samples.len()].copy_from_slice(samples);
             self.rays(&polygon, &all, samples.len(), &mut |sample, z, u, v, beside| {
                 if z >= near && z <= view.far {
-                    hit(Hit { sample, z, at: at as u32, u, v, rim: any_rim, beside });
+                    sink.hit(Hit { sample, z, at: at as u32, u, v, rim: any_rim, beside });
                 }
             });
         }
     }
 
     /// Takes those samples for candidates that may see the micropolygon, of every eight of each pixel in `whole` the
-    /// `group`-th.
+    /// `group`-th, that want hits at the depth `nearest`.
     #[inline(always)]
-    fn sift(&self, group: usize, slice: Slice, whole: &PixelRect, room: &mut Room) {
+    fn sift(
+        &self,
+        group: usize,
+        slice: Slice,
+        (whole, nearest): (&PixelRect, f32),
+        limits: &[f32],
+        room: &mut Room,
+    ) {
         let (samples, view) = (self.samples, self.view);
         let Room { borders, candidates } = room;
         let first = group * LANES;
@@ -100,9 +113,14 @@ impl Raster<'_> {
         };
         let rect = pixels_of(boxes.reach(lens, scale), whole);
         let mask = first_lanes(samples.per_pixel - first);
+        let nearest = Lanes::splat(nearest);
         for y in rect.y0..rect.y1 {
-            let mut at = samples.pixel(rect.x0, y) * samples.per_pixel + first;
-            for _ in rect.x0..rect.x1 {
+            let start = samples.pixel(rect.x0, y) * samples.per_pixel + first;
+            for at in (start..).step_by(samples.per_pixel).take(rect.width()) {
+                let wanted = (Lanes::load(limits, at) - nearest).positive() & mask;
+                if wanted == 0 {
+                    continue;
+                }
                 let (px, py) = (Lanes::load(&samples.x, at), Lanes::load(&samples.y, at));
                 let mut inside = if defocused {
                     let sx = Lanes::load(&samples.lens_x, at) * scale.x;
@@ -115,12 +133,11 @@ impl Raster<'_> {
                     let x_room = (px - boxes.lo_x).min(boxes.hi_x - px);
                     x_room.min(py - boxes.lo_y).min(boxes.hi_y - py).positive()
                 };
-                inside &= mask;
+                inside &= wanted;
                 while inside != 0 {
                     candidates.push(at as u32 + inside.trailing_zeros());
                     inside &= inside - 1;
                 }
-                at += samples.per_pixel;
             }
         }
     }

@@ -33,21 +33,36 @@ pub(super) struct Hit {
     pub(super) beside: Option<Vec2>,
 }
 
-/// Takes hits.
-pub(super) type Hits<'h> = dyn FnMut(Hit) + 'h;
-
-/// [`Raster::find`] as vector instructions.
-struct EachHit<'r, 'a, 'h, 'f> {
-    raster: &'r Raster<'a>,
-    hit: &'h mut Hits<'f>,
+/// Takes hits, and knows what it no longer wants.
+pub(super) trait Sink {
+    /// Whether everything at depth `z` and behind it is hidden in all pixels of a rectangle.
+    fn hides(&mut self, rect: &PixelRect, z: f32) -> bool;
+    /// Per sample, and [`SampleGrid::PADDING`] more: hits that are not before this depth are not wanted.
+    fn limits(&self) -> &[f32];
+    /// A micropolygon at a sample.
+    fn hit(&mut self, hit: Hit);
 }
 
-impl pulp::WithSimd for EachHit<'_, '_, '_, '_> {
+/// By how much (part of a depth) a hit may come out before all corners of its micropolygon, by rounding.
+const DEPTH_ROUNDING: f32 = 1e-5;
+
+/// A depth that is before all hits of micropolygons whose corners are at `z` or farther.
+pub(super) fn before(z: f32) -> f32 {
+    z - z.abs() * DEPTH_ROUNDING
+}
+
+/// [`Raster::find`] as vector instructions.
+struct EachHit<'r, 'a, 'h, S> {
+    raster: &'r Raster<'a>,
+    sink: &'h mut S,
+}
+
+impl<S: Sink> pulp::WithSimd for EachHit<'_, '_, '_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        self.raster.find(self.hit);
+    fn with_simd<I: pulp::Simd>(self, _: I) {
+        self.raster.find(self.sink);
     }
 }
 
@@ -103,12 +118,12 @@ impl Raster<'_> {
     /// Finds all hits; order of micropolygons.
     ///
     /// With the widest vector instructions that the machine has: they change no result.
-    pub(super) fn each_hit(&self, hit: &mut Hits<'_>) {
-        pulp::Arch::new().dispatch(EachHit { raster: self, hit });
+    pub(super) fn each_hit(&self, sink: &mut impl Sink) {
+        pulp::Arch::new().dispatch(EachHit { raster: self, sink });
     }
 
     #[inline(always)]
-    fn find(&self, hit: &mut Hits<'_>) {
+    fn find(&self, sink: &mut impl Sink) {
         let grid = self.grid;
         let (mu, mv) = (grid.nu.saturating_sub(1), grid.nv.saturating_sub(1));
         let mut room = Room::default();
@@ -121,9 +136,9 @@ impl Raster<'_> {
                 let [s0, s1, s2, s3] = grid.sides;
                 let rim = [s0 && j == 0, s1 && i + 1 == mu, s2 && j + 1 == mv, s3 && i == 0];
                 if self.view.raster.is_empty() {
-                    self.moving(j * grid.nu + i, j * mu + i, rim, &mut room, hit);
+                    self.moving(j * grid.nu + i, j * mu + i, rim, &mut room, sink);
                 } else {
-                    self.still(j * grid.nu + i, rim, hit);
+                    self.still(j * grid.nu + i, rim, sink);
                 }
             }
         }
@@ -142,7 +157,7 @@ impl Raster<'_> {
 
     /// A micropolygon that does not move, without a lens, all before the camera.
     #[inline(always)]
-    fn still(&self, at: usize, rim: [bool; 4], hit: &mut Hits<'_>) {
+    fn still(&self, at: usize, rim: [bool; 4], sink: &mut impl Sink) {
         let (view, samples) = (self.view, self.samples);
         let nu = self.grid.nu;
         let near = view.near.max(view.z_min);
@@ -155,6 +170,7 @@ impl Raster<'_> {
         if rect.is_empty() {
             return;
         }
+        let nearest = Lanes::splat(before(if view.perspective { 1.0 / hi.z } else { lo.z }));
         // Triangles (0, 1, 2) and (0, 2, 3); the diagonal is no rim.
         let triangles = [([0, 1, 2], [rim[0], rim[1], false]), ([0, 2, 3], [false, rim[2], rim[3]])];
         for (second, (index, rims)) in triangles.into_iter().enumerate() {
@@ -174,7 +190,11 @@ impl Raster<'_> {
                     let e = [edges[0].lanes(x, y), edges[1].lanes(x, y), edges[2].lanes(x, y)];
                     let slack = |k: usize| e[k] - edges[k].least_rim;
                     let mut inside = slack(0).min(slack(1)).min(slack(2)).positive();
+                    if inside == 0 {
+                        continue;
+                    }
                     inside &= first_lanes(run.end - first);
+                    inside &= (Lanes::load(sink.limits(), first) - nearest).positive();
                     while inside != 0 {
                         let lane = inside.trailing_zeros() as usize;
                         inside &= inside - 1;
@@ -192,7 +212,7 @@ impl Raster<'_> {
                             continue;
                         }
                         let (u, v) = place(second == 1, w);
-                        hit(Hit { sample: first + lane, z, at: at as u32, u, v, rim: any_rim, beside });
+                        sink.hit(Hit { sample: first + lane, z, at: at as u32, u, v, rim: any_rim, beside });
                     }
                 }
             }
