@@ -1,7 +1,7 @@
 //! Micropolygons that move, that are out of focus, or that reach before the near plane.
 
-use super::lanes::{LANES, Lanes, Points, first_lanes};
-use super::raster::{Hit, Raster, Sink, before, place, spans};
+use super::lanes::{LANES, Lanes, Machine, Points, first_lanes};
+use super::raster::{Hit, Raster, Sink, before, spans};
 use super::visible::pixels_of;
 use crate::PixelRect;
 use granita_base::{Vec2, Vec3};
@@ -11,7 +11,16 @@ use granita_base::{Vec2, Vec3};
 pub(super) struct Room {
     borders: Borders,
     /// Samples that it may hit.
-    candidates: Vec<u32>,
+    candidates: Vec<Candidate>,
+}
+
+/// A sample that a micropolygon may hit.
+#[derive(Clone, Copy)]
+struct Candidate {
+    sample: u32,
+    /// Where its time and lens point are in the tables of patterns.
+    time: u32,
+    lens: u32,
 }
 
 /// Where a micropolygon is at some times, one after the other: its raster box as a pinhole shows it, and for the lens
@@ -45,7 +54,14 @@ impl Raster<'_> {
     /// their part of the shutter (Fatahalian et al., Data-Parallel Rasterization of Micropolygons with Defocus and
     /// Motion Blur, 2009); and of the samples there only those are taken whose lens point may see it.
     #[inline(always)]
-    pub(super) fn moving(&self, at: usize, mp: usize, rim: [bool; 4], room: &mut Room, sink: &mut impl Sink) {
+    pub(super) fn moving(
+        &self,
+        machine: impl Machine,
+        (at, mp): (usize, usize),
+        rim: [bool; 4],
+        room: &mut Room,
+        sink: &mut impl Sink,
+    ) {
         let (samples, view, nu) = (self.samples, self.view, self.grid.nu);
         let any_rim = rim.contains(&true);
         let pad = self.widening(any_rim);
@@ -74,18 +90,15 @@ impl Raster<'_> {
                 true => Slice::All(group),
                 false => Slice::Each(group * LANES),
             };
-            self.sift(group, slice, (&whole, nearest), sink.limits(), room);
+            self.sift(machine, group, slice, (&whole, nearest, sink.limits()), room);
         }
         let polygon = Polygon { corners, rim, pixel: Vec2::new(1.0 / view.scale.x, 1.0 / view.scale.y) };
-        let near = view.near.max(view.z_min);
-        for samples in room.candidates.chunks(LANES) {
+        for candidates in room.candidates.chunks(LANES) {
             // Unused lanes do what the first one does.
-            let mut all = [samples[0]; LANES];
-            all[..samples.len()].copy_from_slice(samples);
-            self.rays(&polygon, &all, samples.len(), &mut |sample, z, u, v, beside| {
-                if z >= near && z <= view.far {
-                    sink.hit(Hit { sample, z, at: at as u32, u, v, rim: any_rim, beside });
-                }
+            let mut all = [candidates[0]; LANES];
+            all[..candidates.len()].copy_from_slice(candidates);
+            self.rays(machine, &polygon, &all, candidates.len(), &mut |sample, z, u, v, beside| {
+                sink.hit(Hit { sample, z, at: at as u32, u, v, rim: any_rim, beside });
             });
         }
     }
@@ -95,10 +108,10 @@ impl Raster<'_> {
     #[inline(always)]
     fn sift(
         &self,
+        machine: impl Machine,
         group: usize,
         slice: Slice,
-        (whole, nearest): (&PixelRect, f32),
-        limits: &[f32],
+        (whole, nearest, limits): (&PixelRect, f32, &[f32]),
         room: &mut Room,
     ) {
         let (samples, view) = (self.samples, self.view);
@@ -111,32 +124,48 @@ impl Raster<'_> {
             Some(lens) if defocused => *lens,
             _ => [0.0; 4],
         };
-        let rect = pixels_of(boxes.reach(lens, scale), whole);
-        let mask = first_lanes(samples.per_pixel - first);
+        let reach = match slice {
+            Slice::All(k) => borders.reach(k, lens, scale),
+            Slice::Each(_) => boxes.reach(lens, scale),
+        };
+        let rect = pixels_of(reach, whole);
+        let mask = |pixel| first_lanes(samples.count(pixel).saturating_sub(first));
         let nearest = Lanes::splat(nearest);
+        let tables = &*samples.tables;
         for y in rect.y0..rect.y1 {
-            let start = samples.pixel(rect.x0, y) * samples.per_pixel + first;
-            for at in (start..).step_by(samples.per_pixel).take(rect.width()) {
-                let wanted = (Lanes::load(limits, at) - nearest).positive() & mask;
+            let row = samples.pixel(rect.x0, y);
+            for pixel in row..row + rect.width() {
+                let at = pixel * samples.per_pixel + first;
+                let wanted = machine.positive(Lanes::load(limits, at) - nearest) & mask(pixel);
                 if wanted == 0 {
                     continue;
                 }
-                let (px, py) = (Lanes::load(&samples.x, at), Lanes::load(&samples.y, at));
-                let mut inside = if defocused {
-                    let sx = Lanes::load(&samples.lens_x, at) * scale.x;
-                    let sy = Lanes::load(&samples.lens_y, at) * scale.y;
+                let place = samples.places(pixel) + first;
+                let px = Lanes::load(&tables.fx, place) + (rect.x0 + (pixel - row) as i32) as f32;
+                let py = Lanes::load(&tables.fy, place) + y as f32;
+                let mut lens = 0;
+                let room = if defocused {
+                    lens = samples.lenses[pixel] + first as u32;
+                    let sx = Lanes::load(&tables.lens_x, lens as usize) * scale.x;
+                    let sy = Lanes::load(&tables.lens_y, lens as usize) * scale.y;
                     let (ax, bx) = (px - sx * boxes.near, px - sx * boxes.far);
                     let (ay, by) = (py - sy * boxes.near, py - sy * boxes.far);
                     let x_room = (ax.max(bx) - boxes.lo_x).min(boxes.hi_x - ax.min(bx));
-                    x_room.min(ay.max(by) - boxes.lo_y).min(boxes.hi_y - ay.min(by)).positive()
+                    x_room.min(ay.max(by) - boxes.lo_y).min(boxes.hi_y - ay.min(by))
                 } else {
                     let x_room = (px - boxes.lo_x).min(boxes.hi_x - px);
-                    x_room.min(py - boxes.lo_y).min(boxes.hi_y - py).positive()
+                    x_room.min(py - boxes.lo_y).min(boxes.hi_y - py)
                 };
-                inside &= wanted;
+                let mut inside = machine.positive(room) & wanted;
+                let time = samples.times.get(pixel).map_or(0, |time| time + first as u32);
                 while inside != 0 {
-                    candidates.push(at as u32 + inside.trailing_zeros());
+                    let lane = inside.trailing_zeros();
                     inside &= inside - 1;
+                    candidates.push(Candidate {
+                        sample: at as u32 + lane,
+                        time: time + lane,
+                        lens: lens + lane,
+                    });
                 }
             }
         }
@@ -238,30 +267,32 @@ impl Raster<'_> {
     #[inline(always)]
     fn rays(
         &self,
+        machine: impl Machine,
         polygon: &Polygon,
-        list: &[u32; LANES],
+        list: &[Candidate; LANES],
         used: usize,
-        hit: &mut dyn FnMut(usize, f32, f32, f32, Option<Vec2>),
+        hit: &mut impl FnMut(usize, f32, f32, f32, Option<Vec2>),
     ) {
         let (samples, view) = (self.samples, self.view);
         let Polygon { corners, rim, pixel } = polygon;
         let on_plane = [
-            (Lanes::gather(&samples.x, list) - view.center.x) * pixel.x,
-            (Lanes::gather(&samples.y, list) - view.center.y) * pixel.y,
+            (Lanes::gather(&samples.x, list, |c| c.sample) - view.center.x) * pixel.x,
+            (Lanes::gather(&samples.y, list, |c| c.sample) - view.center.y) * pixel.y,
         ];
         let (zero, one) = (Lanes::splat(0.0), Lanes::splat(1.0));
         let (origin, direction) = if !view.perspective {
             (on_plane, Points { x: zero, y: zero, z: one })
         } else if view.lens_radius > 0.0 {
-            let lens = [Lanes::gather(&samples.lens_x, list), Lanes::gather(&samples.lens_y, list)];
+            let tables = &*samples.tables;
+            let lens = [&tables.lens_x, &tables.lens_y].map(|l| Lanes::gather(l, list, |c| c.lens));
             let [x, y] = [0, 1].map(|k| on_plane[k] - lens[k] / view.focus);
             (lens, Points { x, y, z: one })
         } else {
             ([zero; 2], Points { x: on_plane[0], y: on_plane[1], z: one })
         };
-        let time = match samples.time.is_empty() {
+        let time = match samples.times.is_empty() {
             true => Lanes::splat(samples.shutter[0]),
-            false => Lanes::gather(&samples.time, list),
+            false => Lanes::gather(&samples.tables.time, list, |c| c.time),
         };
         let mut p = self.corners_at(corners, time);
         for p in &mut p {
@@ -293,58 +324,74 @@ impl Raster<'_> {
         // The triangles (0, 1, 2) and (0, 2, 3); the diagonal is no rim.
         let signs = [(e[0] + e[1] - d).sign(), (d + e[2] + e[3]).sign()];
         let slack = |k: usize, sign: Lanes| e[k] * sign + pad[k];
-        let found = [
-            slack(0, signs[0]).min(slack(1, signs[0])).min(-d * signs[0]).not_negative(),
-            slack(2, signs[1]).min(slack(3, signs[1])).min(d * signs[1]).not_negative(),
+        let slacks = [
+            slack(0, signs[0]).min(slack(1, signs[0])).min(-d * signs[0]),
+            slack(2, signs[1]).min(slack(3, signs[1])).min(d * signs[1]),
         ];
-        let mut either = (found[0] | found[1]) & first_lanes(used);
-        while either != 0 {
-            let lane = either.trailing_zeros() as usize;
-            either &= either - 1;
-            let mut on_rim = None;
-            let mut inside = None;
-            let at = |k: usize| e[k].0[lane];
-            for (second, corner, e, side) in [
-                (false, [0, 1, 2], [at(0), at(1), -d.0[lane]], [Some(0), Some(1), None]),
-                (true, [0, 2, 3], [d.0[lane], at(2), at(3)], [None, Some(2), Some(3)]),
-            ] {
-                if found[usize::from(second)] & 1 << lane == 0 {
-                    continue;
-                }
-                let sum = e[0] + e[1] + e[2];
-                if sum == 0.0 || !sum.is_finite() {
-                    continue;
-                }
-                let sign = if sum < 0.0 { -1.0 } else { 1.0 };
-                let w = [e[1], e[2], e[0]].map(|w| (w / sum).clamp(0.0, 1.0));
-                let total = w[0] + w[1] + w[2];
-                let w = w.map(|w| w / total);
-                let z = corner.map(|k: usize| p[k].z.0[lane]);
-                let z = w[0] * z[0] + w[1] * z[1] + w[2] * z[2];
-                let (u, v) = place(second, w);
-                match (0..3).find(|k| e[*k] * sign < 0.0) {
-                    None => {
-                        inside = Some((z, u, v, None));
-                        break;
-                    }
-                    Some(k) => {
-                        let ends = [corner[k], corner[(k + 1) % 3]];
-                        let ends = ends.map(|k| Vec3::new(p[k].x.0[lane], p[k].y.0[lane], p[k].z.0[lane]));
-                        let ray = Vec2::new(direction.x.0[lane], direction.y.0[lane]);
-                        if !self.is_along(ends, ray, *pixel) {
-                            continue;
-                        }
-                        let toward =
-                            side[k].filter(|side| rim[*side] && widened).map_or(Vec2::ZERO, |side| {
-                                let [x, y] = slope(side);
-                                Vec2::new(x.0[lane], y.0[lane]) * sign
-                            });
-                        on_rim.get_or_insert((z, u, v, Some(toward)));
-                    }
-                }
+        let far_enough = view.near.max(view.z_min);
+        let (mut inside, mut found) = ([0; 2], [0; 2]);
+        let mut places = [(zero, zero, zero); 2];
+        for (second, corner, e) in [(false, [0, 1, 2], [e[0], e[1], -d]), (true, [0, 2, 3], [d, e[2], e[3]])] {
+            let t = usize::from(second);
+            let sum = e[0] + e[1] + e[2];
+            let size = sum * signs[t];
+            // Neither 0 nor infinite.
+            let valid = machine.positive(size) & machine.positive(Lanes::splat(f32::INFINITY) - size);
+            found[t] = machine.not_negative(slacks[t]) & valid & first_lanes(used);
+            if found[t] == 0 {
+                continue;
             }
-            if let Some((z, u, v, beside)) = inside.or(on_rim) {
-                hit(list[lane] as usize, z, u, v, beside);
+            let least = (e[0] * signs[t]).min(e[1] * signs[t]).min(e[2] * signs[t]);
+            inside[t] = found[t] & machine.not_negative(least) & !inside[0];
+            let w = [e[1], e[2], e[0]].map(|w| (w / sum).max(zero).min(one));
+            let total = w[0] + w[1] + w[2];
+            let w = w.map(|w| w / total);
+            let z = w[0] * p[corner[0]].z + w[1] * p[corner[1]].z + w[2] * p[corner[2]].z;
+            let along = (w[1] + w[2]).min(one);
+            places[t] = if second { (z, w[1], along) } else { (z, along, w[2]) };
+        }
+        for (inside, (z, u, v)) in inside.into_iter().zip(&places) {
+            let clear = machine.not_negative(*z - far_enough) & machine.not_negative(-(*z - view.far));
+            let mut inside = inside & clear;
+            while inside != 0 {
+                let lane = inside.trailing_zeros() as usize;
+                inside &= inside - 1;
+                hit(list[lane].sample as usize, z.0[lane], u.0[lane], v.0[lane], None);
+            }
+        }
+        // Rays beside both triangles, on the widened rim of one.
+        let mut beside = (found[0] | found[1]) & !(inside[0] | inside[1]);
+        while beside != 0 {
+            let lane = beside.trailing_zeros() as usize;
+            beside &= beside - 1;
+            let seen = |k: usize| Vec3::new(p[k].x.0[lane], p[k].y.0[lane], p[k].z.0[lane]);
+            let on_rim = [0, 1].into_iter().find_map(|t| {
+                if found[t] & 1 << lane == 0 {
+                    return None;
+                }
+                let (corner, e, side) = match t {
+                    0 => ([0, 1, 2], [e[0], e[1], -d], [Some(0), Some(1), None]),
+                    _ => ([0, 2, 3], [d, e[2], e[3]], [None, Some(2), Some(3)]),
+                };
+                let (sign, e) = (signs[t].0[lane], e.map(|e| e.0[lane]));
+                let k = (0..3).find(|k| e[*k] * sign < 0.0)?;
+                let ends = [seen(corner[k]), seen(corner[(k + 1) % 3])];
+                let ray = Vec2::new(direction.x.0[lane], direction.y.0[lane]);
+                if !self.is_along(ends, ray, *pixel) {
+                    return None;
+                }
+                let toward = side[k].filter(|side| rim[*side] && widened).map_or(Vec2::ZERO, |side| {
+                    let [x, y] = slope(side);
+                    Vec2::new(x.0[lane], y.0[lane]) * sign
+                });
+                Some((t, toward))
+            });
+            if let Some((t, toward)) = on_rim {
+                let (z, u, v) = places[t];
+                let z = z.0[lane];
+                if z >= far_enough && z <= view.far {
+                    hit(list[lane].sample as usize, z, u.0[lane], v.0[lane], Some(toward));
+                }
             }
         }
     }
@@ -451,6 +498,26 @@ impl Borders {
             let value = &mut list[border];
             *value = if k % 2 == 0 { value.min(lanes.0[0]) } else { value.max(lanes.0[0]) };
         }
+    }
+
+    /// Raster box of what lies between the borders of a slice, as a part (x0, x1, y0, y1) of the lens shows it.
+    #[inline(always)]
+    fn reach(&self, k: usize, [x0, x1, y0, y1]: [f32; 4], scale: Vec2) -> [f32; 4] {
+        let lesser = |a: f32, b: f32| if a < b { a } else { b };
+        let greater = |a: f32, b: f32| if a > b { a } else { b };
+        let least = |list: &[f32]| lesser(list[k], list[k + 1]);
+        let most = |list: &[f32]| greater(list[k], list[k + 1]);
+        let (near, far) = (least(&self.near), most(&self.far));
+        let side = |lo: f32, hi: f32, l0: f32, l1: f32, scale: f32| {
+            let (l0, l1) = (l0 * scale, l1 * scale);
+            let [a, b, c, d] = [near * l0, far * l0, near * l1, far * l1];
+            let smallest = lesser(lesser(a, b), lesser(c, d));
+            let largest = greater(greater(a, b), greater(c, d));
+            (lo + smallest, hi + largest)
+        };
+        let x = side(least(&self.lo_x), most(&self.hi_x), x0, x1, scale.x);
+        let y = side(least(&self.lo_y), most(&self.hi_y), y0, y1, scale.y);
+        [x.0, y.0, x.1, y.1]
     }
 
     /// What lies between the borders of slices.

@@ -7,6 +7,49 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// How many.
 pub(super) const LANES: usize = 8;
 
+/// What compilers do not find by themselves: bits of comparisons. Comparisons with NaN are false.
+pub(super) trait Machine: Copy {
+    /// The lanes, as bits, that are above 0.
+    fn positive(self, v: Lanes) -> u32;
+    /// The lanes, as bits, that are 0 or above.
+    fn not_negative(self, v: Lanes) -> u32;
+}
+
+/// Any machine.
+#[derive(Clone, Copy)]
+pub(super) struct Portable;
+
+impl Machine for Portable {
+    #[inline(always)]
+    fn positive(self, v: Lanes) -> u32 {
+        v.bits(|v| v > 0.0)
+    }
+
+    #[inline(always)]
+    fn not_negative(self, v: Lanes) -> u32 {
+        v.bits(|v| v >= 0.0)
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Machine for pulp::x86::V3 {
+    #[inline(always)]
+    fn positive(self, v: Lanes) -> u32 {
+        use std::arch::x86_64::_CMP_GT_OQ;
+        let avx = self.avx;
+        let above = avx._mm256_cmp_ps::<_CMP_GT_OQ>(pulp::cast(v.0), avx._mm256_setzero_ps());
+        avx._mm256_movemask_ps(above).cast_unsigned()
+    }
+
+    #[inline(always)]
+    fn not_negative(self, v: Lanes) -> u32 {
+        use std::arch::x86_64::_CMP_GE_OQ;
+        let avx = self.avx;
+        let above = avx._mm256_cmp_ps::<_CMP_GE_OQ>(pulp::cast(v.0), avx._mm256_setzero_ps());
+        avx._mm256_movemask_ps(above).cast_unsigned()
+    }
+}
+
 /// One number for each of some samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(32))]
@@ -27,12 +70,12 @@ impl Lanes {
         Self(out)
     }
 
-    /// The numbers at these places.
+    /// The numbers at the places that `at` tells of each of some things.
     #[inline(always)]
-    pub(super) fn gather(list: &[f32], at: &[u32; LANES]) -> Self {
+    pub(super) fn gather<T>(list: &[f32], of: &[T; LANES], at: impl Fn(&T) -> u32) -> Self {
         let mut out = [0.0; LANES];
         for i in 0..LANES {
-            out[i] = list[at[i] as usize];
+            out[i] = list[at(&of[i]) as usize];
         }
         Self(out)
     }
@@ -68,22 +111,11 @@ impl Lanes {
         self.zip(b, |a, b| if a > b { a } else { b })
     }
 
-    /// The lanes, as bits, that are above 0.
     #[inline(always)]
-    pub(super) fn positive(self) -> u32 {
+    fn bits(self, f: impl Fn(f32) -> bool) -> u32 {
         let mut bits = 0;
         for i in 0..LANES {
-            bits |= u32::from(self.0[i] > 0.0) << i;
-        }
-        bits
-    }
-
-    /// The lanes, as bits, that are 0 or above.
-    #[inline(always)]
-    pub(super) fn not_negative(self) -> u32 {
-        let mut bits = 0;
-        for i in 0..LANES {
-            bits |= u32::from(self.0[i] >= 0.0) << i;
+            bits |= u32::from(f(self.0[i])) << i;
         }
         bits
     }

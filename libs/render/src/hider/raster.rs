@@ -2,7 +2,7 @@
 
 use super::SampleGrid;
 use super::blurred::Room;
-use super::lanes::{LANES, Lanes, first_lanes};
+use super::lanes::{LANES, Lanes, Machine, Portable, first_lanes};
 use super::visible::{ShadedGrid, ViewedGrid, pixels_of};
 use crate::PixelRect;
 use granita_base::{Vec2, Vec3};
@@ -51,18 +51,19 @@ pub(super) fn before(z: f32) -> f32 {
     z - z.abs() * DEPTH_ROUNDING
 }
 
-/// [`Raster::find`] as vector instructions.
-struct EachHit<'r, 'a, 'h, S> {
+/// [`Raster::find`] for a machine.
+struct EachHit<'r, 'a, 'h, S, M> {
     raster: &'r Raster<'a>,
     sink: &'h mut S,
+    machine: M,
 }
 
-impl<S: Sink> pulp::WithSimd for EachHit<'_, '_, '_, S> {
+impl<S: Sink, M: Machine> pulp::NullaryFnOnce for EachHit<'_, '_, '_, S, M> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<I: pulp::Simd>(self, _: I) {
-        self.raster.find(self.sink);
+    fn call(self) {
+        self.raster.find(self.machine, self.sink);
     }
 }
 
@@ -119,11 +120,15 @@ impl Raster<'_> {
     ///
     /// With the widest vector instructions that the machine has: they change no result.
     pub(super) fn each_hit(&self, sink: &mut impl Sink) {
-        pulp::Arch::new().dispatch(EachHit { raster: self, sink });
+        #[cfg(target_arch = "x86_64")]
+        if let Some(machine) = pulp::x86::V3::try_new() {
+            return machine.vectorize(EachHit { raster: self, sink, machine });
+        }
+        pulp::NullaryFnOnce::call(EachHit { raster: self, sink, machine: Portable });
     }
 
     #[inline(always)]
-    fn find(&self, sink: &mut impl Sink) {
+    fn find(&self, machine: impl Machine, sink: &mut impl Sink) {
         let grid = self.grid;
         let (mu, mv) = (grid.nu.saturating_sub(1), grid.nv.saturating_sub(1));
         let mut room = Room::default();
@@ -136,9 +141,9 @@ impl Raster<'_> {
                 let [s0, s1, s2, s3] = grid.sides;
                 let rim = [s0 && j == 0, s1 && i + 1 == mu, s2 && j + 1 == mv, s3 && i == 0];
                 if self.view.raster.is_empty() {
-                    self.moving(j * grid.nu + i, j * mu + i, rim, &mut room, sink);
+                    self.moving(machine, (j * grid.nu + i, j * mu + i), rim, &mut room, sink);
                 } else {
-                    self.still(j * grid.nu + i, rim, sink);
+                    self.still(machine, j * grid.nu + i, rim, sink);
                 }
             }
         }
@@ -157,7 +162,7 @@ impl Raster<'_> {
 
     /// A micropolygon that does not move, without a lens, all before the camera.
     #[inline(always)]
-    fn still(&self, at: usize, rim: [bool; 4], sink: &mut impl Sink) {
+    fn still(&self, machine: impl Machine, at: usize, rim: [bool; 4], sink: &mut impl Sink) {
         let (view, samples) = (self.view, self.samples);
         let nu = self.grid.nu;
         let near = view.near.max(view.z_min);
@@ -189,12 +194,12 @@ impl Raster<'_> {
                     let (x, y) = (Lanes::load(&samples.x, first), Lanes::load(&samples.y, first));
                     let e = [edges[0].lanes(x, y), edges[1].lanes(x, y), edges[2].lanes(x, y)];
                     let slack = |k: usize| e[k] - edges[k].least_rim;
-                    let mut inside = slack(0).min(slack(1)).min(slack(2)).positive();
+                    let mut inside = machine.positive(slack(0).min(slack(1)).min(slack(2)));
                     if inside == 0 {
                         continue;
                     }
                     inside &= first_lanes(run.end - first);
-                    inside &= (Lanes::load(sink.limits(), first) - nearest).positive();
+                    inside &= machine.positive(Lanes::load(sink.limits(), first) - nearest);
                     while inside != 0 {
                         let lane = inside.trailing_zeros() as usize;
                         inside &= inside - 1;
@@ -234,6 +239,6 @@ impl Raster<'_> {
 
 /// Place in the micropolygon from the weights in one of its triangles.
 #[inline(always)]
-pub(super) fn place(second: bool, w: [f32; 3]) -> (f32, f32) {
+fn place(second: bool, w: [f32; 3]) -> (f32, f32) {
     if second { (w[1], (w[1] + w[2]).min(1.0)) } else { ((w[1] + w[2]).min(1.0), w[2]) }
 }

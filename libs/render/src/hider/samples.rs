@@ -29,17 +29,17 @@ pub(crate) struct SamplePattern {
 }
 
 /// Patterns of samples. Every pixel takes one of each kind, by a hash of where it is: they differ from pixel to pixel
-/// without being computed for each.
+/// without being computed for each. All lists are [`SampleGrid::PADDING`] longer than there are samples.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tables {
     /// Places inside the pixel, 0 to 1, pattern by pattern: first those of whole pixels, then those of still ones.
     pub(crate) fx: Vec<f32>,
     pub(crate) fy: Vec<f32>,
     /// Times, pattern by pattern: sample `k` of `n` is in the k-th of `n` equal parts of the shutter.
-    time: Vec<f32>,
+    pub(crate) time: Vec<f32>,
     /// Points on the lens in camera space.
-    lens_x: Vec<f32>,
-    lens_y: Vec<f32>,
+    pub(crate) lens_x: Vec<f32>,
+    pub(crate) lens_y: Vec<f32>,
     /// Boxes (x0, x1, y0, y1) around the lens points of every eight samples in order, of all patterns.
     pub(crate) lens_boxes: Vec<[f32; 4]>,
 }
@@ -81,6 +81,10 @@ impl SamplePattern {
         }
         if let Some(lens) = camera.lens.filter(|_| defocus) {
             tables.add_lens(strata, lens.radius, blur);
+        }
+        let Tables { fx, fy, time, lens_x, lens_y, .. } = &mut tables;
+        for list in [fx, fy, time, lens_x, lens_y] {
+            list.extend([0.0; SampleGrid::PADDING]);
         }
         Self { strata, still_strata, blur, defocus, tables: Arc::new(tables) }
     }
@@ -155,7 +159,6 @@ impl Tables {
 
 /// The samples of a rectangle of pixels: pixels row by row, the samples of a pixel side by side.
 ///
-/// All lists are [`SampleGrid::PADDING`] longer than there are samples.
 #[derive(Clone, Debug)]
 pub(crate) struct SampleGrid {
     /// Pixels, in absolute raster coordinates; may reach beyond the image.
@@ -164,21 +167,20 @@ pub(crate) struct SampleGrid {
     pub(crate) per_pixel: usize,
     /// Samples of each pixel in which nothing blurs.
     per_still_pixel: usize,
-    /// Absolute raster place.
+    /// Absolute raster place; [`SampleGrid::PADDING`] more than there are samples.
     pub(crate) x: Vec<f32>,
-    /// Absolute raster place.
     pub(crate) y: Vec<f32>,
-    /// Time, from shutter open to close; empty without motion blur. Sample `k` of a pixel is in the k-th of `per_pixel`
-    /// equal parts of the shutter.
-    pub(crate) time: Vec<f32>,
     /// Shutter open and close.
     pub(crate) shutter: [f32; 2],
-    /// Point on the lens in camera space; empty without depth of field.
-    pub(crate) lens_x: Vec<f32>,
-    pub(crate) lens_y: Vec<f32>,
-    /// The patterns, and for each pixel where its places begin in them.
+    /// The patterns.
     pub(crate) tables: Arc<Tables>,
+    /// For each pixel where its places begin in them,
     places: Vec<u32>,
+    /// its times, from shutter open to close (empty without motion blur; sample `k` of a pixel is in the k-th of
+    /// `per_pixel` equal parts of the shutter),
+    pub(crate) times: Vec<u32>,
+    /// and its lens points (empty without depth of field).
+    pub(crate) lenses: Vec<u32>,
     /// Places from here on are of still pixels.
     still_from: u32,
 }
@@ -208,12 +210,11 @@ impl SampleGrid {
             per_still_pixel: pattern.per_still_pixel(),
             x: Vec::with_capacity(total),
             y: Vec::with_capacity(total),
-            time: Vec::with_capacity(if pattern.blur { total } else { 0 }),
             shutter: camera.shutter,
-            lens_x: Vec::with_capacity(if pattern.defocus { total } else { 0 }),
-            lens_y: Vec::with_capacity(if pattern.defocus { total } else { 0 }),
             tables: pattern.tables.clone(),
             places: Vec::with_capacity(pixels),
+            times: Vec::with_capacity(if pattern.blur { pixels } else { 0 }),
+            lenses: Vec::with_capacity(if pattern.defocus { pixels } else { 0 }),
             still_from,
         };
         let mut still = vec![pattern.is_reducible(); pixels];
@@ -245,25 +246,18 @@ impl SampleGrid {
                 let end = grid.places.len() * per_pixel;
                 grid.x.resize(end, f32::NAN);
                 grid.y.resize(end, f32::NAN);
+                let first = |d| (choose(d, some) * per_pixel) as u32;
                 if pattern.blur {
-                    let first = choose(Dimension::Time, some) * per_pixel;
-                    grid.time.extend_from_slice(&tables.time[first..first + per_pixel]);
+                    grid.times.push(first(Dimension::Time));
                 }
                 if pattern.defocus {
-                    let first = choose(Dimension::Lens, some) * per_pixel;
-                    grid.lens_x.extend_from_slice(&tables.lens_x[first..first + per_pixel]);
-                    grid.lens_y.extend_from_slice(&tables.lens_y[first..first + per_pixel]);
+                    grid.lenses.push(first(Dimension::Lens));
                 }
             }
         }
         // Padding is nowhere.
         for list in [&mut grid.x, &mut grid.y] {
             list.extend([f32::NAN; Self::PADDING]);
-        }
-        for list in [&mut grid.time, &mut grid.lens_x, &mut grid.lens_y] {
-            if !list.is_empty() {
-                list.extend([0.0; Self::PADDING]);
-            }
         }
         grid
     }
@@ -296,7 +290,7 @@ impl SampleGrid {
 
     /// Number of equal parts of the shutter that have one sample of every pixel each; 1 without motion blur.
     pub(crate) fn time_strata(&self) -> usize {
-        if self.time.is_empty() { 1 } else { self.per_pixel }
+        if self.times.is_empty() { 1 } else { self.per_pixel }
     }
 
     /// The time at which a part begins, or at which the last one ends.
