@@ -63,6 +63,7 @@ impl PixelRect {
     }
 
     /// What both have in common.
+    #[inline]
     pub fn intersection(&self, other: &Self) -> Self {
         Self {
             x0: self.x0.max(other.x0),

@@ -57,20 +57,49 @@ pub(crate) fn filter(
     channels: &[usize],
     pixels: &PixelRect,
 ) -> Vec<f32> {
-    let mut out = vec![0.0; pixels.width() * pixels.height() * channels.len()];
+    // With the widest vector instructions that the machine has: they change no result.
     let source = Source { samples, values, channels };
-    let mut at = 0;
-    for y in pixels.y0..pixels.y1 {
-        for x in pixels.x0..pixels.x1 {
-            let pixel = &mut out[at..at + channels.len()];
-            match support.spec.filter {
-                PixelFilter::Weighted(_) => support.weighted(&source, [x, y], pixel),
-                _ => support.picked(&source, [x, y], pixel),
+    pulp::Arch::new().dispatch(FilterAll { support, source, pixels })
+}
+
+/// The work of [`filter`].
+struct FilterAll<'a> {
+    support: &'a Support,
+    source: Source<'a>,
+    pixels: &'a PixelRect,
+}
+
+impl pulp::WithSimd for FilterAll<'_> {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn with_simd<M: pulp::Simd>(self, _: M) -> Vec<f32> {
+        let Self { support, source, pixels } = self;
+        let channels = source.channels.len();
+        let mut out = vec![0.0; pixels.width() * pixels.height() * channels];
+        let mut at = 0;
+        for y in pixels.y0..pixels.y1 {
+            for x in pixels.x0..pixels.x1 {
+                let pixel = &mut out[at..at + channels];
+                match support.spec.filter {
+                    PixelFilter::Weighted(_) => support.weighted(&source, [x, y], pixel),
+                    _ => support.picked(&source, [x, y], pixel),
+                }
+                at += channels;
             }
-            at += channels.len();
         }
+        out
     }
-    out
+}
+
+/// The first eight numbers; zeros where there are not as many.
+#[inline(always)]
+fn eight(numbers: &[f32]) -> [f32; LANES] {
+    numbers.first_chunk().copied().unwrap_or_else(|| {
+        let mut out = [0.0; LANES];
+        out[..numbers.len()].copy_from_slice(numbers);
+        out
+    })
 }
 
 /// What is filtered.
@@ -112,29 +141,29 @@ impl Support {
         }
     }
 
-    /// Calls `visit` with the index of the first sample of each pixel in the support, what a sample of this pixel counts
-    /// beside others, and their weights in x and y.
-    fn each(
-        &self,
-        samples: &SampleGrid,
+    /// The pixels in the support of one: the index of the first sample of each, what a sample of it counts beside others,
+    /// and the weights of its samples in x and y.
+    #[inline(always)]
+    fn around<'s>(
+        &'s self,
+        samples: &'s SampleGrid,
         [x, y]: [i32; 2],
-        mut visit: impl FnMut(usize, f32, &[f32], &[f32]),
-    ) {
-        for dy in -self.margin[1]..=self.margin[1] {
-            for dx in -self.margin[0]..=self.margin[0] {
-                let pixel = samples.pixel(x + dx, y + dy);
-                let (n, places) = (samples.count(pixel), samples.places(pixel));
-                // Seen from there, this pixel lies the other way.
-                let wx = &self.x[(self.margin[0] - dx) as usize][places..places + n];
-                let wy = &self.y[(self.margin[1] - dy) as usize][places..places + n];
-                // All pixels count the same, however many samples they have.
-                let counts = samples.per_pixel as f32 / n as f32;
-                visit(pixel * samples.per_pixel, counts, wx, wy);
-            }
-        }
+    ) -> impl Iterator<Item = (usize, f32, &'s [f32], &'s [f32])> {
+        let [mx, my] = self.margin;
+        (-my..=my).flat_map(move |dy| (-mx..=mx).map(move |dx| (dx, dy))).map(move |(dx, dy)| {
+            let pixel = samples.pixel(x + dx, y + dy);
+            let (n, places) = (samples.count(pixel), samples.places(pixel));
+            // Seen from there, this pixel lies the other way.
+            let wx = &self.x[(mx - dx) as usize][places..places + n];
+            let wy = &self.y[(my - dy) as usize][places..places + n];
+            // All pixels count the same, however many samples they have.
+            let counts = samples.per_pixel as f32 / n as f32;
+            (pixel * samples.per_pixel, counts, wx, wy)
+        })
     }
 
     /// A weighted mean per channel. Sums are kept in [`LANES`] lanes: sample `s` of a pixel goes to lane `s % LANES`.
+    #[inline(always)]
     fn weighted(&self, source: &Source<'_>, pixel: [i32; 2], out: &mut [f32]) {
         let Source { samples, values, channels } = *source;
         let total = samples.len();
@@ -148,29 +177,35 @@ impl Support {
             }
             let mut weight = [0.0_f32; LANES];
             let mut sum = [[0.0_f32; LANES]; TOGETHER];
-            self.each(samples, pixel, |first, counts, wx, wy| {
+            for (first, counts, wx, wy) in self.around(samples, pixel) {
                 let n = wx.len();
                 for k in (0..n).step_by(LANES) {
+                    let (wx, wy) = (eight(&wx[k..]), eight(&wy[k..]));
                     let mut w = [0.0_f32; LANES];
-                    let end = (k + LANES).min(n);
-                    for ((w, a), b) in w.iter_mut().zip(&wx[k..end]).zip(&wy[k..end]) {
-                        *w = a * b * counts;
+                    for i in 0..LANES {
+                        w[i] = wx[i] * wy[i] * counts;
                     }
                     if w == [0.0; LANES] {
                         continue;
                     }
-                    for (total, w) in weight.iter_mut().zip(&w) {
-                        *total += w;
+                    for i in 0..LANES {
+                        weight[i] += w[i];
                     }
+                    let used = LANES.min(n - k);
                     for ((sum, base), channel) in sum.iter_mut().zip(&base).zip(channels) {
-                        let from = channel * total + first;
-                        let seen = &values[from + k..from + end];
-                        for ((sum, w), v) in sum.iter_mut().zip(&w).zip(seen) {
-                            *sum += w * (v - base);
+                        let seen = &values[channel * total + first + k..][..used];
+                        if let Some(seen) = seen.as_array::<LANES>() {
+                            for i in 0..LANES {
+                                sum[i] += w[i] * (seen[i] - base);
+                            }
+                        } else {
+                            for ((sum, w), v) in sum.iter_mut().zip(&w).zip(seen) {
+                                *sum += w * (v - base);
+                            }
                         }
                     }
                 }
-            });
+            }
             let weight: f32 = weight.iter().sum();
             for ((out, sum), base) in out.iter_mut().zip(&sum).zip(&base) {
                 let sum: f32 = sum.iter().sum();
@@ -186,7 +221,7 @@ impl Support {
             let plane = &values[channel * total..(channel + 1) * total];
             let (mut least, mut greatest, mut sum, mut count) =
                 (f32::INFINITY, f32::NEG_INFINITY, 0.0_f64, 0);
-            self.each(samples, pixel, |first, _, wx, wy| {
+            for (first, _, wx, wy) in self.around(samples, pixel) {
                 for (s, (a, b)) in wx.iter().zip(wy).enumerate() {
                     let v = plane[first + s];
                     if a * b > 0.0 && v.is_finite() {
@@ -196,7 +231,7 @@ impl Support {
                         count += 1;
                     }
                 }
-            });
+            }
             *out = match self.spec.filter {
                 _ if count == 0 => NO_DEPTH,
                 PixelFilter::Min => least,

@@ -37,6 +37,34 @@ struct Fragment {
     rim: bool,
 }
 
+/// A [`Fragment`] that hides all behind it, in the little room that the samples of a bucket should have in a cache; its
+/// depth is kept apart.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    /// Index among the grids of this bucket, and above it [`Seen::RIM`]; or [`NONE`].
+    grid: u32,
+    at: u32,
+    u: f32,
+    v: f32,
+}
+
+impl Seen {
+    const NOTHING: Self = Self { grid: NONE, at: 0, u: 0.0, v: 0.0 };
+    /// The bit that says so.
+    const RIM: u32 = 1 << 31;
+
+    fn new(fragment: &Fragment) -> Self {
+        let Fragment { grid, at, u, v, rim, .. } = *fragment;
+        Self { grid: grid | if rim { Self::RIM } else { 0 }, at, u, v }
+    }
+
+    fn fragment(self, z: f32) -> Option<Fragment> {
+        let Self { grid, at, u, v } = self;
+        let found = Fragment { z, grid: grid & !Self::RIM, at, u, v, next: NONE, rim: grid & Self::RIM != 0 };
+        (grid != NONE).then_some(found)
+    }
+}
+
 /// A grid right beside a sample.
 #[derive(Clone, Copy, Debug)]
 struct Beside {
@@ -52,21 +80,15 @@ const NONE: u32 = u32::MAX;
 /// Grids on both sides of a crack are no farther apart in depth than this part of it.
 const CRACK_DEPTH: f32 = 1e-2;
 
-impl Fragment {
-    const NOTHING: Self =
-        Self { z: f32::INFINITY, grid: NONE, at: 0, u: 0.0, v: 0.0, next: NONE, rim: false };
-}
-
 /// What the samples of a bucket see.
 pub(crate) struct Surfaces<'a> {
     samples: &'a SampleGrid,
     settings: CompositeSettings,
     grids: Vec<std::sync::Arc<ShadedGrid>>,
     /// Per sample: the nearest surface that hides all behind it.
-    nearest: Vec<Fragment>,
-    /// Per sample: what is not before this depth is hidden. Longer by [`SampleGrid::PADDING`]; infinite everywhere when
-    /// what is hidden counts, too.
-    limits: Vec<f32>,
+    nearest: Vec<Seen>,
+    /// Its depth; [`SampleGrid::PADDING`] longer.
+    nearest_z: Vec<f32>,
     /// Per sample: first of its transparent fragments.
     first: Vec<u32>,
     fragments: Vec<Fragment>,
@@ -87,8 +109,8 @@ impl<'a> Surfaces<'a> {
             samples,
             settings,
             grids: Vec::new(),
-            nearest: vec![Fragment::NOTHING; n],
-            limits: vec![f32::INFINITY; n + SampleGrid::PADDING],
+            nearest: vec![Seen::NOTHING; n],
+            nearest_z: vec![f32::INFINITY; n + SampleGrid::PADDING],
             first: vec![NONE; n],
             fragments: Vec::new(),
             first_beside: vec![NONE; n],
@@ -110,8 +132,8 @@ impl<'a> Surfaces<'a> {
             for x in rect.x0..rect.x1 {
                 let pixel = self.samples.pixel(x, y);
                 if self.horizon[pixel].is_nan() {
-                    let seen = &self.nearest[pixel * per_pixel..][..self.samples.count(pixel)];
-                    self.horizon[pixel] = seen.iter().map(|f| f.z).fold(f32::NEG_INFINITY, f32::max);
+                    let seen = &self.nearest_z[pixel * per_pixel..][..self.samples.count(pixel)];
+                    self.horizon[pixel] = greatest(seen);
                 }
                 if self.horizon[pixel] > z {
                     return false;
@@ -123,7 +145,7 @@ impl<'a> Surfaces<'a> {
 
     /// Samples a grid as the eye `eye` sees it. Of surfaces at the same depth the one that came first is seen.
     pub(crate) fn add(&mut self, grid: &std::sync::Arc<ShadedGrid>, eye: usize) {
-        let Ok(index) = u32::try_from(self.grids.len()) else { return };
+        let Some(index) = u32::try_from(self.grids.len()).ok().filter(|i| *i < Seen::RIM) else { return };
         self.grids.push(grid.clone());
         let samples = self.samples;
         Raster { samples, grid, view: &grid.views[eye] }.each_hit(&mut Adding {
@@ -138,7 +160,7 @@ impl<'a> Surfaces<'a> {
     /// side lies in such a crack and sees the farther of the two (so that what is hidden stays hidden). A grid
     /// beside which there is no other ends there.
     fn hit_beside(&mut self, sample: usize, fragment: Fragment, toward: Vec2) {
-        if fragment.z >= self.nearest[sample].z && self.depths.is_empty() {
+        if fragment.z >= self.nearest_z[sample] && self.depths.is_empty() {
             return;
         }
         let mut k = self.first_beside[sample];
@@ -165,7 +187,7 @@ impl<'a> Surfaces<'a> {
 
     fn hit(&mut self, grid: &ShadedGrid, sample: usize, fragment: Fragment) {
         let z = fragment.z;
-        let behind = z >= self.nearest[sample].z;
+        let behind = z >= self.nearest_z[sample];
         if behind && self.depths.is_empty() {
             return;
         }
@@ -193,10 +215,8 @@ impl<'a> Surfaces<'a> {
             return;
         }
         if hides {
-            self.nearest[sample] = fragment;
-            if self.depths.is_empty() {
-                self.limits[sample] = z;
-            }
+            self.nearest[sample] = Seen::new(&fragment);
+            self.nearest_z[sample] = z;
             self.horizon[sample / self.samples.per_pixel] = f32::NAN;
         } else if let Ok(new) = u32::try_from(self.fragments.len()) {
             self.fragments.push(Fragment { next: self.first[sample], ..fragment });
@@ -215,6 +235,19 @@ impl<'a> Surfaces<'a> {
     }
 }
 
+/// The greatest number.
+fn greatest(numbers: &[f32]) -> f32 {
+    let greater = |a: f32, b: f32| if a > b { a } else { b };
+    let (eights, rest) = numbers.as_chunks::<8>();
+    let mut lanes = [f32::NEG_INFINITY; 8];
+    for eight in eights {
+        for (lane, number) in lanes.iter_mut().zip(eight) {
+            *lane = greater(*number, *lane);
+        }
+    }
+    lanes.iter().chain(rest).copied().fold(f32::NEG_INFINITY, greater)
+}
+
 /// A grid whose hits are taken.
 struct Adding<'s, 'a> {
     surfaces: &'s mut Surfaces<'a>,
@@ -228,8 +261,8 @@ impl Sink for Adding<'_, '_> {
         self.surfaces.depths.is_empty() && self.surfaces.hides(rect, z)
     }
 
-    fn limits(&self) -> &[f32] {
-        &self.surfaces.limits
+    fn limits(&self) -> Option<&[f32]> {
+        self.surfaces.depths.is_empty().then_some(&self.surfaces.nearest_z)
     }
 
     fn hit(&mut self, hit: Hit) {

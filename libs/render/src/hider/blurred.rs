@@ -111,7 +111,7 @@ impl Raster<'_> {
         machine: impl Machine,
         group: usize,
         slice: Slice,
-        (whole, nearest, limits): (&PixelRect, f32, &[f32]),
+        (whole, nearest, limits): (&PixelRect, f32, Option<&[f32]>),
         room: &mut Room,
     ) {
         let (samples, view) = (self.samples, self.view);
@@ -129,16 +129,22 @@ impl Raster<'_> {
             Slice::Each(_) => boxes.reach(lens, scale),
         };
         let rect = pixels_of(reach, whole);
-        let mask = |pixel| first_lanes(samples.count(pixel).saturating_sub(first));
+        let full = first_lanes(samples.per_pixel - first);
         let nearest = Lanes::splat(nearest);
         let tables = &*samples.tables;
         for y in rect.y0..rect.y1 {
             let row = samples.pixel(rect.x0, y);
             for pixel in row..row + rect.width() {
                 let at = pixel * samples.per_pixel + first;
-                let wanted = machine.positive(Lanes::load(limits, at) - nearest) & mask(pixel);
-                if wanted == 0 {
-                    continue;
+                let mut wanted = match samples.varies() {
+                    true => first_lanes(samples.count(pixel).saturating_sub(first)),
+                    false => full,
+                };
+                if let Some(limits) = limits {
+                    wanted &= machine.positive(Lanes::load(limits, at) - nearest);
+                    if wanted == 0 {
+                        continue;
+                    }
                 }
                 let place = samples.places(pixel) + first;
                 let px = Lanes::load(&tables.fx, place) + (rect.x0 + (pixel - row) as i32) as f32;
@@ -331,7 +337,8 @@ impl Raster<'_> {
         let far_enough = view.near.max(view.z_min);
         let (mut inside, mut found) = ([0; 2], [0; 2]);
         let mut places = [(zero, zero, zero); 2];
-        for (second, corner, e) in [(false, [0, 1, 2], [e[0], e[1], -d]), (true, [0, 2, 3], [d, e[2], e[3]])] {
+        for (second, corner, e) in [(false, [0, 1, 2], [e[0], e[1], -d]), (true, [0, 2, 3], [d, e[2], e[3]])]
+        {
             let t = usize::from(second);
             let sum = e[0] + e[1] + e[2];
             let size = sum * signs[t];

@@ -78,12 +78,12 @@ pub(super) fn resolve(surfaces: &Surfaces<'_>, wanted: &Wanted) -> Vec<f32> {
 
 /// The surfaces that a sample sees, nearest first, up to the first one that hides all behind it.
 fn collect(surfaces: &Surfaces<'_>, sample: usize, layers: &mut Vec<Fragment>) {
-    let nearest = surfaces.nearest[sample];
+    let nearest_z = surfaces.nearest_z[sample];
     layers.clear();
     let mut next = surfaces.first[sample];
     while next != NONE {
         let fragment = surfaces.fragments[next as usize];
-        if fragment.z < nearest.z {
+        if fragment.z < nearest_z {
             layers.push(fragment);
         }
         next = fragment.next;
@@ -91,9 +91,7 @@ fn collect(surfaces: &Surfaces<'_>, sample: usize, layers: &mut Vec<Fragment>) {
     // The chain runs from the last to the first added; a stable sort keeps the order of adding among equals.
     layers.reverse();
     layers.sort_by(|a, b| a.z.total_cmp(&b.z));
-    if nearest.grid != NONE {
-        layers.push(nearest);
-    }
+    layers.extend(surfaces.nearest[sample].fragment(nearest_z));
     // Where the widened rims of two grids of one primitive overlap, the surface counts once.
     let mut last: Option<Fragment> = None;
     let primitive = |fragment: &Fragment| surfaces.grids[fragment.grid as usize].primitive;

@@ -37,8 +37,9 @@ pub(super) struct Hit {
 pub(super) trait Sink {
     /// Whether everything at depth `z` and behind it is hidden in all pixels of a rectangle.
     fn hides(&mut self, rect: &PixelRect, z: f32) -> bool;
-    /// Per sample, and [`SampleGrid::PADDING`] more: hits that are not before this depth are not wanted.
-    fn limits(&self) -> &[f32];
+    /// Per sample, and [`SampleGrid::PADDING`] more: hits that are not before this depth are not wanted. `None` when all
+    /// are.
+    fn limits(&self) -> Option<&[f32]>;
     /// A micropolygon at a sample.
     fn hit(&mut self, hit: Hit);
 }
@@ -199,7 +200,9 @@ impl Raster<'_> {
                         continue;
                     }
                     inside &= first_lanes(run.end - first);
-                    inside &= machine.positive(Lanes::load(sink.limits(), first) - nearest);
+                    if let Some(limits) = sink.limits() {
+                        inside &= machine.positive(Lanes::load(limits, first) - nearest);
+                    }
                     while inside != 0 {
                         let lane = inside.trailing_zeros() as usize;
                         inside &= inside - 1;

@@ -273,8 +273,15 @@ impl SampleGrid {
     }
 
     /// Samples of a pixel.
+    #[inline(always)]
     pub(crate) fn count(&self, pixel: usize) -> usize {
         if self.places[pixel] < self.still_from { self.per_pixel } else { self.per_still_pixel }
+    }
+
+    /// Whether some pixels may have fewer samples than others.
+    #[inline(always)]
+    pub(crate) fn varies(&self) -> bool {
+        self.per_still_pixel != self.per_pixel
     }
 
     /// Samples of all pixels in a rectangle inside of this one.
@@ -284,11 +291,13 @@ impl SampleGrid {
     }
 
     /// Where the places of a pixel begin in the tables.
+    #[inline(always)]
     pub(crate) fn places(&self, pixel: usize) -> usize {
         self.places[pixel] as usize
     }
 
     /// Number of equal parts of the shutter that have one sample of every pixel each; 1 without motion blur.
+    #[inline(always)]
     pub(crate) fn time_strata(&self) -> usize {
         if self.times.is_empty() { 1 } else { self.per_pixel }
     }
@@ -302,7 +311,7 @@ impl SampleGrid {
     /// The samples of some pixels inside the rectangle, in runs of neighbours.
     pub(crate) fn runs(&self, rect: PixelRect) -> impl Iterator<Item = std::ops::Range<usize>> {
         // Rows, or where pixels have room to spare, pixels.
-        let rows = self.per_still_pixel == self.per_pixel;
+        let rows = !self.varies();
         let (width, columns) = if rows { (rect.width(), 1) } else { (1, rect.width() as i32) };
         (rect.y0..rect.y1).flat_map(move |y| {
             (0..columns).map(move |column| {
@@ -314,6 +323,7 @@ impl SampleGrid {
     }
 
     /// Index of a pixel inside the rectangle.
+    #[inline(always)]
     pub(crate) fn pixel(&self, x: i32, y: i32) -> usize {
         (y - self.rect.y0) as usize * self.rect.width() + (x - self.rect.x0) as usize
     }

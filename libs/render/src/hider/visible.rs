@@ -196,6 +196,7 @@ impl ViewedGrid {
 }
 
 /// The pixels that a raster box touches, cut to `within`; a NaN touches nothing.
+#[inline(always)]
 pub(crate) fn pixels_of(bound: [f32; 4], within: &PixelRect) -> PixelRect {
     // Casts saturate, so that infinite boxes are cut correctly.
     let rect = PixelRect {
