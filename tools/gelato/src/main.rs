@@ -9,6 +9,10 @@ use granita_cli::Status;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
+/// Grids come and go by the million, in sizes that repeat; see `docs/performance.md` for what it brings.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// An entry point; the words begin with the tool's name.
 type Tool = fn(Vec<OsString>) -> Status;
 
