@@ -312,6 +312,31 @@ impl Cage {
         k == corners[0] && by_next.windows(2).all(|w| w[0].0 != w[1].0)
     }
 
+    /// The edges at a vertex between a sharp one and the next sharp one, which it returns: `corner` is the first face's there.
+    /// `by_out` has the vertex's corners, each with the edge that goes out from it, sorted. `None` where windings do not fit.
+    pub(crate) fn sector_edges(
+        &self,
+        corner: u32,
+        by_out: &[(u32, u32)],
+        between: &mut Vec<u32>,
+    ) -> Option<u32> {
+        between.clear();
+        let mut here = corner;
+        loop {
+            let before = if here.is_multiple_of(4) { here + 3 } else { here - 1 };
+            let over = self.corner_edges[before as usize];
+            if self.edges[over as usize].is_sharp() {
+                return Some(over);
+            }
+            between.push(over);
+            let next = by_out.binary_search_by_key(&over, |x| x.0).ok()?;
+            here = by_out[next].1;
+            if between.len() > by_out.len() {
+                return None;
+            }
+        }
+    }
+
     /// What the surface does at each vertex.
     pub(crate) fn kinds(&self) -> Vec<Corner> {
         (0..self.vertices() as u32).map(|v| self.corner(v)).collect()

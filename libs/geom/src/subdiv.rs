@@ -257,6 +257,7 @@ impl Subdivision {
             }
         }
         self.flatten_edges(&kinds, &mut at_edges);
+        self.flatten_sectors(&kinds, &mut at_edges);
         let (cage, c) = (&self.cage, self.channels);
         let mut at_vertices = vec![0.0_f32; cage.vertices() * c];
         for (v, out) in at_vertices.chunks_exact_mut(c).enumerate() {
@@ -310,17 +311,67 @@ impl Subdivision {
                     limit[x] /= (n * (n + 5)) as f64;
                 }
                 let normal = cross(tangents[0], tangents[1]);
-                let square: f64 = normal.iter().map(|x| x * x).sum();
-                if !(square > 0.0 && square.is_finite()) {
-                    continue;
-                }
                 for &[edge, ..] in &fan {
                     let end = edge as usize * 2 + cage.edges[edge as usize].end(v);
-                    let place = &mut at_edges[end * c + key * 3..][..3];
-                    let above: f64 =
-                        (0..3).map(|x| (f64::from(place[x]) - limit[x]) * normal[x]).sum::<f64>() / square;
-                    for x in 0..3 {
-                        place[x] = (f64::from(place[x]) - above * normal[x]) as f32;
+                    flatten(&mut at_edges[end * c + key * 3..][..3], limit, normal);
+                }
+            }
+        }
+    }
+
+    /// As [`Subdivision::flatten_edges`], for the faces between two sharp edges that meet at a vertex of a border, a crease
+    /// or a corner, where these faces are not two: into the plane of the sharp edges, or if they pass
+    /// straight on, of them and the edges in between.
+    fn flatten_sectors(&self, kinds: &[Corner], at_edges: &mut [f32]) {
+        let (cage, c) = (&self.cage, self.channels);
+        let (mut between, mut by_out) = (Vec::new(), Vec::new());
+        for v in 0..cage.vertices() as u32 {
+            let corners = cage.corners_at(v);
+            let regular = match kinds[v as usize] {
+                Corner::Smooth => true,
+                Corner::Crease(_) => corners.len() <= 2,
+                Corner::Sharp => corners.len() <= 1,
+            };
+            if regular {
+                continue;
+            }
+            by_out.clear();
+            by_out.extend(corners.iter().map(|&k| (cage.corner_edges[k as usize], k)));
+            by_out.sort_unstable();
+            for &k in corners {
+                let first = cage.corner_edges[k as usize];
+                if !cage.edges[first as usize].is_sharp() {
+                    continue;
+                }
+                let Some(last) = cage.sector_edges(k, &by_out, &mut between) else { continue };
+                for key in 0..self.times.len() {
+                    let place = |edge: u32| -> [f64; 3] {
+                        let end = edge as usize * 2 + cage.edges[edge as usize].end(v);
+                        std::array::from_fn(|x| f64::from(at_edges[end * c + key * 3 + x]))
+                    };
+                    let p: [f64; 3] = std::array::from_fn(|x| cage.point(v)[key * 3 + x]);
+                    let limit = match kinds[v as usize] {
+                        Corner::Crease([a, b]) => {
+                            let [a, b] = [a, b].map(|v| &cage.point(v)[key * 3..key * 3 + 3]);
+                            std::array::from_fn(|x| (a[x] + b[x] + 4.0 * p[x]) / 6.0)
+                        }
+                        _ => p,
+                    };
+                    let from = |q: [f64; 3]| -> [f64; 3] { std::array::from_fn(|x| q[x] - limit[x]) };
+                    let [one, other] = [first, last].map(|edge| from(place(edge)));
+                    let mut middle = [0.0; 3];
+                    for &edge in &between {
+                        let step = from(place(edge));
+                        middle = std::array::from_fn(|x| middle[x] + step[x]);
+                    }
+                    let square = |t: [f64; 3]| t.iter().map(|x| x * x).sum::<f64>();
+                    let mut normal = cross(one, other);
+                    if square(normal) <= 1e-6 * square(one) * square(other) {
+                        normal = cross(one, middle);
+                    }
+                    for &edge in &between {
+                        let end = edge as usize * 2 + cage.edges[edge as usize].end(v);
+                        flatten(&mut at_edges[end * c + key * 3..][..3], limit, normal);
                     }
                 }
             }
@@ -379,6 +430,15 @@ impl Subdivision {
     }
 }
 
+/// Moves a point into the plane through `on`, if `normal` tells of one.
+fn flatten(point: &mut [f32], on: [f64; 3], normal: [f64; 3]) {
+    let square: f64 = normal.iter().map(|x| x * x).sum();
+    let above: f64 = (0..3).map(|x| (f64::from(point[x]) - on[x]) * normal[x]).sum::<f64>() / square;
+    if square > 0.0 && above.is_finite() {
+        (0..3).for_each(|x| point[x] = (f64::from(point[x]) - above * normal[x]) as f32);
+    }
+}
+
 impl Net for Subdivision {
     fn times(&self) -> &[f32] {
         &self.times
@@ -418,7 +478,11 @@ impl Net for Subdivision {
         let corner = face * 4 + [0, 2, 3, 1][side];
         let index = cage.corner_edges[corner];
         let edge = &cage.edges[index as usize];
-        let usual = |v: &u32| cage.corner(*v) != Corner::Smooth || cage.corners_at(*v).len() == 4;
+        let usual = |v: &u32| match cage.corner(*v) {
+            Corner::Smooth => cage.corners_at(*v).len() == 4,
+            Corner::Crease(_) => cage.corners_at(*v).len() == 2,
+            Corner::Sharp => false,
+        };
         if edge.is_sharp() || edge.ends.iter().all(usual) {
             return None;
         }

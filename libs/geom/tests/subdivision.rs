@@ -372,3 +372,26 @@ fn normals_pass_over_edges_without_a_kink() {
     let kink = largest_kink(&diceable(build(&mesh(&[3, 3, 3, 3, 3, 5], &verts), &params(&[("P", &p)]))));
     assert!(kink < 2e-3, "pyramid: {kink}");
 }
+
+/// `n` quadrilaterals around a vertex, over an angle; not flat.
+fn sector(n: usize, angle: f32) -> (ShapeDesc, Vec<f32>) {
+    let mut p = vec![0.0, 0.0, 0.5];
+    for i in 0..=2 * n {
+        let t = i as f32 / (2 * n) as f32 * angle;
+        let r = if i % 2 == 0 { 1.0 } else { 1.3 };
+        p.extend([r * t.cos(), r * t.sin(), 0.3 * (i as f32 * 1.7).sin()]);
+    }
+    let verts: Vec<i32> = (0..n as i32).flat_map(|i| [0, 1 + 2 * i, 2 + 2 * i, 3 + 2 * i]).collect();
+    (mesh(&vec![4; n], &verts), p)
+}
+
+#[test]
+fn normals_pass_over_edges_that_end_at_borders() {
+    for border in [1, 2] {
+        for (n, angle) in [(2, 3.0), (3, 3.0), (4, 3.3), (5, 2.5), (3, 4.7), (7, 6.0)] {
+            let (shape, p) = sector(n, angle);
+            let kink = largest_kink(&diceable(build(&shape, &with_border(&p, border))));
+            assert!(kink < 2e-3, "{n} faces, border {border}: {kink}");
+        }
+    }
+}
