@@ -274,6 +274,18 @@ impl CurvePiece {
     }
 }
 
+/// `nu` points on each line from one border of a ribbon, which is straight across, to the other.
+fn spread_across(borders: &[Vec3], nu: usize, out: &mut Vec<Vec3>) {
+    let last = nu.max(2) - 1;
+    out.clear();
+    out.reserve(borders.len() / 2 * (last + 1));
+    for ends in borders.chunks_exact(2) {
+        out.push(ends[0]);
+        out.extend((1..last).map(|i| ends[0].lerp(ends[1], i as f32 / last as f32)));
+        out.push(ends[1]);
+    }
+}
+
 impl Surface for CurvePiece {
     fn key_times(&self) -> &[f32] {
         &self.all.times
@@ -284,8 +296,8 @@ impl Surface for CurvePiece {
     }
 
     fn positions(&self, key: usize, nu: usize, nv: usize, out: &mut Vec<Vec3>) {
-        let mut dice = self.dice(nu, nv);
-        *out = std::mem::take(&mut dice.p[key.min(self.bounds.len() - 1)]);
+        let dice = self.dice(2, nv);
+        spread_across(&dice.p[key.min(self.bounds.len() - 1)], nu, out);
     }
 
     fn positions_towards(
@@ -296,9 +308,9 @@ impl Surface for CurvePiece {
         view: &dyn Fn(usize, Vec3) -> View,
         out: &mut Vec<Vec3>,
     ) {
-        let mut dice = self.dice(nu, nv);
+        let mut dice = self.dice(2, nv);
         dice.turn(view);
-        *out = std::mem::take(&mut dice.p[key.min(self.bounds.len() - 1)]);
+        spread_across(&dice.p[key.min(self.bounds.len() - 1)], nu, out);
     }
 
     fn domain(&self) -> [f32; 4] {

@@ -23,6 +23,9 @@ const DETAIL_PER_MOTION: f32 = 0.25;
 /// grids close.
 const SAG_PX: f32 = 0.02;
 
+/// The cosine from which on a line is straight.
+const STRAIGHT: f32 = 1.0 - 4.0 * f32::EPSILON;
+
 /// Dicing attributes of the whole scene (reference 4.3.4).
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct SceneDicing {
@@ -326,10 +329,11 @@ impl<'a> Measure<'a> {
                 |points: &[Vec3]| -> [Vec3; LATTICE] { std::array::from_fn(|k| points[start + k * step]) };
             self.line(&along(&lattice), moved.as_deref().map(along).as_ref(), settings)
         };
-        let largest = |lines: &mut dyn Iterator<Item = f32>| lines.fold(1.0_f32, f32::max);
+        let largest = |lines: [f32; LATTICE]| lines.into_iter().fold(1.0_f32, f32::max);
         let rows = |j: usize| j * LATTICE;
-        let mut u = largest(&mut (0..LATTICE).map(|j| line(rows(j), 1)));
-        let mut v = largest(&mut (0..LATTICE).map(|i| line(i, LATTICE)));
+        let along: [[f32; LATTICE]; 2] =
+            [std::array::from_fn(|j| line(rows(j), 1)), std::array::from_fn(|i| line(i, LATTICE))];
+        let [mut u, mut v] = along.map(largest);
         if let Some(flatness_px) = self.flatness_px {
             // A twisted square deviates by a quarter of its twist from two triangles.
             let last = LATTICE - 1;
@@ -354,13 +358,14 @@ impl<'a> Measure<'a> {
                 u = 1.0;
             }
         }
-        let side = |start: usize, step: usize| {
+        let last = LATTICE - 1;
+        let side = |axis: usize, end: usize| {
+            let (start, step) = if axis == 0 { (rows(end), 1) } else { (end, LATTICE) };
             let is_point =
                 |points: &Vec<Vec3>| (1..LATTICE).all(|k| points[start + k * step] == points[start]);
-            if is_point(&lattice) && moved.iter().all(is_point) { 0.0 } else { line(start, step).max(1.0) }
+            if is_point(&lattice) && moved.iter().all(is_point) { 0.0 } else { along[axis][end].max(1.0) }
         };
-        let last = LATTICE - 1;
-        Asked { u, v, sides: Some([side(0, 1), side(rows(last), 1), side(0, LATTICE), side(last, LATTICE)]) }
+        Asked { u, v, sides: Some([side(0, 0), side(0, last), side(1, 0), side(1, last)]) }
     }
 
     /// Segments that a part of a side asks for.
@@ -455,8 +460,9 @@ impl<'a> Measure<'a> {
                 None => lengths_px[k],
             };
             if let Some(direction) = step.try_normalize() {
-                if let Some(last) = before {
-                    turns[k] = last.dot(direction).clamp(-1.0, 1.0).acos();
+                // What a straight line turns by is rounding.
+                if let Some(cos) = before.map(|last| last.dot(direction)).filter(|cos| *cos < STRAIGHT) {
+                    turns[k] = cos.max(-1.0).acos();
                 }
                 before = Some(direction);
             }
