@@ -192,7 +192,7 @@ impl RayScene {
 
     /// Triangles of meshes that are as they are, and the bytes that these and all structures but tessellations take.
     pub(crate) fn size(&self) -> (u64, u64) {
-        let triangles: usize = self.flats.iter().map(|f| 2 * f.facets()).sum();
+        let triangles: usize = self.flats.iter().map(Flat::triangles).sum();
         let solids: usize = self.solids.iter().map(Solid::bytes).sum();
         let parts = self.parts.capacity() * size_of::<(u32, u32)>();
         (triangles as u64, (self.tracer.bytes() + self.boxes.bytes() + parts + solids) as u64)

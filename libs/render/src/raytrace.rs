@@ -13,8 +13,9 @@ use crate::raymesh::{self, HitShading, MeshHit, RayMesh};
 use crate::rayset::{Located, RayScene, SetHit, mesh_hit};
 use crate::shading::{ShaderThread, ShadingContext};
 use granita_base::{Color, Vec3, hash};
+use granita_gsl::ir::ValueType;
 use granita_scene::Scene;
-use granita_shade::{Primvar, PrimvarData, RayKind};
+use granita_shade::{HitValues, Primvar, PrimvarData, RayKind};
 use granita_trace::Ray;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -235,6 +236,24 @@ impl ShaderThread<'_> {
         why: RayPurpose,
         said: &[Primvar],
     ) -> Vec<Radiance> {
+        self.radiance_and(scene, rays, why, said, &[]).0
+    }
+
+    /// As [`ShaderThread::radiance`], with variables of the shaders of the nearest hits: by what was `wanted`, for each
+    /// ray its components, or nothing.
+    pub(crate) fn radiance_and(
+        &mut self,
+        scene: &RayScene,
+        rays: &[RayRequest],
+        why: RayPurpose,
+        said: &[Primvar],
+        wanted: &[(Arc<str>, ValueType)],
+    ) -> (Vec<Radiance>, Vec<HitValues>) {
+        let none = |ty: ValueType| vec![0.0; ty.components() * rays.len()];
+        let mut values: Vec<HitValues> = wanted
+            .iter()
+            .map(|(_, ty)| HitValues { there: vec![false; rays.len()], values: none(*ty) })
+            .collect();
         let mut out = vec![Radiance::NOTHING; rays.len()];
         let hits = scene.closest(self, rays);
         let mut waiting: Vec<Pending> = Vec::with_capacity(rays.len());
@@ -254,7 +273,7 @@ impl ShaderThread<'_> {
                     }
                 }
             });
-            return out;
+            return (out, values);
         }
         let rays_of_frame = &self.frame().rays;
         rays_of_frame.counts.rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
@@ -263,7 +282,9 @@ impl ShaderThread<'_> {
         let mut layer = 0;
         while !waiting.is_empty() {
             let how = why.hits(kind, hash::words(&[why.seed, layer]));
-            let shaded = self.shade_hits(scene, rays, &waiting, how, said);
+            // Of the nearest alone.
+            let asked = if layer == 0 { Some((wanted, &mut values[..])) } else { None };
+            let shaded = self.shade_hits(scene, rays, &waiting, how, said, asked);
             layer += 1;
             let mut behind = Vec::new();
             for (w, Shaded { color, opacity, n }) in waiting.iter().zip(shaded) {
@@ -285,7 +306,7 @@ impl ShaderThread<'_> {
             }
             waiting = behind;
         }
-        out
+        (out, values)
     }
 
     /// How much light passes along each ray: 1 where nothing is in the way.
@@ -337,7 +358,7 @@ impl ShaderThread<'_> {
             waiting.truncate(kept);
         }
         let kind = RayKind { shadow: true, ..why.parent };
-        let shaded = self.shade_hits(scene, rays, &waiting, why.hits(kind, why.seed), said);
+        let shaded = self.shade_hits(scene, rays, &waiting, why.hits(kind, why.seed), said, None);
         for (w, Shaded { opacity, .. }) in waiting.iter().zip(shaded) {
             out[w.ray as usize] *= Color::ONE - opacity.clamp(Color::ZERO, Color::ONE);
         }
@@ -379,6 +400,7 @@ impl ShaderThread<'_> {
         pending: &[Pending],
         how: HitShading,
         said: &[Primvar],
+        mut asked: Option<(&[(Arc<str>, ValueType)], &mut [HitValues])>,
     ) -> Vec<Shaded> {
         let mut out = vec![Shaded { color: Color::ZERO, opacity: Color::ONE, n: Vec3::ZERO }; pending.len()];
         self.frame().rays.counts.shaded.fetch_add(pending.len() as u64, Ordering::Relaxed);
@@ -421,7 +443,21 @@ impl ShaderThread<'_> {
                     if object.displacement.is_some() && !object.displaces_rays() {
                         thread.bump(&object, &mut grid);
                     }
-                    thread.shade(&object, &mut grid, &[]);
+                    let wanted = asked.as_ref().map_or(&[][..], |(wanted, _)| *wanted);
+                    let found = thread.shade_asked(&object, &mut grid, wanted);
+                    if let Some((_, values)) = &mut asked {
+                        let n = grid.len();
+                        for (found, values) in found.iter().zip(values.iter_mut()) {
+                            let Some(found) = found else { continue };
+                            for (lane, (_, k, _)) in part.iter().enumerate() {
+                                let ray = pending[*k].ray as usize;
+                                values.there[ray] = true;
+                                for (c, component) in found.chunks_exact(n).enumerate() {
+                                    values.values[c * rays.len() + ray] = component[lane];
+                                }
+                            }
+                        }
+                    }
                     for (lane, (_, k, _)) in part.iter().enumerate() {
                         out[*k].color = grid.c.get(lane);
                         out[*k].opacity = grid.opacity.get(lane);

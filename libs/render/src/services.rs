@@ -337,6 +337,11 @@ impl Services for Run<'_, '_> {
         for found in [&mut out.l, &mut out.ps, &mut out.cl, &mut out.ol, &mut out.p] {
             lanes.copy3(found);
         }
+        for found in &mut out.others {
+            lanes.copy(&mut found.there);
+            let n = query.batch.lanes.max(1);
+            found.values.chunks_exact_mut(n).for_each(|component| lanes.copy(component));
+        }
     }
 
     fn occlusion(&mut self, query: &TraceQuery<'_>, out: &mut [f32], unoccluded: &mut Lanes3) {

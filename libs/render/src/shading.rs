@@ -15,7 +15,7 @@ use granita_base::{Color, Location, ParamData, Reporter, SearchPath, Severity, V
 use granita_gsl::ir::{Global, ValueType};
 use granita_scene::{LightId, Primitive, Scene, ShaderGroup, ShaderUsage};
 use granita_sdb::{Attributes, Clusters, Databases, Mode, Packed};
-use granita_shade::{Executor, Grid, Lanes3, PrimvarData, Topology};
+use granita_shade::{Executor, Grid, Group, Lanes3, Primvar, PrimvarData, Services, Topology};
 use granita_texture::{CacheOptions, TextureCache};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -245,6 +245,10 @@ impl ShadingContext {
     }
 }
 
+/// A way to run a group: [`Executor::run`] or [`Executor::run_asked`].
+type RunOf =
+    fn(&mut Executor, &Group, &mut Grid, &mut dyn Services, &[(&str, ValueType)]) -> Vec<Option<Vec<f32>>>;
+
 /// Runs shaders on one thread; its memory is kept from grid to grid.
 pub(crate) struct ShaderThread<'f> {
     frame: &'f ShadingContext,
@@ -311,13 +315,50 @@ impl<'f> ShaderThread<'f> {
         grid: &mut Grid,
         wanted: &[(Arc<str>, ValueType)],
     ) -> Vec<Option<Vec<f32>>> {
+        self.shade_as(object, grid, wanted, Executor::run)
+    }
+
+    /// As [`ShaderThread::shade`], for a ray whose shader asks for variables: messages come first, then parameters of
+    /// any kind, then globals.
+    pub(crate) fn shade_asked(
+        &mut self,
+        object: &ObjectState,
+        grid: &mut Grid,
+        wanted: &[(Arc<str>, ValueType)],
+    ) -> Vec<Option<Vec<f32>>> {
+        if wanted.is_empty() {
+            return self.shade(object, grid, wanted);
+        }
+        let mut found = self.shade_as(object, grid, wanted, Executor::run_asked);
+        for (have, (name, ty)) in found.iter_mut().zip(wanted) {
+            let sent = grid.messages.iter().rev().map(|m| &m.value).find(|v| v.name == *name);
+            let of_type = |v: &&Primvar| v.ty.array.is_none() && v.ty.base == granita_shade::base_type(*ty);
+            if let Some(Primvar { data: PrimvarData::Floats { values, varying }, .. }) = sent.filter(of_type)
+            {
+                let n = grid.len();
+                *have = Some(match varying {
+                    true => values.clone(),
+                    false => values.iter().flat_map(|v| std::iter::repeat_n(*v, n)).collect(),
+                });
+            }
+        }
+        found
+    }
+
+    fn shade_as(
+        &mut self,
+        object: &ObjectState,
+        grid: &mut Grid,
+        wanted: &[(Arc<str>, ValueType)],
+        how: RunOf,
+    ) -> Vec<Option<Vec<f32>>> {
         if object.holdout == Holdout::Matte {
             grid.c = Lanes3::splat(Color::ZERO, grid.len());
             grid.opacity = Lanes3::splat(Color::ZERO, grid.len());
             return vec![None; wanted.len()];
         }
         let names: Vec<(&str, ValueType)> = wanted.iter().map(|(name, ty)| (&**name, *ty)).collect();
-        let mut found = self.run(object, &object.surface, grid, &names);
+        let mut found = self.run_as(object, &object.surface, grid, &names, how);
         if object.preshaded {
             for (have, (name, ty)) in found.iter_mut().zip(&names) {
                 let own = grid.primvars.iter().find(|v| &*v.name == *name);
@@ -329,7 +370,7 @@ impl<'f> ShaderThread<'f> {
             }
         }
         if let Some(volume) = &object.volume {
-            let more = self.run(object, volume, grid, &names);
+            let more = self.run_as(object, volume, grid, &names, how);
             for (have, new) in found.iter_mut().zip(more) {
                 // The volume shader runs last; C and opacity are what it left.
                 if have.is_none() || new.is_some() {
@@ -347,9 +388,20 @@ impl<'f> ShaderThread<'f> {
         grid: &mut Grid,
         wanted: &[(&str, ValueType)],
     ) -> Vec<Option<Vec<f32>>> {
+        self.run_as(object, shaders, grid, wanted, Executor::run)
+    }
+
+    fn run_as(
+        &mut self,
+        object: &ObjectState,
+        shaders: &LinkedShaders,
+        grid: &mut Grid,
+        wanted: &[(&str, ValueType)],
+        how: RunOf,
+    ) -> Vec<Option<Vec<f32>>> {
         let mut executor = self.take_executor();
         let mut services = Run::for_object(self, object, shaders, grid);
-        let found = executor.run(&shaders.group, grid, &mut services, wanted);
+        let found = how(&mut executor, &shaders.group, grid, &mut services, wanted);
         self.put_executor(executor);
         found
     }

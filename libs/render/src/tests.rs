@@ -20,6 +20,9 @@ const POINT: &str = "light pointlight (float intensity = 1, string shadowname = 
     }
 }";
 
+mod furnace;
+mod rays;
+
 /// Shades points of the plane z = 0 with the state of a primitive.
 fn shade(fixture: &Fixture, primitive: &Primitive, points: &[[f32; 2]]) -> Grid {
     let (scene, camera, environment) = fixture.finish();

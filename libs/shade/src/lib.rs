@@ -89,8 +89,9 @@ pub use error::ShadeError;
 pub use grid::{Grid, Lanes3, Message, Primvar, PrimvarData, RayKind, Topology, Uneven};
 pub use link::{ConnectionSource, Group, LayerSource, LinkOptions};
 pub use run::executor::Executor;
+pub use run::params::base_type;
 pub use services::{
-    Batch, DatabaseKey, DatabaseQuery, DatabaseSave, EnvironmentQuery, IlluminateQuery, Lane, Lane3,
-    LightInfo, LightResult, LightSample, LookupOptions, LookupResult, Services, ShadowQuery, SubsurfaceQuery,
-    TextureQuery, TraceQuery, TraceResult,
+    Batch, DatabaseKey, DatabaseQuery, DatabaseSave, EnvironmentQuery, HitValues, IlluminateQuery, Lane,
+    Lane3, LightInfo, LightResult, LightSample, LookupOptions, LookupResult, Services, ShadowQuery,
+    SubsurfaceQuery, TextureQuery, TraceQuery, TraceResult,
 };

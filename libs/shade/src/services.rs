@@ -221,6 +221,8 @@ pub struct TraceQuery<'a> {
     /// "cosine" or "uniform".
     pub distribution: &'a str,
     pub options: LookupOptions<'a>,
+    /// Variables of the surface hit that the body of the loop asks for.
+    pub wanted: &'a [(Arc<str>, ValueType)],
 }
 
 /// What one ray per lane found.
@@ -234,6 +236,17 @@ pub struct TraceResult {
     pub cl: Lanes3,
     pub ol: Lanes3,
     pub p: Lanes3,
+    /// One for each that was wanted, in their order, or none at all.
+    pub others: Vec<HitValues>,
+}
+
+/// A message, parameter or global of the shaders that rays met.
+#[derive(Clone, Debug, Default)]
+pub struct HitValues {
+    /// By lane: whether the shader of what its ray met has one of the name and type.
+    pub there: Vec<bool>,
+    /// Its value, component after component over all lanes.
+    pub values: Vec<f32>,
 }
 
 /// Where a record of a spatial database lies.

@@ -299,6 +299,11 @@ impl Flat {
         self.piece.facets()
     }
 
+    /// How many triangles there are.
+    pub(crate) fn triangles(&self) -> usize {
+        (0..self.count()).filter(|t| self.triangle(*t).is_some()).count()
+    }
+
     /// A mesh of some facets, two triangles each, in their order.
     pub(crate) fn mesh_of(&self, facets: &[u32], thread: &mut ShaderThread<'_>) -> Option<RayMesh> {
         let mut build = Builder::new(&self.primitive, &self.object, &self.placement, &thread.frame().camera);

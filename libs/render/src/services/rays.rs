@@ -5,7 +5,9 @@ use super::{Run, count, option};
 use crate::raytrace::{RayPurpose, RayRequest};
 use crate::sampling::{Distribution, in_cone};
 use granita_base::{Color, Vec3, hash, sample};
-use granita_shade::{EnvironmentQuery, Lane, Lanes3, LookupResult, ShadowQuery, TraceQuery, TraceResult};
+use granita_shade::{
+    EnvironmentQuery, HitValues, Lane, Lanes3, LookupResult, ShadowQuery, TraceQuery, TraceResult,
+};
 use granita_trace::Ray;
 use std::f32::consts::FRAC_PI_4;
 
@@ -343,7 +345,19 @@ pub(super) fn trace(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut Tra
     let too_deep = run.is_too_deep();
     let seed = hash::words(&[run.seed, call, query.sample]);
     let purpose = RayPurpose { shade: wants && !too_deep, seed, ..run.purpose(call) };
-    let found = run.thread.radiance(scene, &rays, purpose, &run.said);
+    let (found, values) = run.thread.radiance_and(scene, &rays, purpose, &run.said, query.wanted);
+    // From rays to lanes.
+    for ((_, ty), of_rays) in query.wanted.iter().zip(values) {
+        let mut of_lanes = HitValues { there: vec![false; n], values: vec![0.0; ty.components() * n] };
+        for (k, lane) in lanes.iter().enumerate() {
+            let lane = *lane as usize;
+            of_lanes.there[lane] = of_rays.there[k];
+            for c in 0..ty.components() {
+                of_lanes.values[c * n + lane] = of_rays.values[c * rays.len() + k];
+            }
+        }
+        out.others.push(of_lanes);
+    }
     let beyond = run.frame.rays.limits.max_depth_color;
     for (lane, r) in lanes.iter().zip(found) {
         let i = *lane as usize;

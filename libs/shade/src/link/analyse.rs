@@ -16,6 +16,8 @@ pub(crate) struct Facts {
     pub(crate) scratch: Vec<bool>,
     /// Globals that operations or functions write.
     pub(crate) writes: [bool; Global::ALL.len()],
+    /// Writes `opacity`, and something else than 1.
+    pub(crate) clears: bool,
     /// Globals that functions and statements read without naming them.
     pub(crate) implied: [bool; Global::ALL.len()],
     /// Has an `emit` statement.
@@ -197,7 +199,19 @@ impl Walk<'_> {
             let partial =
                 matches!(op.code, OpCode::IndexSet | OpCode::ComponentSet | OpCode::MatrixComponentSet)
                     || op.code == OpCode::Assign && self.elements(dst) != self.elements(op.args[0]);
+            let was = self.facts.clears;
             self.write(dst, partial);
+            if op.code == OpCode::Assign && self.is_one(op.args[0]) {
+                self.facts.clears = was;
+            }
+        }
+    }
+
+    /// Whether a symbol is the constant 1, or a triple of them.
+    fn is_one(&self, sym: SymbolId) -> bool {
+        match self.module.symbols.get(sym.0 as usize).map(|s| &s.kind) {
+            Some(SymbolKind::Const(ConstValue::Floats(values))) => values.iter().all(|v| *v == 1.0),
+            _ => false,
         }
     }
 
@@ -287,6 +301,7 @@ impl Walk<'_> {
         }
         if let Some(SymbolKind::Global(g)) = self.module.symbols.get(sym.0 as usize).map(|s| &s.kind) {
             self.facts.writes[*g as usize] = true;
+            self.facts.clears |= *g == Global::opacity;
         }
     }
 

@@ -279,9 +279,11 @@ impl Group {
         self.writes[global as usize]
     }
 
-    /// Whether some layer writes `opacity`: if not, the object is as opaque as its attribute says.
+    /// Whether some layer writes anything but 1 to `opacity`: if not, the object is at least as opaque as its attribute
+    /// says.
     pub fn sets_opacity(&self) -> bool {
-        self.writes(Global::opacity)
+        let to_opacity = |wire: &Wire| wire.target.slot == Global::opacity as u32;
+        self.facts.iter().any(|f| f.clears) || self.layers.iter().any(|l| l.globals.iter().any(to_opacity))
     }
 
     /// Whether some layer has an `emit` statement; a light without is ambient.

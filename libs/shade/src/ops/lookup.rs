@@ -391,6 +391,7 @@ pub(super) fn probe(m: &mut Machine<'_>, func: Func, op: &Op) {
                 sample: 0,
                 distribution: parsed.distribution.unwrap_or("cosine"),
                 options: parsed.options,
+                wanted: &[],
             };
             if func == Func::Occlusion {
                 m.services.occlusion(&query, &mut blocked, &mut color);

@@ -2,13 +2,19 @@
 
 use super::constant;
 use crate::link::{At, usage_word};
-use crate::run::machine::{Machine, Sent};
+use crate::run::machine::{Machine, RaySample, Sent};
 use crate::run::params::{base_type, same_type};
 use crate::run::store::Slot;
-use crate::{Lanes3, Primvar, PrimvarData};
+use crate::{HitValues, Lanes3, Primvar, PrimvarData};
 use granita_base::{BaseType, Param, ParamData};
 use granita_gsl::Func;
 use granita_gsl::ir::{Op, ShaderKind, SymbolId, ValueType};
+
+/// Whether there was something: the same for all lanes, or by lane.
+enum Found {
+    All(bool),
+    Some(Vec<bool>),
+}
 
 /// `setmessage`, `getmessage`, `getattribute`, `gettextureinfo`. Those that get leave the destination alone
 /// and return 0 where there is nothing of the name and type.
@@ -17,8 +23,21 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
         Func::SetMessage => send(m, op),
         Func::GetMessage => {
             let (source, name) = (m.string(op.args[0]), m.string(op.args[1]));
-            let found = receive(m, &source, &name, op.args[2]);
-            constant(m, op, f32::from(found));
+            let found = match &*source {
+                "trace" => from_ray(m, &name, op.args[2]),
+                _ => Found::All(receive(m, &source, &name, op.args[2])),
+            };
+            match found {
+                Found::All(found) => constant(m, op, f32::from(found)),
+                Found::Some(there) => {
+                    let Some(dst) = op.dst else { return };
+                    let mut out = m.out(true, 1);
+                    for (lane, there) in out.part(0).iter_mut().zip(there) {
+                        *lane = f32::from(there);
+                    }
+                    m.commit(dst, out);
+                }
+            }
         }
         Func::GetAttribute => {
             let name = m.string(op.args[0]);
@@ -92,7 +111,6 @@ fn receive(m: &mut Machine<'_>, source: &str, name: &str, dst: SymbolId) -> bool
             let Some(light) = m.light.clone() else { return false };
             light.params.iter().rev().any(|p| *p.name == *name && store_param(m, dst, p))
         }
-        "trace" => from_ray(m, name, dst),
         "parent" => {
             let grid = m.grid;
             grid.parent.iter().any(|p| *p.name == *name && store_primvar(m, dst, p))
@@ -149,8 +167,15 @@ fn from_group(m: &mut Machine<'_>, name: &str, dst: SymbolId) -> bool {
 }
 
 /// From the ray of the innermost `trace` loop.
-fn from_ray(m: &mut Machine<'_>, name: &str, dst: SymbolId) -> bool {
-    let Some(ray) = m.ray.take() else { return false };
+fn from_ray(m: &mut Machine<'_>, name: &str, dst: SymbolId) -> Found {
+    let Some(sample) = m.ray.take() else { return Found::All(false) };
+    let found = of_sample(m, &sample, name, dst);
+    m.ray = Some(sample);
+    found
+}
+
+fn of_sample(m: &mut Machine<'_>, sample: &RaySample, name: &str, dst: SymbolId) -> Found {
+    let ray = &sample.found;
     let ty = m.type_of(dst);
     let flags: Vec<f32>;
     let found = match (name, ty) {
@@ -165,12 +190,38 @@ fn from_ray(m: &mut Machine<'_>, name: &str, dst: SymbolId) -> bool {
         ("Ol", ValueType::Color) => store_lanes3(m, dst, &ray.ol),
         ("P", ValueType::Point) => store_lanes3(m, dst, &ray.p),
         _ => {
-            m.missing(&format!("getmessage (\"trace\", \"{name}\")"));
-            false
+            let asked = sample.wanted.iter().position(|(known, of)| **known == *name && *of == ty);
+            let Some(k) = asked.filter(|_| !m.place(dst).array) else {
+                if ty != ValueType::String && !m.place(dst).array {
+                    m.missing("getmessage (\"trace\", ...) of a name that is not a constant");
+                }
+                return Found::All(false);
+            };
+            return match ray.others.get(k) {
+                Some(values) => store_where(m, dst, values),
+                None => Found::All(false),
+            };
         }
     };
-    m.ray = Some(ray);
-    found
+    Found::All(found)
+}
+
+/// Stores values in the lanes that have them.
+fn store_where(m: &mut Machine<'_>, dst: SymbolId, found: &HitValues) -> Found {
+    let components = m.place(dst).value.components();
+    if found.there.len() != m.n || found.values.len() != components * m.n || !found.there.contains(&true) {
+        return Found::All(false);
+    }
+    let mut out = m.out(true, components);
+    let old = m.view(dst);
+    let mut kept = Vec::with_capacity(components * m.n);
+    for c in 0..components {
+        let own = &found.values[c * m.n..(c + 1) * m.n];
+        kept.extend((0..m.n).map(|i| if found.there[i] { own[i] } else { old.lane(c).get(i) }));
+    }
+    out.data.copy_from_slice(&kept);
+    m.commit(dst, out);
+    Found::Some(found.there.clone())
 }
 
 fn store_lanes3(m: &mut Machine<'_>, dst: SymbolId, lanes: &Lanes3) -> bool {

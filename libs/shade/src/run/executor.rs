@@ -43,6 +43,28 @@ impl Executor {
         services: &mut dyn Services,
         wanted: &[(&str, ValueType)],
     ) -> Vec<Option<Vec<f32>>> {
+        self.run_for(group, grid, services, wanted, true)
+    }
+
+    /// As [`Executor::run`], but finds all parameters that are `wanted`, not output parameters alone.
+    pub fn run_asked(
+        &mut self,
+        group: &Group,
+        grid: &mut Grid,
+        services: &mut dyn Services,
+        wanted: &[(&str, ValueType)],
+    ) -> Vec<Option<Vec<f32>>> {
+        self.run_for(group, grid, services, wanted, false)
+    }
+
+    fn run_for(
+        &mut self,
+        group: &Group,
+        grid: &mut Grid,
+        services: &mut dyn Services,
+        wanted: &[(&str, ValueType)],
+        outputs: bool,
+    ) -> Vec<Option<Vec<f32>>> {
         let n = grid.len();
         if n == 0 {
             return vec![None; wanted.len()];
@@ -54,7 +76,7 @@ impl Executor {
         machine.base = n;
         machine.prepare(None);
         machine.layers(true, Some(wanted));
-        let results = wanted.iter().map(|(name, ty)| machine.output(name, *ty)).collect();
+        let results = wanted.iter().map(|(name, ty)| machine.output(name, *ty, outputs)).collect();
         let messages = machine.messages();
         machine.finish();
         self.write_back(group, grid);
@@ -208,11 +230,11 @@ impl Machine<'_> {
     }
 
     /// A wanted result.
-    fn output(&mut self, name: &str, ty: ValueType) -> Option<Vec<f32>> {
+    fn output(&mut self, name: &str, ty: ValueType, outputs: bool) -> Option<Vec<f32>> {
         if ty == ValueType::String {
             return None;
         }
-        if let Some(slot) = self.find_param(name, Some(ty), true) {
+        if let Some(slot) = self.find_param(name, Some(ty), outputs) {
             return Some(self.lanes_of(slot));
         }
         let global = Global::ALL.into_iter().find(|g| g.word() == name)?;

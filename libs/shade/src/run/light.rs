@@ -1,11 +1,13 @@
 //! `lights`, `emit` and `trace` (reference 5.5.5).
 
+use crate::link::At;
 use crate::ops::lookup::{self, Parts};
-use crate::run::machine::{Emission, Machine};
+use crate::run::machine::{Emission, Machine, RaySample};
 use crate::run::store::Out;
 use crate::{Batch, IlluminateQuery, LightInfo, LightResult, LightSample, TraceQuery, TraceResult};
 use granita_base::Vec3;
-use granita_gsl::ir::{EmitForm, Global, SourcePos, Stmt, SymbolId};
+use granita_gsl::Func;
+use granita_gsl::ir::{EmitForm, Global, OpCode, SourcePos, Stmt, SymbolId, ValueType};
 use std::sync::Arc;
 
 /// More rays than this per point are a mistake.
@@ -229,6 +231,8 @@ impl Machine<'_> {
             most = MAX_RAYS;
         }
         let outer = self.ray.take();
+        let mut wanted = Vec::new();
+        self.asked_of_hits(body, &mut wanted);
         let mut remaining = self.borrow_mask();
         remaining.copy_from(&self.mask);
         for sample in 0..most as u32 {
@@ -255,10 +259,11 @@ impl Machine<'_> {
                     sample,
                     distribution: parsed.distribution.unwrap_or("cosine"),
                     options: parsed.options,
+                    wanted: &wanted,
                 };
                 self.services.trace(&query, &mut result);
             }
-            self.ray = Some(result);
+            self.ray = Some(RaySample { found: result, wanted: wanted.clone() });
             let mut entered = self.borrow_mask();
             entered.copy_from(&self.mask);
             self.block(body);
@@ -271,6 +276,38 @@ impl Machine<'_> {
         self.ray = outer;
         for out in [position, axis, angle, samples] {
             self.discard(out);
+        }
+    }
+
+    /// The variables of what is hit that the body of a `trace` loop asks for by names that are known.
+    fn asked_of_hits(&mut self, body: &[Stmt], wanted: &mut Vec<(Arc<str>, ValueType)>) {
+        for stmt in body {
+            match stmt {
+                Stmt::Op(op) if op.code == OpCode::Call(Func::GetMessage) => {
+                    let &[source, name, dst] = &op.args[..] else { continue };
+                    let known = [source, name].iter().all(|s| matches!(self.place(*s).at, At::Const(_)));
+                    let place = *self.place(dst);
+                    if !known || *self.string(source) != *"trace" || place.array {
+                        continue;
+                    }
+                    let asked = (self.string(name), place.value);
+                    if place.value != ValueType::String && !wanted.contains(&asked) {
+                        wanted.push(asked);
+                    }
+                }
+                Stmt::If { then, otherwise, .. } => {
+                    self.asked_of_hits(then, wanted);
+                    self.asked_of_hits(otherwise, wanted);
+                }
+                Stmt::Loop { test, body, step, .. } => {
+                    for block in [test, body, step] {
+                        self.asked_of_hits(block, wanted);
+                    }
+                }
+                Stmt::Scope { body, .. } | Stmt::Lights { body, .. } => self.asked_of_hits(body, wanted),
+                // Those within a loop of its own ask its own rays.
+                _ => {}
+            }
         }
     }
 

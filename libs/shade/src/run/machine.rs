@@ -56,6 +56,14 @@ pub(crate) struct Emission {
     pub(crate) spread: f32,
 }
 
+/// One ray of each lane of a `trace` loop.
+pub(crate) struct RaySample {
+    /// What they found.
+    pub(crate) found: TraceResult,
+    /// What `found.others` are.
+    pub(crate) wanted: Vec<(Arc<str>, ValueType)>,
+}
+
 /// One run.
 pub(crate) struct Machine<'a> {
     pub(crate) group: &'a Group,
@@ -81,7 +89,7 @@ pub(crate) struct Machine<'a> {
     /// The light that the innermost `lights` loop examines.
     pub(crate) light: Option<Arc<LightResult>>,
     /// The rays of the innermost `trace` loop.
-    pub(crate) ray: Option<TraceResult>,
+    pub(crate) ray: Option<RaySample>,
 }
 
 impl<'a> Machine<'a> {

@@ -317,7 +317,7 @@ fn part(tap: &Tap) -> (usize, usize) {
 }
 
 /// The scene's word for a type.
-pub(crate) fn base_type(value: ValueType) -> BaseType {
+pub fn base_type(value: ValueType) -> BaseType {
     match value {
         ValueType::Float | ValueType::Void => BaseType::Float,
         ValueType::Color => BaseType::Color,
