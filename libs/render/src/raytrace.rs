@@ -282,9 +282,10 @@ impl ShaderThread<'_> {
         let mut layer = 0;
         while !waiting.is_empty() {
             let how = why.hits(kind, hash::words(&[why.seed, layer]));
-            // Of the nearest alone.
-            let asked = if layer == 0 { Some((wanted, &mut values[..])) } else { None };
-            let shaded = self.shade_hits(scene, rays, &waiting, how, said, asked);
+            // Only the nearest are asked.
+            let wanted = if layer == 0 { wanted } else { &[] };
+            let talk = Talk { said, wanted, values: &mut values };
+            let shaded = self.shade_hits(scene, rays, &waiting, how, talk);
             layer += 1;
             let mut behind = Vec::new();
             for (w, Shaded { color, opacity, n }) in waiting.iter().zip(shaded) {
@@ -358,7 +359,8 @@ impl ShaderThread<'_> {
             waiting.truncate(kept);
         }
         let kind = RayKind { shadow: true, ..why.parent };
-        let shaded = self.shade_hits(scene, rays, &waiting, why.hits(kind, why.seed), said, None);
+        let talk = Talk { said, wanted: &[], values: &mut [] };
+        let shaded = self.shade_hits(scene, rays, &waiting, why.hits(kind, why.seed), talk);
         for (w, Shaded { opacity, .. }) in waiting.iter().zip(shaded) {
             out[w.ray as usize] *= Color::ONE - opacity.clamp(Color::ZERO, Color::ONE);
         }
@@ -399,9 +401,9 @@ impl ShaderThread<'_> {
         rays: &[RayRequest],
         pending: &[Pending],
         how: HitShading,
-        said: &[Primvar],
-        mut asked: Option<(&[(Arc<str>, ValueType)], &mut [HitValues])>,
+        talk: Talk<'_>,
     ) -> Vec<Shaded> {
+        let Talk { said, wanted, values } = talk;
         let mut out = vec![Shaded { color: Color::ZERO, opacity: Color::ONE, n: Vec3::ZERO }; pending.len()];
         self.frame().rays.counts.shaded.fetch_add(pending.len() as u64, Ordering::Relaxed);
         self.for_located(scene, pending, &mut |thread, located, group| {
@@ -443,18 +445,14 @@ impl ShaderThread<'_> {
                     if object.displacement.is_some() && !object.displaces_rays() {
                         thread.bump(&object, &mut grid);
                     }
-                    let wanted = asked.as_ref().map_or(&[][..], |(wanted, _)| *wanted);
                     let found = thread.shade_asked(&object, &mut grid, wanted);
-                    if let Some((_, values)) = &mut asked {
-                        let n = grid.len();
-                        for (found, values) in found.iter().zip(values.iter_mut()) {
-                            let Some(found) = found else { continue };
-                            for (lane, (_, k, _)) in part.iter().enumerate() {
-                                let ray = pending[*k].ray as usize;
-                                values.there[ray] = true;
-                                for (c, component) in found.chunks_exact(n).enumerate() {
-                                    values.values[c * rays.len() + ray] = component[lane];
-                                }
+                    for (found, values) in found.iter().zip(values.iter_mut()) {
+                        let Some(found) = found else { continue };
+                        for (lane, (_, k, _)) in part.iter().enumerate() {
+                            let ray = pending[*k].ray as usize;
+                            values.there[ray] = true;
+                            for (c, component) in found.chunks_exact(grid.len()).enumerate() {
+                                values.values[c * rays.len() + ray] = component[lane];
                             }
                         }
                     }
@@ -467,6 +465,16 @@ impl ShaderThread<'_> {
         });
         out
     }
+}
+
+/// What shaders tell each other along rays.
+struct Talk<'a> {
+    /// Messages and parameters of the shader that traces.
+    said: &'a [Primvar],
+    /// What it asks of the shaders of the hits.
+    wanted: &'a [(Arc<str>, ValueType)],
+    /// Their answers, by ray.
+    values: &'a mut [HitValues],
 }
 
 /// What a hit looks like.
