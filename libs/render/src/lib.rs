@@ -35,6 +35,7 @@ mod film;
 mod frame;
 mod griddump;
 mod hider;
+mod lightcache;
 mod lights;
 mod object;
 mod output;

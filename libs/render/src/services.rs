@@ -1,9 +1,10 @@
 //! What running shaders ask of the frame: the renderer's side of [`Services`].
 //!
-//! A [`Run`] serves one run of one shader group over one grid. Rays are in `services/rays.rs`, maps in
-//! `services/maps.rs`; here is the rest.
+//! A [`Run`] serves one run of one shader group over one grid. Rays are in `services/rays.rs`, indirect light and
+//! occlusion in `services/light.rs`, maps in `services/maps.rs`; here is the rest.
 
 mod database;
+mod light;
 pub(crate) mod maps;
 mod rays;
 
@@ -31,6 +32,10 @@ pub(crate) struct Run<'r, 'f> {
     shaders: &'r LinkedShaders,
     /// Attributes that the shader sees: the object's, or those of the light.
     attributes: &'r AttributeSet,
+    /// Attributes of the object.
+    object_attributes: &'r AttributeSet,
+    /// How the points of the grid neighbour each other.
+    topology: Topology,
     /// The object being shaded to world.
     object_to_world: &'r MotionTransform,
     /// Name of the object or the light, for messages.
@@ -70,6 +75,8 @@ impl<'r, 'f> Run<'r, 'f> {
             thread,
             shaders,
             attributes: &object.attributes,
+            object_attributes: &object.attributes,
+            topology: grid.topology,
             object_to_world: &object.attributes.to_world,
             owner: object.name.clone(),
             shadow_bias: object.shadow_bias,
@@ -97,6 +104,8 @@ impl<'r, 'f> Run<'r, 'f> {
             thread: surface.thread,
             shaders: &light.shaders,
             attributes: &light.attributes,
+            object_attributes: surface.object_attributes,
+            topology: surface.topology,
             object_to_world: surface.object_to_world,
             owner: light.name.clone(),
             shadow_bias: light.shadow_bias,
@@ -347,7 +356,7 @@ impl Services for Run<'_, '_> {
     fn occlusion(&mut self, query: &TraceQuery<'_>, out: &mut [f32], unoccluded: &mut Lanes3) {
         let lanes = rays::TracingLanes::new(self, query.batch.active);
         let batch = Batch { active: &lanes.traced, ..query.batch };
-        rays::occlusion(self, &TraceQuery { batch, ..*query }, out, unoccluded);
+        light::occlusion(self, &TraceQuery { batch, ..*query }, out, unoccluded);
         lanes.copy(out);
         lanes.copy3(unoccluded);
     }
@@ -355,7 +364,7 @@ impl Services for Run<'_, '_> {
     fn indirect(&mut self, query: &TraceQuery<'_>, out: &mut Lanes3) {
         let lanes = rays::TracingLanes::new(self, query.batch.active);
         let batch = Batch { active: &lanes.traced, ..query.batch };
-        rays::indirect(self, &TraceQuery { batch, ..*query }, out);
+        light::indirect(self, &TraceQuery { batch, ..*query }, out);
         lanes.copy3(out);
     }
 

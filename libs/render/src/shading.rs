@@ -5,6 +5,7 @@
 //! one thread writes to while it shades.
 
 use crate::dynamic::DynamicMaps;
+use crate::lightcache::LightCache;
 use crate::lights::LightState;
 use crate::object::{Holdout, LinkedShaders, Linker, ObjectState, StateShaders};
 use crate::raytrace::RayWorld;
@@ -47,6 +48,8 @@ pub(crate) struct ShadingContext {
     pub(crate) lights: Vec<Option<LightState>>,
     /// What rays meet.
     pub(crate) rays: RayWorld,
+    /// Indirect light and occlusion of points that grids have in common.
+    pub(crate) light_cache: LightCache,
     library: Arc<dyn ShaderLibrary>,
     states: Mutex<States>,
 }
@@ -107,6 +110,7 @@ impl ShadingContext {
             spaces: Spaces::new(scene, camera),
             units: Units::new(scene),
             rays: RayWorld::new(scene, threads),
+            light_cache: LightCache::default(),
             scene: scene.clone(),
             camera: camera.clone(),
             textures,
@@ -225,6 +229,9 @@ impl ShadingContext {
             ray_tessellations: tessellations.made,
             ray_tessellations_given_up: tessellations.given_up,
             ray_tessellation_bytes_peak: tessellations.peak_bytes,
+            light_records: count(&self.light_cache.records),
+            light_rays: count(&self.light_cache.rays),
+            light_points: count(&self.light_cache.points),
             texture_files: t.files,
             texture_automipmaps: t.automipmaps,
             texture_lookups: t.lookups,

@@ -121,6 +121,12 @@ pub struct ShadingStatistics {
     pub ray_tessellations_given_up: u64,
     /// Most bytes of tessellations held at once.
     pub ray_tessellation_bytes_peak: u64,
+    /// Points whose indirect light or occlusion was sampled.
+    pub light_records: u64,
+    /// Rays of those.
+    pub light_rays: u64,
+    /// Points of grids that took indirect light or occlusion from records.
+    pub light_points: u64,
     pub texture_files: u64,
     /// Files that were no MIP maps.
     pub texture_automipmaps: u64,
@@ -133,7 +139,7 @@ pub struct ShadingStatistics {
 
 impl ShadingStatistics {
     /// All counts by the names of the fields, for machines.
-    pub fn counts(&self) -> [(&'static str, u64); 16] {
+    pub fn counts(&self) -> [(&'static str, u64); 19] {
         [
             ("rays", self.rays),
             ("shadow_rays", self.shadow_rays),
@@ -145,6 +151,9 @@ impl ShadingStatistics {
             ("ray_tessellations", self.ray_tessellations),
             ("ray_tessellations_given_up", self.ray_tessellations_given_up),
             ("ray_tessellation_bytes_peak", self.ray_tessellation_bytes_peak),
+            ("light_records", self.light_records),
+            ("light_rays", self.light_rays),
+            ("light_points", self.light_points),
             ("texture_files", self.texture_files),
             ("texture_automipmaps", self.texture_automipmaps),
             ("texture_lookups", self.texture_lookups),
@@ -178,6 +187,13 @@ impl ShadingStatistics {
                     self.ray_tessellations,
                     self.ray_tessellations_given_up,
                     kb(self.ray_tessellation_bytes_peak)
+                ),
+            ),
+            (
+                "indirect light, occlusion",
+                format!(
+                    "{} records of {} rays for {} points",
+                    self.light_records, self.light_rays, self.light_points
                 ),
             ),
             (

@@ -579,64 +579,56 @@ pub const TABLE: &[AttributeRow] = &[
         (FLOAT, "indirect:maxerror"),
         Floats(&[0.25]),
         "largest error of interpolated indirect light",
-    )
-    .hint(),
+    ),
     row(
         Object,
         "4.4.10",
         (FLOAT, "indirect:maxpixeldist"),
         Floats(&[20.0]),
         "largest distance in pixels of indirect samples",
-    )
-    .hint(),
+    ),
     row(
         Object,
         "4.4.10",
         (INT, "indirect:minsamples"),
         Ints(&[3]),
         "least number of indirect samples interpolated",
-    )
-    .hint(),
+    ),
     row(
         Object,
         "4.4.10",
         (STRING, "indirect:spatialdb"),
         Text("indirect.sdb"),
         "spatial database of indirect light",
-    )
-    .not_yet(),
+    ),
     row(
         Object,
         "4.4.11",
         (FLOAT, "occlusion:maxerror"),
         Floats(&[0.25]),
         "largest error of interpolated occlusion",
-    )
-    .hint(),
+    ),
     row(
         Object,
         "4.4.11",
         (FLOAT, "occlusion:maxpixeldist"),
         Floats(&[20.0]),
         "largest distance in pixels of occlusion samples",
-    )
-    .hint(),
+    ),
     row(
         Object,
         "4.4.11",
         (INT, "occlusion:minsamples"),
         Ints(&[3]),
         "least number of occlusion samples interpolated",
-    )
-    .hint(),
+    ),
     row(
         Object,
         "4.4.11",
         (STRING, "occlusion:spatialdb"),
         Text("occlusion.sdb"),
         "spatial database of occlusion",
-    )
-    .not_yet(),
+    ),
     row(Object, "4.4.12", (INT, "rerender:locked"), Ints(&[0]), "keeps its shading when re-rendering").hint(),
     row(
         Object,

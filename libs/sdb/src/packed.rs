@@ -159,12 +159,18 @@ impl Packed {
         out
     }
 
-    /// The value of a record; a single number stands in the first place.
+    /// The value of a record, as many numbers as [`Value::components`](crate::Value::components); a single number stands
+    /// in the first place.
     pub fn value(&self, i: usize) -> [f32; 3] {
-        let value = &self.record(i)[self.schema.key.numbers()..];
+        let n = self.schema.value.components();
         let mut out = [0.0; 3];
-        out[..value.len()].copy_from_slice(value);
+        out[..n].copy_from_slice(&self.all_of(i)[..n]);
         out
+    }
+
+    /// All numbers of a record's value.
+    pub fn all_of(&self, i: usize) -> &[f32] {
+        &self.record(i)[self.schema.key.numbers()..]
     }
 
     /// Levels of boxes.

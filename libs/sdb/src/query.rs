@@ -120,6 +120,49 @@ impl Packed {
     /// records come and go (compare Ward, Rubinstein and Clear, A Ray Tracing Solution for Diffuse Interreflection,
     /// SIGGRAPH 1988, for the error).
     pub fn between(&self, probe: &Probe, how: &Between) -> Option<[f32; 3]> {
+        let shares = self.shares(probe, how)?;
+        let mut sum = [0.0_f32; 3];
+        let mut total = 0.0_f32;
+        for (index, w) in shares {
+            total += w;
+            for (s, v) in sum.iter_mut().zip(self.value(index)) {
+                *s += w * v;
+            }
+        }
+        Some(sum.map(|s| s / total))
+    }
+
+    /// As [`Packed::between`], for all numbers of the values.
+    pub fn all_between(&self, probe: &Probe, how: &Between) -> Option<Vec<f32>> {
+        let shares = self.shares(probe, how)?;
+        let mut sum = vec![0.0_f32; self.schema().value.numbers()];
+        let mut total = 0.0_f32;
+        for (index, w) in shares {
+            total += w;
+            for (s, v) in sum.iter_mut().zip(self.all_of(index)) {
+                *s += w * v;
+            }
+        }
+        sum.iter_mut().for_each(|s| *s /= total);
+        Some(sum)
+    }
+
+    /// The first record that lies exactly here, its normal included; `None` where there is none.
+    pub fn exactly(&self, probe: &Probe) -> Option<&[f32]> {
+        if !probe.p.iter().chain(probe.n.iter().flatten()).all(|x| x.is_finite()) {
+            return None;
+        }
+        let least = |squared: f32, _: f32| squared;
+        let d = self.schema().key.dimensions();
+        let found = self.nearest(probe, 1, 0.0, least, |_, _, record| {
+            let same = record[..d] == probe.p[..d] && probe.n.is_none_or(|n| record[d..].starts_with(&n));
+            if same { 0.0 } else { f32::NAN }
+        });
+        found.first().map(|near| self.all_of(near.index))
+    }
+
+    /// Records and their weights.
+    fn shares(&self, probe: &Probe, how: &Between) -> Option<Vec<(usize, f32)>> {
         if !probe.p.iter().all(|x| x.is_finite()) {
             return None;
         }
@@ -149,15 +192,7 @@ impl Packed {
         let used = &best[..best.len().min(wanted)];
         // Records as far away as the next best one have no weight; when all are, they count alike.
         let equal = used.iter().all(|near| weight(near) <= 0.0);
-        let (mut sum, mut total) = ([0.0_f32; 3], 0.0_f32);
-        for near in used {
-            let w = if equal { 1.0 } else { weight(near) };
-            total += w;
-            for (s, v) in sum.iter_mut().zip(self.value(near.index)) {
-                *s += w * v;
-            }
-        }
-        Some(sum.map(|s| s / total))
+        Some(used.iter().map(|near| (near.index, if equal { 1.0 } else { weight(near) })).collect())
     }
 
     /// Sum of values per area around a place, `None` when fewer than `minsamples` records are near.

@@ -52,21 +52,47 @@ pub enum Value {
     Vector,
     /// A normal.
     Normal,
+    /// Indirect light where records of a light cache lie: a color, then how it changes (`indirect ()`).
+    Irradiance,
+    /// Occlusion there: a float, then the mean open direction and how occlusion changes (`occlusion ()`).
+    Occlusion,
 }
 
 impl Value {
     /// All of them, by their number in files.
-    pub const ALL: [Self; 5] = [Self::Float, Self::Color, Self::Point, Self::Vector, Self::Normal];
+    pub const ALL: [Self; 7] = [
+        Self::Float,
+        Self::Color,
+        Self::Point,
+        Self::Vector,
+        Self::Normal,
+        Self::Irradiance,
+        Self::Occlusion,
+    ];
 
-    /// Numbers of a value: 1 or 3.
+    /// Numbers of a value.
+    ///
+    /// Irradiance: the color, three gradients over places (of red, green and blue), three over normals, and the second
+    /// derivatives xx, yy, zz, xy, xz and yz of the mean of the channels. Occlusion: the blocked share, the mean open
+    /// direction, a gradient over places, one over normals, and second derivatives in the same order. All in "common" space.
     pub const fn numbers(self) -> usize {
         match self {
             Self::Float => 1,
+            Self::Irradiance => 27,
+            Self::Occlusion => 16,
             _ => 3,
         }
     }
 
-    /// The type's name in the shading language.
+    /// The first numbers of a value, 1 or 3, which are what `spatialdbquery` gives.
+    pub const fn components(self) -> usize {
+        match self {
+            Self::Float | Self::Occlusion => 1,
+            _ => 3,
+        }
+    }
+
+    /// The type's name in the shading language, or what a light cache keeps.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Float => "float",
@@ -74,6 +100,8 @@ impl Value {
             Self::Point => "point",
             Self::Vector => "vector",
             Self::Normal => "normal",
+            Self::Irradiance => "irradiance",
+            Self::Occlusion => "occlusion",
         }
     }
 }

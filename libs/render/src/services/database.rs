@@ -114,7 +114,7 @@ fn fits(run: &mut Run<'_, '_>, name: &str, records: &Packed, wanted: Schema) -> 
     let there = records.schema();
     // A database of points and normals also knows where points are.
     let key = there.key == wanted.key || (there.key, wanted.key) == (Key::Oriented, Key::Point);
-    let value = there.value.numbers() == wanted.value.numbers();
+    let value = there.value.components() == wanted.value.components();
     if !key || !value {
         let text = format!(
             "spatial database \"{name}\" holds {}: nothing is found for {}",
@@ -131,7 +131,7 @@ pub(super) fn subsurface(run: &mut Run<'_, '_>, query: &SubsurfaceQuery<'_>, out
     let mode = Mode { read: true, ..run.frame.database_mode(query.name, "") };
     let Some((records, clusters)) = run.frame.clustered(query.name, mode) else { return };
     let (there, wanted) = (records.schema(), Schema { key: Key::Point, value: Value::Color });
-    if there.key == Key::Surface || there.value.numbers() != 3 {
+    if there.key == Key::Surface || there.value.components() != 3 {
         fits(run, query.name, &records, wanted);
         return;
     }

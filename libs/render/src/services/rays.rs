@@ -20,24 +20,24 @@ const NO_TRACE_HIT: f32 = 1.0e30;
 const PRECISION: f32 = 4.0e-6;
 
 // Dimensions of random numbers of one ray.
-const DIRECTION: u32 = 1;
+pub(super) const DIRECTION: u32 = 1;
 const FOOTPRINT: u32 = 2;
 const TIME: u32 = 3;
 
 /// Origin, direction and reach of a ray.
-struct Aim {
-    p: Vec3,
+pub(super) struct Aim {
+    pub(super) p: Vec3,
     /// Of length 1.
-    dir: Vec3,
-    bias: f32,
+    pub(super) dir: Vec3,
+    pub(super) bias: f32,
     /// What the tessellation may be off.
-    margin: f32,
-    tmax: f32,
-    time: f32,
+    pub(super) margin: f32,
+    pub(super) tmax: f32,
+    pub(super) time: f32,
 }
 
 impl Aim {
-    fn ray(self) -> Ray {
+    pub(super) fn ray(self) -> Ray {
         let tmin = self.bias.max(self.margin).max(PRECISION * self.p.abs().max_element());
         Ray { origin: self.p, tmin, dir: self.dir, tmax: self.tmax, time: self.time }
     }
@@ -46,7 +46,7 @@ impl Aim {
 impl Run<'_, '_> {
     /// Time of sample `index` of the `n` of a lane: spread over the shutter when the object's rays see
     /// motion, else that of the grid.
-    fn ray_time(&self, index: u32, seed: u32) -> f32 {
+    pub(super) fn ray_time(&self, index: u32, seed: u32) -> f32 {
         let [open, close] = self.frame.camera.shutter;
         if self.ray_motion && close > open {
             open + (close - open) * sample::line(index, hash::words(&[seed, TIME]))
@@ -56,7 +56,7 @@ impl Run<'_, '_> {
     }
 
     /// "maxhitdist": none when absent or not positive.
-    fn reach(option: Option<Lane<'_>>, lane: usize) -> f32 {
+    pub(super) fn reach(option: Option<Lane<'_>>, lane: usize) -> f32 {
         match option.map(|d| d.get(lane)) {
             Some(d) if d > 0.0 => d,
             _ => f32::INFINITY,
@@ -64,7 +64,7 @@ impl Run<'_, '_> {
     }
 
     /// Whether rays may be traced: not by shaders that run while the structures are being built.
-    fn may_trace(&mut self) -> bool {
+    pub(super) fn may_trace(&mut self) -> bool {
         if self.thread.builds_rays {
             self.frame.unsupported("tracing rays from a displacement shader of an object that rays see");
         }
@@ -72,11 +72,11 @@ impl Run<'_, '_> {
     }
 
     /// Whether a shader at this ray level may not spawn rays that shade (reference 4.3.5).
-    fn is_too_deep(&self) -> bool {
+    pub(super) fn is_too_deep(&self) -> bool {
         self.ray.level >= self.frame.rays.limits.max_depth
     }
 
-    fn purpose(&self, call: u32) -> RayPurpose {
+    pub(super) fn purpose(&self, call: u32) -> RayPurpose {
         RayPurpose {
             parent: self.ray,
             indirect: self.ray.indirect,
@@ -379,96 +379,4 @@ pub(super) fn unknown_set(run: &Run<'_, '_>, set: &str) {
         &granita_base::Location::default(),
         format!("no object is in the geometry set \"{set}\""),
     );
-}
-
-/// Rays that one probing call traces at once.
-const PROBE_RAYS: usize = 1 << 14;
-
-/// Most samples of any lane.
-fn most_samples(query: &TraceQuery<'_>) -> u32 {
-    query.batch.active.iter().map(|l| count(Some(query.samples), *l as usize)).max().unwrap_or(0)
-}
-
-/// `occlusion ()`: the share of rays that hit anything, and the mean direction of the others (the axis when
-/// none is left).
-///
-/// Every call samples fully: nothing is cached or interpolated yet.
-pub(super) fn occlusion(
-    run: &mut Run<'_, '_>,
-    query: &TraceQuery<'_>,
-    out: &mut [f32],
-    unoccluded: &mut Lanes3,
-) {
-    fit(unoccluded, query.batch.lanes);
-    let mut blocked = vec![0.0_f32; query.batch.lanes];
-    let mut open = vec![Vec3::ZERO; query.batch.lanes];
-    let mut traced = vec![0.0_f32; query.batch.lanes];
-    let call = run.next_call();
-    if !run.frame.rays.is_set(query.set) {
-        unknown_set(run, query.set);
-    } else if run.may_trace() {
-        run.frame.unsupported("interpolation of occlusion between points (every point is sampled fully)");
-        for index in 0..most_samples(query) {
-            let (lanes, rays) = probe(run, query, call, index);
-            let Some(scene) = run.frame.rays.scene(query.set, run.frame).filter(|_| !rays.is_empty()) else {
-                break;
-            };
-            let hits = run.thread.blocked(scene, &rays);
-            for ((lane, request), hit) in lanes.iter().zip(&rays).zip(hits) {
-                let i = *lane as usize;
-                traced[i] += 1.0;
-                if hit { blocked[i] += 1.0 } else { open[i] += request.ray.dir }
-            }
-        }
-    }
-    for &lane in query.batch.active {
-        let i = lane as usize;
-        out[i] = if traced[i] > 0.0 { blocked[i] / traced[i] } else { 0.0 };
-        unoccluded.set(i, open[i].try_normalize().unwrap_or_else(|| query.axis.get(i).normalize_or_zero()));
-    }
-}
-
-/// `indirect ()`: mean colour seen by cosine-distributed rays over the hemisphere around the axis, that is,
-/// irradiance in the units in which a light of colour `Cl` that faces the surface gives `Cl`.
-///
-/// Rays of indirect light do not spawn others: one bounce. Every call samples fully: nothing is cached or
-/// interpolated yet.
-pub(super) fn indirect(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut Lanes3) {
-    fit(out, query.batch.lanes);
-    for &lane in query.batch.active {
-        out.set(lane as usize, Color::ZERO);
-    }
-    let call = run.next_call();
-    if run.ray.indirect || run.is_too_deep() || !run.may_trace() {
-        return;
-    }
-    if !run.frame.rays.is_set(query.set) {
-        unknown_set(run, query.set);
-        return;
-    }
-    run.frame.unsupported("interpolation of indirect light between points (every point is sampled fully)");
-    let most = most_samples(query);
-    let mut sums = vec![Color::ZERO; query.batch.lanes];
-    let together = (PROBE_RAYS / query.batch.active.len().max(1)).max(1) as u32;
-    let mut first = 0;
-    while first < most {
-        let mut lanes = Vec::new();
-        let mut rays = Vec::new();
-        for index in first..most.min(first + together) {
-            let (l, r) = probe(run, query, call, index);
-            lanes.extend(l);
-            rays.extend(r);
-        }
-        let Some(scene) = run.frame.rays.scene(query.set, run.frame) else { break };
-        let purpose =
-            RayPurpose { indirect: true, seed: hash::words(&[run.seed, call, first]), ..run.purpose(call) };
-        for (lane, r) in lanes.iter().zip(run.thread.radiance(scene, &rays, purpose, &run.said)) {
-            sums[*lane as usize] += r.color;
-        }
-        first += together;
-    }
-    for &lane in query.batch.active {
-        let i = lane as usize;
-        out.set(i, sums[i] / count(Some(query.samples), i) as f32);
-    }
 }

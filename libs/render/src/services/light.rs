@@ -1,0 +1,493 @@
+//! Indirect light and occlusion (reference 5.8.11), at every point or between few.
+
+use super::maps::fit;
+use super::rays::{Aim, unknown_set};
+use super::{Run, count, option};
+use crate::lightcache::hemisphere::{Seen, Strata};
+use crate::lightcache::lattice::{Lattice, Points, Tolerance, Wanted};
+use crate::lightcache::{Kind, Record, Spot};
+use crate::raytrace::{RayPurpose, RayRequest, RayScene};
+use granita_base::{Color, Vec3, hash};
+use granita_scene::AttributeSet;
+use granita_sdb::{Between, Mode, Packed, Probe};
+use granita_shade::{Lanes3, Topology, TraceQuery};
+use std::sync::Arc;
+
+/// Rays that one call traces at once.
+const RAYS: usize = 1 << 14;
+/// Standard error that adaptive sampling leaves, at "adaptive" 1: of occlusion, or relative to the light.
+const ADAPTIVE_ERROR: f32 = 0.02;
+/// Fewest samples that are worth a first look.
+const LEAST_ADAPTIVE: u32 = 16;
+
+/// What one call asks, the same for all of its points.
+struct Question<'q> {
+    kind: Kind,
+    query: &'q TraceQuery<'q>,
+    tolerance: Tolerance,
+    /// Every point is sampled.
+    full: bool,
+    database: &'q str,
+    mode: Mode,
+    /// Records of the file.
+    known: Option<Arc<Packed>>,
+    /// What is found is a function of the place alone: it is kept for other grids or in a file.
+    by_place: bool,
+    /// Names everything that decides what is found at a place.
+    hash: u32,
+}
+
+/// A point that is to be sampled.
+#[derive(Clone, Copy)]
+struct Ask {
+    lane: u32,
+    seed: u32,
+    samples: u32,
+}
+
+impl<'q> Question<'q> {
+    fn new(run: &Run<'_, '_>, kind: Kind, query: &'q TraceQuery<'q>, name: &'q str, listens: bool) -> Self {
+        let o = &query.options;
+        let attributes = run.object_attributes;
+        let first = query.batch.active.first().map_or(0, |l| *l as usize);
+        let at_least_0 =
+            |value: Option<f32>, attribute: f32| value.filter(|v| *v >= 0.0).unwrap_or(attribute);
+        let (error, distance, least) = match kind {
+            Kind::Irradiance => {
+                limits(attributes, "indirect:maxerror", "indirect:maxpixeldist", "indirect:minsamples")
+            }
+            Kind::Occlusion => {
+                limits(attributes, "occlusion:maxerror", "occlusion:maxpixeldist", "occlusion:minsamples")
+            }
+        };
+        let maxerror = at_least_0(o.maxerror.map(|v| v.get(first)), error);
+        let maxpixeldist = at_least_0(o.maxpixeldist.map(|v| v.get(first)), distance);
+        let tolerance = Tolerance { maxerror, maxpixeldist, minsamples: usize::try_from(least).unwrap_or(0) };
+        let word = o.filemode.unwrap_or("");
+        let mode = run.frame.database_mode(name, word);
+        // Hits and their neighbours are not kept.
+        let camera = run.ray.level == 0 && !run.thread.builds_rays;
+        let mode = Mode { write: mode.write && camera, ..mode };
+        let lattice = matches!(run.topology, Topology::Rect { .. }) && run.centres.is_none();
+        let full = !lattice || listens || maxerror.is_nan() || maxerror <= 0.0 || maxpixeldist <= 0.0;
+        let mut words = vec![
+            kind as u32,
+            hash::bytes64(query.set.as_bytes()) as u32,
+            hash::bytes64(query.distribution.as_bytes()) as u32,
+            run.time.to_bits(),
+            run.ray.level,
+        ];
+        let lanes = [
+            Some(query.angle),
+            Some(query.samples),
+            o.adaptive,
+            o.bias,
+            o.maxhitdist,
+            o.falloff,
+            o.falloffmode,
+        ];
+        words.extend(lanes.iter().map(|l| l.map_or(f32::NAN, |l| l.get(first)).to_bits()));
+        words.extend([
+            run.shadow_bias.to_bits(),
+            u32::from(run.ray_motion),
+            u32::from(mode.write),
+            u32::from(full),
+        ]);
+        Self {
+            kind,
+            query,
+            tolerance,
+            full,
+            database: name,
+            mode,
+            known: None,
+            by_place: !full || mode.write,
+            hash: hash::words(&words),
+        }
+    }
+
+    fn spot(&self, lane: u32) -> Spot {
+        let i = lane as usize;
+        let (p, n) = (self.query.p.get(i), self.axis(i));
+        let [px, py, pz] = p.to_array().map(f32::to_bits);
+        let [nx, ny, nz] = n.to_array().map(f32::to_bits);
+        [px, py, pz, nx, ny, nz, self.hash, self.kind as u32]
+    }
+
+    /// The axis of a lane, of length 1; zero when it has none.
+    fn axis(&self, lane: usize) -> Vec3 {
+        self.query.axis.get(lane).normalize_or_zero()
+    }
+
+    /// Seed of a record: its place alone, so that a normal that is another bit on another grid changes a bit only.
+    fn seed(&self, run: &Run<'_, '_>, call: u32, lane: u32) -> u32 {
+        if !self.by_place {
+            return run.lane_seed(call, lane);
+        }
+        let [x, y, z] = self.query.p.get(lane as usize).to_array().map(f32::to_bits);
+        hash::words(&[x, y, z, self.kind as u32])
+    }
+
+    /// What the file says of a point.
+    fn in_file(&self, run: &Run<'_, '_>, lane: u32) -> Option<Record> {
+        let records = self.known.as_ref()?;
+        let i = lane as usize;
+        let p = self.query.p.get(i);
+        let probe = Probe { p: p.to_array(), n: Some(self.axis(i).to_array()) };
+        if let Some(numbers) = records.exactly(&probe) {
+            return Some(Record::from_numbers(self.kind, numbers));
+        }
+        let how = Between {
+            minsamples: self.tolerance.minsamples.max(1),
+            maxdist: self.tolerance.maxpixeldist / run.pixels_per_unit(p),
+            maxerror: self.tolerance.maxerror,
+            always: self.mode.readonly,
+        };
+        let numbers = records.all_between(&probe, &how)?;
+        Some(Record::from_numbers(self.kind, &numbers))
+    }
+}
+
+fn limits(attributes: &AttributeSet, error: &str, distance: &str, least: &str) -> (f32, f32, i32) {
+    (attributes.float(error), attributes.float(distance), attributes.int(least))
+}
+
+impl Run<'_, '_> {
+    /// Pixels of the camera that a unit of distance at `p` covers.
+    fn pixels_per_unit(&self, p: Vec3) -> f32 {
+        let camera = &self.frame.camera;
+        let distance = camera.position_world().distance(p).max(camera.near);
+        camera.raster_scale(distance).abs().max_element()
+    }
+}
+
+/// `occlusion ()`: the share of the cone that is blocked (weighted by the cosine unless "distribution" says otherwise), and the
+/// mean direction of what is not (the axis when nothing is left).
+pub(super) fn occlusion(
+    run: &mut Run<'_, '_>,
+    query: &TraceQuery<'_>,
+    out: &mut [f32],
+    unoccluded: &mut Lanes3,
+) {
+    fit(unoccluded, query.batch.lanes);
+    let found = gather(run, Kind::Occlusion, query);
+    for &lane in query.batch.active {
+        let i = lane as usize;
+        let record = found.as_ref().and_then(|f| f[i].as_deref());
+        out[i] = record.map_or(0.0, |r| r.value[0].clamp(0.0, 1.0));
+        let open = record.and_then(|r| r.open.try_normalize());
+        unoccluded.set(i, open.unwrap_or_else(|| query.axis.get(i).normalize_or_zero()));
+    }
+}
+
+/// `indirect ()`: mean colour seen by cosine-distributed rays over the hemisphere around the axis, that is,
+/// irradiance in the units in which a light of colour `Cl` that faces the surface gives `Cl`.
+///
+/// Rays of indirect light do not spawn others: one bounce.
+pub(super) fn indirect(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut Lanes3) {
+    fit(out, query.batch.lanes);
+    let gathers = !run.ray.indirect && !run.is_too_deep();
+    let found = if gathers { gather(run, Kind::Irradiance, query) } else { None };
+    for &lane in query.batch.active {
+        let record = found.as_ref().and_then(|f| f[lane as usize].as_deref());
+        out.set(lane as usize, record.map_or(Color::ZERO, |r| r.color().max(Color::ZERO)));
+    }
+}
+
+/// What arrives at the active points; `None` when nothing can be asked.
+fn gather(run: &mut Run<'_, '_>, kind: Kind, query: &TraceQuery<'_>) -> Option<Vec<Option<Arc<Record>>>> {
+    let call = run.next_call();
+    if !run.may_trace() || query.batch.active.is_empty() {
+        return None;
+    }
+    let attribute = match kind {
+        Kind::Irradiance => "indirect:spatialdb",
+        Kind::Occlusion => "occlusion:spatialdb",
+    };
+    let name = match query.options.filename.filter(|name| !name.is_empty()) {
+        Some(name) => name.to_owned(),
+        None => run.object_attributes.string(attribute).to_string(),
+    };
+    let scene = run.frame.rays.scene(query.set, run.frame);
+    let listens = kind == Kind::Irradiance && scene.is_some_and(|s| s.asks_parents);
+    let mut question = Question::new(run, kind, query, &name, listens);
+    if question.mode.read && !name.is_empty() {
+        question.known = run.frame.database(&name, question.mode).filter(|records| {
+            let fits = records.schema() == kind.schema();
+            if !fits {
+                let text = format!(
+                    "spatial database \"{name}\" holds {}: it is no help for {}",
+                    records.schema().words(),
+                    kind.schema().words()
+                );
+                granita_shade::Services::say(run, granita_base::Severity::Warning, &text);
+            }
+            fits
+        });
+    }
+    if scene.is_none() && question.known.is_none() {
+        unknown_set(run, query.set);
+        return None;
+    }
+    let mut gatherer = Gatherer { run, scene, question, call };
+    Some(if gatherer.question.full { gatherer.everywhere() } else { gatherer.on_lattice() })
+}
+
+struct Gatherer<'g, 'r, 'f, 'q> {
+    run: &'g mut Run<'r, 'f>,
+    scene: Option<&'f RayScene>,
+    question: Question<'q>,
+    call: u32,
+}
+
+impl Gatherer<'_, '_, '_, '_> {
+    fn everywhere(&mut self) -> Vec<Option<Arc<Record>>> {
+        let query = self.question.query;
+        let wanted: Vec<Wanted> = query
+            .batch
+            .active
+            .iter()
+            .map(|&lane| Wanted { lane, shared: self.question.mode.write })
+            .collect();
+        let mut out = vec![None; query.batch.lanes];
+        for (w, record) in wanted.iter().zip(self.records(&wanted)) {
+            out[w.lane as usize] = Some(record);
+        }
+        out
+    }
+
+    fn on_lattice(&mut self) -> Vec<Option<Arc<Record>>> {
+        let query = self.question.query;
+        let n = query.batch.lanes;
+        let size = match self.run.topology {
+            Topology::Rect { nu, nv } => [nu, nv],
+            other => [other.points(), 1],
+        };
+        let mut active = vec![false; n];
+        for &lane in query.batch.active {
+            let i = lane as usize;
+            active[i] = query.p.get(i).is_finite() && self.question.axis(i) != Vec3::ZERO;
+        }
+        let points = Points {
+            size,
+            p: (0..n).map(|i| query.p.get(i)).collect(),
+            n: (0..n).map(|i| self.question.axis(i)).collect(),
+            scale: (0..n).map(|i| self.run.pixels_per_unit(query.p.get(i))).collect(),
+            active,
+        };
+        let (kind, tolerance) = (self.question.kind, self.question.tolerance);
+        let (found, _) = Lattice::fill(kind, &points, tolerance, &mut |wanted| self.records(wanted));
+        let points = &self.run.frame.light_cache.points;
+        points.fetch_add(query.batch.active.len() as u64, std::sync::atomic::Ordering::Relaxed);
+        found
+    }
+
+    /// Records of points: from the file, of other grids, or new ones.
+    fn records(&mut self, wanted: &[Wanted]) -> Vec<Arc<Record>> {
+        let cache = &self.run.frame.light_cache;
+        let mut out: Vec<Option<Arc<Record>>> = wanted
+            .iter()
+            .map(|w| {
+                let filed = self.question.in_file(self.run, w.lane).map(Arc::new);
+                filed.or_else(|| cache.find(&self.question.spot(w.lane)).filter(|_| w.shared))
+            })
+            .collect();
+        let missing: Vec<usize> = (0..wanted.len()).filter(|&k| out[k].is_none()).collect();
+        let made = self.sample(&missing.iter().map(|&k| wanted[k].lane).collect::<Vec<u32>>());
+        let mut saved = Vec::new();
+        for (&k, record) in missing.iter().zip(made) {
+            let Wanted { lane, shared } = wanted[k];
+            let record = Arc::new(record);
+            // Who is first keeps it, and saves it.
+            let new = !shared || self.run.frame.light_cache.keep(self.question.spot(lane), &record);
+            if new && self.question.mode.write {
+                saved.extend(self.question.query.p.get(lane as usize).to_array());
+                saved.extend(self.question.axis(lane as usize).to_array());
+                saved.extend(record.to_numbers(self.question.kind));
+            }
+            out[k] = Some(record);
+        }
+        if !saved.is_empty() {
+            let Question { kind, database, mode, .. } = self.question;
+            self.run.frame.databases.save(database, kind.schema(), mode, None, &saved);
+        }
+        out.into_iter().map(Option::unwrap_or_default).collect()
+    }
+
+    /// Samples points anew.
+    fn sample(&mut self, lanes: &[u32]) -> Vec<Record> {
+        let Some(scene) = self.scene else { return vec![Record::default(); lanes.len()] };
+        let options = &self.question.query.options;
+        let asks: Vec<Ask> = lanes
+            .iter()
+            .map(|&lane| Ask {
+                lane,
+                seed: self.question.seed(self.run, self.call, lane),
+                samples: count(Some(self.question.query.samples), lane as usize),
+            })
+            .collect();
+        // A first look with a quarter of the rays; where they agree, that is all.
+        let looks = |ask: &Ask| {
+            ask.samples >= LEAST_ADAPTIVE && option(options.adaptive, ask.lane as usize, 1.0) > 0.0
+        };
+        let (first, rest): (Vec<usize>, Vec<usize>) = (0..asks.len()).partition(|&k| looks(&asks[k]));
+        let mut out = vec![Record::default(); asks.len()];
+        let mut again: Vec<(usize, Option<Record>)> = rest.into_iter().map(|k| (k, None)).collect();
+        if !first.is_empty() {
+            let quarter = |k: &usize| Ask {
+                samples: asks[*k].samples / 4,
+                seed: hash::words(&[asks[*k].seed, 4]),
+                ..asks[*k]
+            };
+            let looked: Vec<Ask> = first.iter().map(quarter).collect();
+            for (&k, (record, spread)) in first.iter().zip(self.trace(scene, &looked)) {
+                let bound = ADAPTIVE_ERROR * option(options.adaptive, asks[k].lane as usize, 1.0);
+                let scale =
+                    if self.question.kind == Kind::Occlusion { 1.0 } else { record.mean(Kind::Irradiance) };
+                if spread <= asks[k].samples as f32 * bound * bound * scale * scale {
+                    out[k] = record;
+                } else {
+                    again.push((k, Some(record)));
+                }
+            }
+            again.sort_by_key(|a| a.0);
+        }
+        let whole: Vec<Ask> = again.iter().map(|a| asks[a.0]).collect();
+        let traced = self.trace(scene, &whole);
+        for ((k, before), (mut record, _)) in again.into_iter().zip(traced) {
+            if let Some(before) = before {
+                // A fifth of all rays was traced before.
+                for (v, b) in record.value.iter_mut().zip(before.value) {
+                    *v += 0.2 * (b - *v);
+                }
+                record.open = record.open.lerp(before.open, 0.2).normalize_or_zero();
+            }
+            out[k] = record;
+        }
+        self.run.frame.light_cache.count(asks.len(), 0);
+        out
+    }
+
+    /// Traces all rays of some points; records, and how far the samples of each spread (their variance).
+    fn trace(&mut self, scene: &RayScene, asks: &[Ask]) -> Vec<(Record, f32)> {
+        let mut out = Vec::with_capacity(asks.len());
+        let mut rest = asks;
+        while let Some(first) = rest.first() {
+            // Shaders of hits may see which rays come together: what is a function of its place is traced by itself.
+            let alone = self.question.by_place && self.question.kind == Kind::Irradiance;
+            let most = if alone { 1 } else { (RAYS / first.samples.max(1) as usize).max(1) };
+            let (now, later) = rest.split_at(most.min(rest.len()));
+            rest = later;
+            self.trace_together(scene, now, &mut out);
+        }
+        out
+    }
+
+    fn trace_together(&mut self, scene: &RayScene, asks: &[Ask], out: &mut Vec<(Record, f32)>) {
+        let question = &self.question;
+        let (query, kind) = (question.query, question.kind);
+        let o = &query.options;
+        let mut rays = Vec::new();
+        let mut strata = Vec::with_capacity(asks.len());
+        for ask in asks {
+            let i = ask.lane as usize;
+            let angle = query.angle.get(i);
+            let cells = Strata::new(ask.samples, angle, query.distribution != "uniform");
+            let axis = question.axis(i);
+            let p = query.p.get(i);
+            let (bias, margin) = (self.run.bias(o.bias, i), self.run.frame.ray_margin(p));
+            let spread = 2.0 * angle.max(0.0) / (ask.samples.max(1) as f32).sqrt();
+            if axis != Vec3::ZERO {
+                for index in 0..cells.len() {
+                    let time = self.run.ray_time(index, ask.seed);
+                    let dir = cells.direction(axis, index, ask.seed);
+                    let aim = Aim { p, dir, bias, margin, tmax: Run::reach(o.maxhitdist, i), time };
+                    rays.push(RayRequest { lane: ask.lane, ray: aim.ray(), width: 0.0, spread });
+                }
+            }
+            strata.push((cells, axis));
+        }
+        self.run.frame.light_cache.count(0, rays.len());
+        let seed = match asks {
+            [one] if question.by_place => one.seed,
+            _ => hash::words(&[self.run.seed, self.call, asks.first().map_or(0, |a| a.lane)]),
+        };
+        let purpose = RayPurpose {
+            indirect: kind == Kind::Irradiance,
+            shade: kind == Kind::Irradiance,
+            seed,
+            ..self.run.purpose(self.call)
+        };
+        let falls = |ask: &Ask| option(o.falloff, ask.lane as usize, 0.0) > 0.0;
+        let found: Vec<(Color, f32)> = if kind == Kind::Occlusion && question.full && !asks.iter().any(falls)
+        {
+            let hits = self.run.thread.blocked(scene, &rays);
+            hits.into_iter()
+                .map(|hit| if hit { (Color::ONE, 0.0) } else { (Color::ZERO, f32::INFINITY) })
+                .collect()
+        } else {
+            let found = self.run.thread.radiance(scene, &rays, purpose, &self.run.said);
+            let value = |color: Color, hit: bool| match kind {
+                Kind::Irradiance => color,
+                Kind::Occlusion => Color::splat(f32::from(u8::from(hit))),
+            };
+            found.into_iter().map(|r| (value(r.color, r.distance.is_finite()), r.distance)).collect()
+        };
+        let mut traced = rays.iter().zip(found);
+        for (ask, (cells, axis)) in asks.iter().zip(strata) {
+            let i = ask.lane as usize;
+            let count = if axis == Vec3::ZERO { 0 } else { cells.len() as usize };
+            let fall = Falloff::new(
+                option(o.falloff, i, 0.0),
+                option(o.falloffmode, i, 0.0),
+                Run::reach(o.maxhitdist, i),
+            );
+            let seen: Vec<Seen> = traced
+                .by_ref()
+                .take(count)
+                .map(|(request, (value, distance))| Seen {
+                    dir: request.ray.dir,
+                    value: if distance.is_finite() { value * fall.at(distance) } else { value },
+                    distance,
+                })
+                .collect();
+            let record = cells.record(kind, axis, &seen, !question.full);
+            out.push((record, variance(kind, &seen)));
+        }
+    }
+}
+
+/// How influence falls with distance (reference 5.8.11; `exp (-falloff dist)` where it has a division, see the errata).
+#[derive(Clone, Copy)]
+struct Falloff {
+    falloff: f32,
+    power: bool,
+    reach: f32,
+}
+
+impl Falloff {
+    fn new(falloff: f32, mode: f32, reach: f32) -> Self {
+        Self { falloff, power: mode == 1.0, reach }
+    }
+
+    fn at(&self, distance: f32) -> f32 {
+        if self.falloff.is_nan() || self.falloff <= 0.0 {
+            return 1.0;
+        }
+        match self.power {
+            true => (1.0 - distance / self.reach).clamp(0.0, 1.0).powf(self.falloff),
+            false => (-self.falloff * distance).exp(),
+        }
+    }
+}
+
+/// Variance of what single rays bring, of the mean of the channels.
+fn variance(kind: Kind, seen: &[Seen]) -> f32 {
+    let one = |s: &Seen| match kind {
+        Kind::Irradiance => (s.value.x + s.value.y + s.value.z) / 3.0,
+        Kind::Occlusion => s.value.x,
+    };
+    let n = seen.len().max(1) as f32;
+    let mean = seen.iter().map(one).sum::<f32>() / n;
+    seen.iter().map(|s| (one(s) - mean).powi(2)).sum::<f32>() / n
+}
