@@ -228,7 +228,9 @@ const GATHER: &[Choice] = &[
     o("filename", S),
     o("filemode", S),
 ];
-const SUBSURFACE: &[Choice] = &[o("scattering", C), o("absorption", C), o("eta", F), o("maxsolidangle", F)];
+/// "model" is not of the reference.
+const SUBSURFACE: &[Choice] =
+    &[o("scattering", C), o("absorption", C), o("eta", F), o("maxsolidangle", F), o("model", S)];
 const SAVE: &[Choice] = &[
     o("interpolate", F),
     o("filemode", S),

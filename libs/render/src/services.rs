@@ -36,6 +36,8 @@ pub(crate) struct Run<'r, 'f> {
     object_attributes: &'r AttributeSet,
     /// How the points of the grid neighbour each other.
     topology: Topology,
+    /// Sides of the grid that are borders of its surface: first and last along u, first and last along v.
+    rims: [bool; 4],
     /// The object being shaded to world.
     object_to_world: &'r MotionTransform,
     /// Name of the object or the light, for messages.
@@ -77,6 +79,7 @@ impl<'r, 'f> Run<'r, 'f> {
             attributes: &object.attributes,
             object_attributes: &object.attributes,
             topology: grid.topology,
+            rims: rims(grid),
             object_to_world: &object.attributes.to_world,
             owner: object.name.clone(),
             shadow_bias: object.shadow_bias,
@@ -106,6 +109,7 @@ impl<'r, 'f> Run<'r, 'f> {
             attributes: &light.attributes,
             object_attributes: surface.object_attributes,
             topology: surface.topology,
+            rims: surface.rims,
             object_to_world: surface.object_to_world,
             owner: light.name.clone(),
             shadow_bias: light.shadow_bias,
@@ -211,6 +215,23 @@ impl<'r, 'f> Run<'r, 'f> {
         let camera = self.frame.scene.cameras.iter().find(|c| c.name == self.frame.camera.name)?;
         camera.params.get(name).cloned()
     }
+}
+
+/// Which sides of a grid lie where its surface's parameters begin and end: along u and v, first and last.
+fn rims(grid: &Grid) -> [bool; 4] {
+    let Topology::Rect { nu, nv } = grid.topology else { return [false; 4] };
+    let ends = |parameter: &[f32], first: usize, step: usize, count: usize| {
+        (0..count).all(|k| parameter.get(first + k * step).is_some_and(|x| *x <= 0.0 || *x >= 1.0))
+    };
+    if nu < 2 || nv < 2 {
+        return [false; 4];
+    }
+    [
+        ends(&grid.u, 0, nu, nv),
+        ends(&grid.u, nu - 1, nu, nv),
+        ends(&grid.v, 0, 1, nu),
+        ends(&grid.v, (nv - 1) * nu, 1, nu),
+    ]
 }
 
 /// A copy of a grid without its variables and messages: what a light shader sees of a surface.

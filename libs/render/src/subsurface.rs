@@ -2,9 +2,76 @@
 //! A Practical Model for Subsurface Light Transport, SIGGRAPH 2001), gathered from many places at once (Jensen and Buhler,
 //! A Rapid Hierarchical Rendering Technique for Translucent Materials, SIGGRAPH 2002).
 
+mod beam;
+
+use beam::Beam;
 use granita_base::{Color, Vec3};
 use granita_sdb::{Cluster, Clusters, Packed};
 use std::f32::consts::PI;
+
+/// How light that enters at one place leaves at others.
+#[derive(Clone, Debug)]
+pub(crate) enum Profile {
+    /// The reference's.
+    Dipole(Dipole),
+    /// Of a beam that is scattered all along its way.
+    Beam(Box<Beam>),
+}
+
+impl Profile {
+    /// Light that leaves per light that enters, per area, at a distance whose square is given.
+    pub(crate) fn reflectance(&self, squared: f32) -> Color {
+        match self {
+            Self::Dipole(dipole) => dipole.reflectance(squared),
+            Self::Beam(beam) => beam.reflectance(squared),
+        }
+    }
+
+    /// All light that leaves at `p`: the database holds light times area at the places where it enters. Boxes that
+    /// are seen under no more than `max_solid_angle` count as one place.
+    pub(crate) fn gather(
+        &self,
+        records: &Packed,
+        clusters: &Clusters,
+        p: Vec3,
+        max_solid_angle: f32,
+    ) -> Color {
+        let mut sum = Vec3::ZERO;
+        // The square of the diagonal is twice the area of a flat square; measured from the nearest side, boxes beside
+        // the point are opened where the profile is steep.
+        let opens =
+            |c: &Cluster| c.diagonal_squared > max_solid_angle.max(0.0) * c.distance_squared(p.to_array());
+        clusters.gather(records, &opens, &mut |at, light| {
+            let squared = p.distance_squared(Vec3::from_array(at));
+            sum += self.reflectance(squared) * Vec3::from_array(light);
+        });
+        sum
+    }
+}
+
+/// The profiles of a call: neighbouring points are mostly of one material.
+#[derive(Debug, Default)]
+pub(crate) struct Profiles {
+    last: Option<([u32; 7], Profile)>,
+}
+
+impl Profiles {
+    /// By the word of the option "model": that of a beam for "beam", else of two poles.
+    pub(crate) fn get(&mut self, model: &str, scattering: Color, absorption: Color, eta: f32) -> &Profile {
+        let [a, b, c] = scattering.to_array();
+        let [d, e, f] = absorption.to_array();
+        let key = [a, b, c, d, e, f, eta].map(f32::to_bits);
+        let known = self.last.take().filter(|(k, _)| *k == key);
+        let made = known.unwrap_or_else(|| {
+            let profile = match model {
+                "beam" => Profile::Beam(Box::new(Beam::new(scattering, absorption, eta))),
+                _ => Profile::Dipole(Dipole::new(scattering, absorption, eta)),
+            };
+            (key, profile)
+        });
+        &self.last.insert(made).1
+    }
+}
 
 /// A material: how light that enters at one place leaves at others, per channel.
 #[derive(Clone, Copy, Debug)]
@@ -48,27 +115,6 @@ impl Dipole {
             depth / way * (Vec3::ONE + self.transport * way) * fall / (way * way)
         };
         self.albedo * (pole(self.real) + pole(self.mirrored)) / (4.0 * PI)
-    }
-
-    /// All light that leaves at `p`: the database holds light times area at the places where it enters. Boxes that
-    /// are seen under no more than `max_solid_angle` count as one place.
-    pub(crate) fn gather(
-        &self,
-        records: &Packed,
-        clusters: &Clusters,
-        p: Vec3,
-        max_solid_angle: f32,
-    ) -> Color {
-        let mut sum = Vec3::ZERO;
-        // The square of the diagonal is twice the area of a flat square; measured from the nearest side, boxes beside
-        // the point are opened where the profile is steep.
-        let opens =
-            |c: &Cluster| c.diagonal_squared > max_solid_angle.max(0.0) * c.distance_squared(p.to_array());
-        clusters.gather(records, &opens, &mut |at, light| {
-            let squared = p.distance_squared(Vec3::from_array(at));
-            sum += self.reflectance(squared) * Vec3::from_array(light);
-        });
-        sum
     }
 }
 
@@ -123,7 +169,7 @@ mod tests {
             (-half..=half).flat_map(|i| (-half..=half).flat_map(move |j| record(i, j))).collect();
         let packed = Packed::new(schema, &records);
         let clusters = Clusters::new(&packed);
-        let dipole = Dipole::new(Vec3::splat(2.0), Vec3::splat(0.5), 1.3);
+        let dipole = Profile::Dipole(Dipole::new(Vec3::splat(2.0), Vec3::splat(0.5), 1.3));
         let due = total(2.0, 0.5, 1.3) as f32;
         let p = Vec3::new(0.03, 0.04, 0.0);
         for (angle, within) in [(0.01, 0.005), (0.1, 0.01), (1.0, 0.06)] {
@@ -134,14 +180,45 @@ mod tests {
     }
 
     #[test]
+    fn albedo_from_black_to_white_loses_and_makes_no_light() {
+        let mut before = 0.0;
+        for albedo in [0.1, 0.3, 0.5, 0.7, 0.9, 0.95, 0.99, 0.999] {
+            let dipole = Dipole::new(Vec3::splat(albedo), Vec3::splat(1.0 - albedo), 1.3);
+            let (mut sum, mut inner, mut radius) = (0.0_f64, 0.0_f64, 1e-4_f64);
+            while radius < 1e4 {
+                let middle = 0.5 * (inner + radius);
+                sum += f64::from(dipole.reflectance((middle * middle) as f32).x)
+                    * std::f64::consts::PI
+                    * (radius * radius - inner * inner);
+                inner = radius;
+                radius *= 1.005;
+            }
+            assert!((sum / total(f64::from(albedo), 1.0 - f64::from(albedo), 1.3) - 1.0).abs() < 5e-3);
+            assert!(sum > before && sum <= 1.0, "{albedo}: {sum}");
+            before = sum;
+        }
+    }
+
+    #[test]
+    fn profiles_are_kept_while_the_material_stays() {
+        let mut profiles = Profiles::default();
+        let one = profiles.get("beam", Vec3::ONE, Vec3::splat(0.1), 1.3).reflectance(0.5);
+        assert_eq!(profiles.get("beam", Vec3::ONE, Vec3::splat(0.1), 1.3).reflectance(0.5), one);
+        assert_ne!(profiles.get("beam", Vec3::ONE, Vec3::splat(0.2), 1.3).reflectance(0.5), one);
+    }
+
+    #[test]
     fn odd_materials_are_finite() {
         for scattering in [-1.0, 0.0, 1e-20, 1e20] {
             for absorption in [-1.0, 0.0, 1e-20, 1e20] {
                 for eta in [0.0, 1.0, 3.0] {
                     let dipole = Dipole::new(Vec3::splat(scattering), Vec3::splat(absorption), eta);
+                    let beam = Beam::new(Vec3::splat(scattering), Vec3::splat(absorption), eta);
                     for squared in [0.0, 1e-10, 1.0, 1e10] {
                         let r = dipole.reflectance(squared);
                         assert!(r.x >= 0.0, "{scattering} {absorption} {eta} {squared}: {r}");
+                        let r = beam.reflectance(squared);
+                        assert!(r.x >= 0.0, "beam {scattering} {absorption} {eta} {squared}: {r}");
                     }
                 }
             }

@@ -317,6 +317,8 @@ pub struct SubsurfaceQuery<'a> {
     /// Index of refraction.
     pub eta: Lane<'a>,
     pub maxsolidangle: Lane<'a>,
+    /// How light spreads: "dipole" (also when empty) or "beam".
+    pub model: &'a str,
 }
 
 /// Everything a running shader may ask of the renderer.

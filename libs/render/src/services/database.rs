@@ -1,7 +1,7 @@
 //! Spatial databases and subsurface scattering (reference 5.8.11, 5.8.13), for running shaders.
 
 use super::Run;
-use crate::subsurface::Dipole;
+use crate::subsurface::Profiles;
 use granita_base::Severity;
 use granita_gsl::ir::ValueType;
 use granita_sdb::{Between, Density, Key, Mode, Packed, PictureOptions, Probe, Schema, Value};
@@ -135,12 +135,18 @@ pub(super) fn subsurface(run: &mut Run<'_, '_>, query: &SubsurfaceQuery<'_>, out
         fits(run, query.name, &records, wanted);
         return;
     }
+    if !["", "dipole", "beam"].contains(&query.model) {
+        let text = format!("subsurface has no model \"{}\" (dipole, beam); \"dipole\" is taken", query.model);
+        granita_shade::Services::say(run, Severity::Warning, &text);
+    }
+    let mut profiles = Profiles::default();
     for &lane in query.batch.active {
         let i = lane as usize;
-        let dipole = Dipole::new(query.scattering.get(i), query.absorption.get(i), query.eta.get(i));
+        let (scattering, absorption) = (query.scattering.get(i), query.absorption.get(i));
+        let profile = profiles.get(query.model, scattering, absorption, query.eta.get(i));
         let p = query.p.get(i);
         if p.is_finite() {
-            out.set(i, dipole.gather(&records, &clusters, p, query.maxsolidangle.get(i)));
+            out.set(i, profile.gather(&records, &clusters, p, query.maxsolidangle.get(i)));
         }
     }
 }

@@ -35,6 +35,8 @@ struct Question<'q> {
     by_place: bool,
     /// Names everything that decides what is found at a place.
     hash: u32,
+    /// Where rays leave from.
+    places: Vec<Vec3>,
 }
 
 /// A point that is to be sampled.
@@ -103,12 +105,13 @@ impl<'q> Question<'q> {
             known: None,
             by_place: !full || mode.write,
             hash: hash::words(&words),
+            places: places(run, query),
         }
     }
 
     fn spot(&self, lane: u32) -> Spot {
         let i = lane as usize;
-        let (p, n) = (self.query.p.get(i), self.axis(i));
+        let (p, n) = (self.places[i], self.axis(i));
         let [px, py, pz] = p.to_array().map(f32::to_bits);
         let [nx, ny, nz] = n.to_array().map(f32::to_bits);
         [px, py, pz, nx, ny, nz, self.hash, self.kind as u32]
@@ -124,7 +127,7 @@ impl<'q> Question<'q> {
         if !self.by_place {
             return run.lane_seed(call, lane);
         }
-        let [x, y, z] = self.query.p.get(lane as usize).to_array().map(f32::to_bits);
+        let [x, y, z] = self.places[lane as usize].to_array().map(f32::to_bits);
         hash::words(&[x, y, z, self.kind as u32])
     }
 
@@ -132,7 +135,7 @@ impl<'q> Question<'q> {
     fn in_file(&self, run: &Run<'_, '_>, lane: u32) -> Option<Record> {
         let records = self.known.as_ref()?;
         let i = lane as usize;
-        let p = self.query.p.get(i);
+        let p = self.places[i];
         let probe = Probe { p: p.to_array(), n: Some(self.axis(i).to_array()) };
         if let Some(numbers) = records.exactly(&probe) {
             return Some(Record::from_numbers(self.kind, numbers));
@@ -150,6 +153,38 @@ impl<'q> Question<'q> {
 
 fn limits(attributes: &AttributeSet, error: &str, distance: &str, least: &str) -> (f32, f32, i32) {
     (attributes.float(error), attributes.float(distance), attributes.int(least))
+}
+
+/// Where the rays of each lane leave from: on the borders of a surface a little inside of them. Other surfaces often end in the
+/// very border (floor and wall), and rays that begin on them would pass through.
+fn places(run: &Run<'_, '_>, query: &TraceQuery<'_>) -> Vec<Vec3> {
+    let mut out: Vec<Vec3> = (0..query.batch.lanes).map(|i| query.p.get(i)).collect();
+    let Topology::Rect { nu, nv } = run.topology else { return out };
+    if !run.rims.contains(&true) || nu * nv != out.len() {
+        return out;
+    }
+    for &lane in query.batch.active {
+        let i = lane as usize;
+        let (column, row) = (i % nu, i / nu);
+        let inner = [
+            (run.rims[0] && column == 0).then(|| i + 1),
+            (run.rims[1] && column == nu - 1).then(|| i - 1),
+            (run.rims[2] && row == 0).then(|| i + nu),
+            (run.rims[3] && row == nv - 1).then(|| i - nu),
+        ];
+        let p = query.p.get(i);
+        let reach = 1.5 * run.bias(query.options.bias, i).max(run.frame.ray_margin(p));
+        for inner in inner.into_iter().flatten() {
+            if query.batch.active.binary_search(&(inner as u32)).is_ok() {
+                let way = query.p.get(inner) - p;
+                out[i] += way * (reach / way.length()).min(0.5);
+            }
+        }
+        if !out[i].is_finite() {
+            out[i] = p;
+        }
+    }
+    out
 }
 
 impl Run<'_, '_> {
@@ -266,11 +301,11 @@ impl Gatherer<'_, '_, '_, '_> {
         let mut active = vec![false; n];
         for &lane in query.batch.active {
             let i = lane as usize;
-            active[i] = query.p.get(i).is_finite() && self.question.axis(i) != Vec3::ZERO;
+            active[i] = self.question.places[i].is_finite() && self.question.axis(i) != Vec3::ZERO;
         }
         let points = Points {
             size,
-            p: (0..n).map(|i| query.p.get(i)).collect(),
+            p: self.question.places.clone(),
             n: (0..n).map(|i| self.question.axis(i)).collect(),
             scale: (0..n).map(|i| self.run.pixels_per_unit(query.p.get(i))).collect(),
             active,
@@ -301,7 +336,7 @@ impl Gatherer<'_, '_, '_, '_> {
             // Who is first keeps it, and saves it.
             let new = !shared || self.run.frame.light_cache.keep(self.question.spot(lane), &record);
             if new && self.question.mode.write {
-                saved.extend(self.question.query.p.get(lane as usize).to_array());
+                saved.extend(self.question.places[lane as usize].to_array());
                 saved.extend(self.question.axis(lane as usize).to_array());
                 saved.extend(record.to_numbers(self.question.kind));
             }
@@ -394,7 +429,7 @@ impl Gatherer<'_, '_, '_, '_> {
             let angle = query.angle.get(i);
             let cells = Strata::new(ask.samples, angle, query.distribution != "uniform");
             let axis = question.axis(i);
-            let p = query.p.get(i);
+            let p = question.places[i];
             let (bias, margin) = (self.run.bias(o.bias, i), self.run.frame.ray_margin(p));
             let spread = 2.0 * angle.max(0.0) / (ask.samples.max(1) as f32).sqrt();
             if axis != Vec3::ZERO {

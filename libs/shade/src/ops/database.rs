@@ -259,6 +259,7 @@ fn subsurface(
             absorption: Lane3 { xyz: ABSORPTION.map(uniform) },
             eta: uniform(ETA),
             maxsolidangle: uniform(ANGLE),
+            model: "",
         };
         for option in each_option(&parts, pairs) {
             match (option.name, option.lanes) {
@@ -266,6 +267,7 @@ fn subsurface(
                 ("absorption", Some(lanes)) => query.absorption = lanes,
                 ("eta", Some(lanes)) => query.eta = lanes.xyz[0],
                 ("maxsolidangle", Some(lanes)) => query.maxsolidangle = lanes.xyz[0],
+                ("model", None) => query.model = option.text,
                 (other, _) => unknown.push(other.to_owned()),
             }
         }

@@ -188,7 +188,9 @@ impl Services for Double {
         }
         for i in q.batch.active.iter().map(|&i| i as usize) {
             let (s, a) = (q.scattering.get(i), q.absorption.get(i));
-            out.set(i, Vec3::new(s.x, a.y, q.eta.get(i) + q.maxsolidangle.get(i)) + q.p.get(i) - q.n.get(i));
+            let model = if q.model == "beam" { 10.0 } else { 0.0 };
+            let last = q.eta.get(i) + q.maxsolidangle.get(i) + model;
+            out.set(i, Vec3::new(s.x, a.y, last) + q.p.get(i) - q.n.get(i));
         }
     }
 

@@ -298,6 +298,7 @@ fn databases() {
         ("", [2.19, 0.0041, 2.5]),
         (", \"scattering\", color (1, 2, 3), \"absorption\", color (4, 5, 6), \"eta\", 1.3", [1.0, 5.0, 2.3]),
         (", \"maxsolidangle\", 0.5", [2.19, 0.0041, 2.0]),
+        (", \"model\", \"beam\"", [2.19, 0.0041, 12.5]),
     ] {
         for (c, wanted) in wanted.into_iter().enumerate() {
             let call = format!("subsurface (\"a\", point (1, 2, 3), normal (1, 2, 3){options})");
