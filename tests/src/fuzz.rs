@@ -13,7 +13,7 @@ use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 23] = [
+pub const TARGETS: [(&str, Target); 24] = [
     ("pyg", pyg),
     ("calls", calls),
     ("rib", rib),
@@ -37,6 +37,7 @@ pub const TARGETS: [(&str, Target); 23] = [
     ("obj", obj),
     ("ply", ply),
     ("gltf", gltf),
+    ("sdb", sdb),
 ];
 
 /// Limits that keep a hostile file from asking for much.
@@ -289,4 +290,33 @@ pub fn mutated(seed: &[u8], number: u32) -> Vec<u8> {
         }
     }
     bytes
+}
+
+/// A spatial database, and what is asked of it. The checksums are put right first, so that the rest is reached.
+pub fn sdb(bytes: &[u8]) {
+    use granita_sdb::{Between, Clusters, Density, Probe};
+    let ask = |bytes: &[u8]| {
+        let Ok(file) = tempfile::NamedTempFile::new() else { return };
+        if std::fs::write(file.path(), bytes).is_err() {
+            return;
+        }
+        let Ok(records) = granita_sdb::read(file.path()) else { return };
+        for p in [[0.0; 3], [0.3, -0.2, 1e30], [f32::NAN; 3]] {
+            let probe = Probe { p, n: Some([0.0, 0.0, 1.0]) };
+            for always in [false, true] {
+                let how = Between { minsamples: 3, maxdist: 0.5, maxerror: 0.25, always };
+                let _ = records.between(&probe, &how);
+                let _ = records.all_between(&probe, &how);
+            }
+            let _ = records.density(&probe, &Density { minsamples: 3, maxdist: 0.5, maxerror: 0.25 });
+            let _ = records.exactly(&probe);
+        }
+        let mut count = 0_usize;
+        Clusters::new(&records).gather(&records, &|_| true, &mut |_, _| count += 1);
+        assert_eq!(count, records.len());
+    };
+    ask(bytes);
+    if let Some(repaired) = granita_sdb::with_checksums(bytes) {
+        ask(&repaired);
+    }
 }

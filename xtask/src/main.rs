@@ -3,6 +3,7 @@
 //! - `tidy` checks the laws of `ARCHITECTURE.md` and the house rules that a machine can check;
 //! - `ci` does what a change must pass: the README's test command, format, lints, docs, `tidy`;
 //! - `bless [NAME]` accepts what the suite's cases make now as their references;
+//! - `trade SCENE` measures what each knob of a scene's indirect light and occlusion costs and buys;
 //! - `report` leaves an HTML page with reference, result and difference of every picture case.
 
 #![forbid(unsafe_code)]
@@ -37,6 +38,12 @@ enum Chore {
     },
     /// Write target/suite-report/index.html.
     Report,
+    /// Time and error of a scene for every knob of its indirect light and occlusion, as a table and a plot.
+    Trade {
+        /// SCENE.pyg [--threads N] [--reference SAMPLES] [--svg FILE]
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true, required = true)]
+        words: Vec<String>,
+    },
 }
 
 fn main() -> ExitCode {
@@ -45,6 +52,7 @@ fn main() -> ExitCode {
         Chore::Ci => ci::run(),
         Chore::Bless { name } => suite::bless(name.as_deref()),
         Chore::Report => suite::report(),
+        Chore::Trade { words } => suite::trade(&words),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

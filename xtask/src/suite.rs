@@ -22,6 +22,16 @@ pub(crate) fn report() -> Result<(), String> {
     outcome
 }
 
+/// Runs the bench of that name; it is built for release.
+pub(crate) fn trade(words: &[String]) -> Result<(), String> {
+    let status = Command::new(cargo())
+        .args(["run", "--quiet", "--release", "--package", "granita-benches", "--bin", "trade", "--"])
+        .args(words)
+        .status()
+        .map_err(|e| format!("cargo: {e}"))?;
+    if status.success() { Ok(()) } else { Err("the bench failed".to_owned()) }
+}
+
 fn tests(target: &str, variables: &[(&str, &str)]) -> Result<(), String> {
     let status = Command::new(cargo())
         .args(["test", "--package", "granita-tests", "--test", target, "--", "--nocapture"])

@@ -172,6 +172,9 @@ impl LightCache {
 }
 
 #[cfg(test)]
+mod scenes;
+
+#[cfg(test)]
 mod tests {
     use super::*;
 

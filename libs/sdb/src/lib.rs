@@ -44,7 +44,7 @@ mod schema;
 pub use clusters::{Cluster, Clusters};
 pub use databases::{Attributes, Databases, Finished, Mode};
 pub use error::{Result, SdbError};
-pub use file::read;
+pub use file::{read, with_checksums};
 pub use packed::Packed;
 pub use picture::{PictureOptions, picture};
 pub use query::{Between, Density, Probe};

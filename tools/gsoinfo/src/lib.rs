@@ -1,7 +1,8 @@
-//! Lists the parameters of shaders (reference 8.3), as text or as JSON.
+//! Lists the parameters of shaders (reference 8.3), and what is in spatial databases, as text or as JSON.
 
 #![forbid(unsafe_code)]
 
+mod database;
 mod json;
 
 use clap::Parser;
@@ -16,14 +17,17 @@ use std::path::{Path, PathBuf};
 ///
 /// A shader is a file, or a name to be looked for: compiled (NAME.gso) or as source text (NAME.gsl) on the search
 /// path, then among the shaders that come with the suite.
+///
+/// Of a spatial database (FILE.sdb) it tells what its records are, how many, where they lie, and the sum and the range of their
+/// values; with -v also the records, one a line: position, normal, values.
 #[derive(Parser, Debug)]
 #[command(name = "gsoinfo")]
 struct Options {
-    /// Shaders
+    /// Shaders or spatial databases
     #[arg(value_name = "SHADER", required = true)]
     shaders: Vec<String>,
 
-    /// Verbose: also metadata and the spaces of values
+    /// Verbose: also metadata and the spaces of values; records of databases
     #[arg(short = 'v')]
     verbose: bool,
 
@@ -43,6 +47,19 @@ pub fn main(args: Vec<OsString>) -> Status {
     let mut failed = 0;
     let mut list = Vec::new();
     for name in &options.shaders {
+        if Path::new(name).extension().is_some_and(|e| e == "sdb") {
+            match granita_sdb::read(Path::new(name)) {
+                Ok(records) if options.json => list.push(database::json(name, &records)),
+                Ok(records) => database::show(name, &records, options.verbose),
+                Err(what) => {
+                    // Nobody is left to tell when standard error is closed.
+                    let _ =
+                        writeln!(io::stderr().lock(), "ERROR opening spatial database \"{name}\" ({what})");
+                    failed += 1;
+                }
+            }
+            continue;
+        }
         match query(name, &path) {
             Ok(args) if options.json => list.push(json::describe(&args)),
             Ok(args) => print(&args.describe(options.verbose)),

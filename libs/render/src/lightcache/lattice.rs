@@ -14,8 +14,8 @@ use std::sync::Arc;
 /// What suffices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Tolerance {
-    /// "maxerror": what the second derivatives of two records say of the way between them, relative to the value, is at most
-    /// half of its square; a normal turns by at most about this angle.
+    /// "maxerror": by its square the light between two records may be off the straight line between them, relative to its value,
+    /// as far as their second derivatives say (cubics come much nearer); a normal turns by at most about this angle.
     pub(crate) maxerror: f32,
     /// "maxpixeldist".
     pub(crate) maxpixeldist: f32,
@@ -50,6 +50,8 @@ pub(crate) type Source<'s> = dyn FnMut(&[Wanted]) -> Vec<Arc<Record>> + 's;
 
 /// Least occlusion that errors are relative to.
 const FLOOR: f32 = 0.25;
+/// Most that second derivatives may make of a way, relative to the value, at "maxerror" 1.
+const BEND: f32 = 4.0;
 
 /// The records of a grid while they are placed.
 pub(crate) struct Lattice<'a> {
@@ -253,17 +255,17 @@ impl<'a> Lattice<'a> {
         let largest = ma.abs().max(mb.abs());
         let value = if self.kind == Kind::Occlusion { largest.max(FLOOR) } else { largest };
         let d = points.p[b] - points.p[a];
-        let most = maxerror * maxerror * value;
+        let most = BEND * maxerror * maxerror * value;
         if 0.5 * (ra.bend(d).abs() + rb.bend(d).abs()) > most {
             return false;
         }
-        // What one foresees of the other.
+        // What each foresees of the other.
         let dn = points.n[b] - points.n[a];
         let n = self.kind.channels();
         let slope = |r: &Record| {
             (0..n).map(|c| r.by_place[c].dot(d) + r.by_normal[c].dot(dn)).sum::<f32>() / n as f32
         };
-        (mb - ma - 0.5 * (slope(ra) + slope(rb))).abs() <= maxerror * value
+        [ra, rb].iter().all(|r| (mb - ma - slope(r)).abs() <= maxerror * value)
     }
 
     /// Places records inside; the cells whose corners suffice.

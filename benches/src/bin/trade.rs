@@ -1,0 +1,359 @@
+//! What each knob of a scene's indirect light and occlusion costs, and what it buys.
+//!
+//! `cargo xtask trade SCENE.pyg [--threads N] [--reference SAMPLES] [--svg FILE]`
+//!
+//! The scene is rendered with one knob moved at a time, and with all pairs of "samples" and "maxerror"; the time of each picture and
+//! its distance from a reference (every point sampled, with `--reference` samples, 1024 unless told) become a table and a
+//! plot. Settings that no other beats in both are marked. "samples", "adaptive", "maxerror" and "maxpixeldist" are parameters of
+//! the scene's shaders `indirectlight`, `envlight` and `ambocclude`; "shadingquality" and "spatialquality" are attributes.
+
+#![forbid(unsafe_code)]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
+
+use granita_benches::release_tool;
+use granita_image::Limits;
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
+use std::time::Instant;
+
+/// Shaders whose parameters are knobs.
+const SHADERS: [&str; 3] = ["\"indirectlight\"", "\"envlight\"", "\"ambocclude\""];
+/// Knobs and what they are set to.
+const SWEEPS: [(&str, &[f64]); 6] = [
+    ("samples", &[16.0, 32.0, 64.0, 128.0, 256.0, 512.0]),
+    ("maxerror", &[0.0, 0.05, 0.1, 0.25, 0.5, 1.0]),
+    ("maxpixeldist", &[2.0, 5.0, 10.0, 20.0, 50.0]),
+    ("adaptive", &[0.0, 0.5, 1.0, 2.0, 4.0]),
+    ("shadingquality", &[0.25, 0.5, 1.0, 2.0]),
+    ("spatialquality", &[1.0, 2.0, 4.0, 6.0]),
+];
+/// What the other knobs are while one moves.
+const BASE: [(&str, f64); 6] = [
+    ("samples", 64.0),
+    ("maxerror", 0.25),
+    ("maxpixeldist", 20.0),
+    ("adaptive", 0.0),
+    ("shadingquality", 1.0),
+    ("spatialquality", 4.0),
+];
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(what) => {
+            eprintln!("trade: {what}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// A setting of all knobs.
+type Setting = Vec<(&'static str, f64)>;
+
+/// What came of a setting.
+struct Outcome {
+    /// The knob that moved.
+    knob: &'static str,
+    setting: Setting,
+    seconds: f64,
+    /// Root mean square distance from the reference over its mean.
+    error: f64,
+}
+
+struct Options {
+    scene: PathBuf,
+    threads: String,
+    reference: f64,
+    svg: PathBuf,
+}
+
+fn options() -> Result<Options, String> {
+    let mut words = std::env::args().skip(1);
+    let mut scene = None;
+    let (mut threads, mut reference, mut svg) = ("1".to_owned(), 1024.0, PathBuf::from("trade.svg"));
+    while let Some(word) = words.next() {
+        let mut value = || words.next().ok_or(format!("{word} needs a value"));
+        match &*word {
+            "--threads" => threads = value()?,
+            "--reference" => reference = value()?.parse().map_err(|e| format!("--reference: {e}"))?,
+            "--svg" => svg = PathBuf::from(value()?),
+            _ if word.starts_with('-') => return Err(format!("no option {word}")),
+            _ => scene = Some(PathBuf::from(word)),
+        }
+    }
+    Ok(Options { scene: scene.ok_or("name a scene (flat Pyg)")?, threads, reference, svg })
+}
+
+fn run() -> Result<(), String> {
+    let options = options()?;
+    let text =
+        std::fs::read_to_string(&options.scene).map_err(|e| format!("{}: {e}", options.scene.display()))?;
+    if !SHADERS.iter().any(|s| text.contains(s)) {
+        return Err(format!("{} uses none of {}", options.scene.display(), SHADERS.join(", ")));
+    }
+    let gelato = release_tool("gelato")?;
+    let place = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let picture = place.path().join("picture.exr");
+    let render = |setting: &Setting| render(&gelato, &options.threads, &with(&text, setting), &picture);
+    let best: Setting = vec![
+        ("samples", options.reference),
+        ("maxerror", 0.0),
+        ("maxpixeldist", 20.0),
+        ("adaptive", 0.0),
+        ("shadingquality", 1.0),
+        ("spatialquality", 8.0),
+    ];
+    eprintln!("the reference: every point with {} samples", options.reference);
+    let (seconds, reference) = render(&best)?;
+    eprintln!("took {seconds:.1} s");
+    let mut outcomes = Vec::new();
+    for (knob, setting) in settings() {
+        let (seconds, pixels) = render(&setting)?;
+        let error = distance(&pixels, &reference)?;
+        eprintln!("{}: {seconds:.2} s, {:.2}%", words(&setting), 100.0 * error);
+        outcomes.push(Outcome { knob, setting, seconds, error });
+    }
+    table(&outcomes);
+    std::fs::write(&options.svg, plot(&outcomes, &options.scene))
+        .map_err(|e| format!("{}: {e}", options.svg.display()))?;
+    println!("\n{}", options.svg.display());
+    Ok(())
+}
+
+/// One knob at a time, then pairs of the two that matter most; none twice.
+fn settings() -> Vec<(&'static str, Setting)> {
+    let mut out: Vec<(&'static str, Setting)> = vec![("base", BASE.to_vec())];
+    let mut add = |knob: &'static str, setting: Setting| {
+        if !out.iter().any(|(_, known)| *known == setting) {
+            out.push((knob, setting));
+        }
+    };
+    let moved = |changes: &[(&'static str, f64)]| -> Setting {
+        BASE.iter().map(|(k, v)| (*k, changes.iter().find(|c| c.0 == *k).map_or(*v, |c| c.1))).collect()
+    };
+    for (knob, values) in SWEEPS {
+        for value in values {
+            add(knob, moved(&[(knob, *value)]));
+        }
+    }
+    for samples in [16.0, 256.0, 1024.0] {
+        for maxerror in [0.1, 0.25, 0.5] {
+            add("samples x maxerror", moved(&[("samples", samples), ("maxerror", maxerror)]));
+        }
+    }
+    out
+}
+
+fn words(setting: &Setting) -> String {
+    setting.iter().map(|(k, v)| format!("{k} {v}")).collect::<Vec<_>>().join(", ")
+}
+
+/// The scene with a setting: numbers that it gives itself are replaced, others are added.
+fn with(text: &str, setting: &Setting) -> String {
+    let (mut out, mut before) = (text.to_owned(), String::new());
+    for (knob, value) in setting {
+        match *knob {
+            "shadingquality" => {
+                let declared = format!("\"float {knob}\", ");
+                if !replace_number(&mut out, 0, usize::MAX, &declared, *value) {
+                    let _ = writeln!(before, "Attribute ({declared}{value})");
+                }
+            }
+            "spatialquality" => {
+                let declared = format!("\"int[2] {knob}\", ");
+                let pair = format!("({value}, {value})");
+                match out
+                    .find(&declared)
+                    .and_then(|at| Some((at + declared.len(), out[at..].find(')')? + at)))
+                {
+                    Some((from, to)) => out.replace_range(from..=to, &pair),
+                    None => _ = writeln!(before, "Attribute ({declared}{pair})"),
+                }
+            }
+            _ => {
+                for shader in SHADERS {
+                    let mut from = 0;
+                    while let Some(at) = out[from..].find(shader).map(|at| at + from + shader.len()) {
+                        let declared = format!("\"float {knob}\", ");
+                        let end = closing(&out, at);
+                        if !replace_number(&mut out, at, end, &declared, *value) {
+                            out.insert_str(at, &format!(", {declared}{value}"));
+                        }
+                        from = at;
+                    }
+                }
+            }
+        }
+    }
+    before + &out
+}
+
+/// Where the bracket closes that is open at a place.
+fn closing(text: &str, from: usize) -> usize {
+    let mut depth = 1;
+    for (at, c) in text[from..].char_indices() {
+        match c {
+            '(' => depth += 1,
+            ')' => depth -= 1,
+            _ => {}
+        }
+        if depth == 0 {
+            return from + at;
+        }
+    }
+    text.len()
+}
+
+/// Replaces the number after `declared`; `false` when it is not there.
+fn replace_number(text: &mut String, from: usize, to: usize, declared: &str, value: f64) -> bool {
+    let part = &text[from..to.min(text.len())];
+    let Some(at) = part.find(declared).map(|at| from + at + declared.len()) else { return false };
+    let length = text[at..].find([',', ')']).unwrap_or(0);
+    text.replace_range(at..at + length, &value.to_string());
+    true
+}
+
+/// Renders a text; seconds and pixels.
+fn render(gelato: &Path, threads: &str, text: &str, picture: &Path) -> Result<(f64, Vec<f32>), String> {
+    let begin = Instant::now();
+    let mut child = Command::new(gelato)
+        .args(["-silent", "-threads", threads, "-data", "rgb", "-o"])
+        .arg(picture)
+        .arg("-")
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .map_err(|e| format!("{}: {e}", gelato.display()))?;
+    let mut input = child.stdin.take().ok_or("no way to send the scene")?;
+    input.write_all(text.as_bytes()).map_err(|e| e.to_string())?;
+    drop(input);
+    let status = child.wait().map_err(|e| e.to_string())?;
+    if !status.success() {
+        return Err(format!("gelato: {status}"));
+    }
+    let seconds = begin.elapsed().as_secs_f64();
+    let formats = granita_plugin::bundled_formats(Limits::default());
+    let input = formats.open(picture).map_err(|e| e.to_string())?;
+    Ok((seconds, input.read_level(0, 0).map_err(|e| e.to_string())?.to_floats()))
+}
+
+/// Root mean square over the mean of the reference.
+fn distance(pixels: &[f32], reference: &[f32]) -> Result<f64, String> {
+    if pixels.len() != reference.len() {
+        return Err("pictures of different sizes".to_owned());
+    }
+    let n = reference.len().max(1) as f64;
+    let mean = reference.iter().map(|r| f64::from(*r)).sum::<f64>() / n;
+    let square = pixels.iter().zip(reference).map(|(p, r)| f64::from(p - r).powi(2)).sum::<f64>() / n;
+    Ok(square.sqrt() / mean.max(1e-12))
+}
+
+/// Whether nothing else is both as quick and as exact.
+fn is_best(one: &Outcome, all: &[Outcome]) -> bool {
+    !all.iter().any(|o| {
+        o.seconds <= one.seconds && o.error <= one.error && (o.seconds < one.seconds || o.error < one.error)
+    })
+}
+
+fn table(outcomes: &[Outcome]) {
+    println!("| knob | setting | seconds | error, % | best |\n|---|---|---|---|---|");
+    for o in outcomes {
+        let best = if is_best(o, outcomes) { "yes" } else { "" };
+        println!(
+            "| {} | {} | {:.2} | {:.2} | {best} |",
+            o.knob,
+            words(&o.setting),
+            o.seconds,
+            100.0 * o.error
+        );
+    }
+    println!("\nPareto-best, quickest first:");
+    let mut best: Vec<&Outcome> = outcomes.iter().filter(|o| is_best(o, outcomes)).collect();
+    best.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
+    for o in best {
+        println!("- {:.2} s, {:.2}%: {}", o.seconds, 100.0 * o.error, words(&o.setting));
+    }
+}
+
+/// Time against error, both by powers; the best are joined.
+fn plot(outcomes: &[Outcome], scene: &Path) -> String {
+    const SIZE: (f64, f64) = (720.0, 480.0);
+    const MARGIN: f64 = 60.0;
+    const COLORS: [&str; 8] =
+        ["#000000", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#999999"];
+    let range = |f: &dyn Fn(&Outcome) -> f64| {
+        let all = outcomes.iter().map(|o| f(o).max(1e-6).log10());
+        let (lo, hi) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(x), hi.max(x)));
+        (lo - 0.1, hi + 0.1)
+    };
+    let (xs, ys) = (range(&|o| o.seconds), range(&|o| o.error));
+    let x = |s: f64| MARGIN + (s.max(1e-6).log10() - xs.0) / (xs.1 - xs.0) * (SIZE.0 - 2.0 * MARGIN);
+    let y = |e: f64| SIZE.1 - MARGIN - (e.max(1e-6).log10() - ys.0) / (ys.1 - ys.0) * (SIZE.1 - 2.0 * MARGIN);
+    let mut out = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{}\" height=\"{}\" font-family=\"sans-serif\" font-size=\"12\">\n\
+         <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n<text x=\"{MARGIN}\" y=\"24\">{}: error against time</text>\n",
+        SIZE.0,
+        SIZE.1,
+        scene.file_name().unwrap_or_default().to_string_lossy()
+    );
+    // Writing to a string does not fail.
+    for (ticks, horizontal) in [(xs, true), (ys, false)] {
+        for power in ticks.0.floor() as i32..=ticks.1.ceil() as i32 {
+            for digit in [1.0, 2.0, 5.0] {
+                let value = digit * 10f64.powi(power);
+                if value.log10() < ticks.0 || value.log10() > ticks.1 {
+                    continue;
+                }
+                let _ = if horizontal {
+                    let (at, to) = (x(value), SIZE.1 - MARGIN);
+                    writeln!(
+                        out,
+                        "<path d=\"M{at:.1} {MARGIN}V{to}\" stroke=\"#ddd\"/><text x=\"{at:.1}\" y=\"{}\" text-anchor=\"middle\">{value} s</text>",
+                        to + 18.0
+                    )
+                } else {
+                    let (at, to) = (y(value), SIZE.0 - MARGIN);
+                    writeln!(
+                        out,
+                        "<path d=\"M{MARGIN} {at:.1}H{to}\" stroke=\"#ddd\"/><text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}%</text>",
+                        MARGIN - 6.0,
+                        at + 4.0,
+                        (value * 1e4).round() / 100.0
+                    )
+                };
+            }
+        }
+    }
+    let mut best: Vec<&Outcome> = outcomes.iter().filter(|o| is_best(o, outcomes)).collect();
+    best.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
+    let line: Vec<String> = best.iter().map(|o| format!("{:.1},{:.1}", x(o.seconds), y(o.error))).collect();
+    let _ = writeln!(out, "<polyline points=\"{}\" fill=\"none\" stroke=\"black\"/>", line.join(" "));
+    let mut knobs: Vec<&str> = Vec::new();
+    for o in outcomes {
+        if !knobs.contains(&o.knob) {
+            knobs.push(o.knob);
+        }
+        let color = COLORS[knobs.iter().position(|k| *k == o.knob).unwrap_or(0) % COLORS.len()];
+        let _ = writeln!(
+            out,
+            "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"4\" fill=\"{color}\"><title>{}</title></circle>",
+            x(o.seconds),
+            y(o.error),
+            words(&o.setting)
+        );
+    }
+    for (k, knob) in knobs.iter().enumerate() {
+        let at = 40.0 + 16.0 * k as f64;
+        let _ = writeln!(
+            out,
+            "<circle cx=\"{}\" cy=\"{at}\" r=\"4\" fill=\"{}\"/><text x=\"{}\" y=\"{}\">{knob}</text>",
+            SIZE.0 - 160.0,
+            COLORS[k % COLORS.len()],
+            SIZE.0 - 150.0,
+            at + 4.0
+        );
+    }
+    out + "</svg>\n"
+}
