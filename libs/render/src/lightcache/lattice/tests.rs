@@ -1,3 +1,5 @@
+//! Records on grids, of functions that are known.
+
 use super::*;
 
 /// A flat grid over a rectangle, ten pixels to the unit.
