@@ -9,7 +9,8 @@ use crate::{CacheOptions, TextureId};
 use granita_base::{Location, Reporter, SearchPath, Severity};
 use granita_image::{FormatRegistry, ImageInput, Pixels};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 /// The inside of a [`crate::TextureCache`].
 #[derive(Debug)]
@@ -21,10 +22,30 @@ pub(crate) struct Shared {
     pub(crate) counters: Counters,
     tiles: TileCache,
     pub(crate) files: Files,
-    /// Indices of files whose handle is open.
-    open: Mutex<Vec<u32>>,
+    open: Mutex<Open>,
+    /// Said when a file is closed again right after it was opened, or stays open.
+    opened: Condvar,
     /// Counts reads, to know which handle was used last.
     clock: AtomicU64,
+}
+
+/// Files that are open.
+#[derive(Debug, Default)]
+struct Open {
+    /// Indices of those with a handle.
+    files: Vec<u32>,
+    /// How many are being opened, or read as a whole.
+    more: usize,
+}
+
+/// Leave to have one more file open.
+struct Leave<'a>(&'a Shared);
+
+impl Drop for Leave<'_> {
+    fn drop(&mut self) {
+        self.0.open().more -= 1;
+        self.0.opened.notify_all();
+    }
 }
 
 /// The handle of a file that is read by tiles, and when it was used last.
@@ -52,22 +73,69 @@ impl Shared {
             tiles,
             files: Files::new(),
             open: Mutex::default(),
+            opened: Condvar::new(),
             clock: AtomicU64::new(1),
         }
     }
 
+    fn open(&self) -> MutexGuard<'_, Open> {
+        self.open.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits until one more file may be open; closes the one that was read from longest ago, of those that nobody reads
+    /// from now.
+    fn leave(&self) -> Leave<'_> {
+        let most = self.options.max_files.max(1);
+        let mut open = self.open();
+        while open.files.len() + open.more >= most {
+            let stamp_of = |i: u32| {
+                self.files.get(i).and_then(handle).map_or(0, |(_, stamp)| stamp.load(Ordering::Relaxed))
+            };
+            let mut by_age: Vec<(u64, usize)> =
+                open.files.iter().enumerate().map(|(at, &i)| (stamp_of(i), at)).collect();
+            by_age.sort_unstable();
+            let closed = by_age.iter().find(|(_, at)| self.close(open.files[*at]));
+            match closed {
+                Some(&(_, at)) => {
+                    open.files.swap_remove(at);
+                }
+                // All are being read from; nobody says when a read is over.
+                None => {
+                    let wait = self.opened.wait_timeout(open, Duration::from_micros(200));
+                    open = wait.unwrap_or_else(PoisonError::into_inner).0;
+                }
+            }
+        }
+        open.more += 1;
+        self.counters.peak_files_open.fetch_max((open.files.len() + open.more) as u64, Ordering::Relaxed);
+        Leave(self)
+    }
+
+    /// Closes a file unless somebody reads from it.
+    fn close(&self, index: u32) -> bool {
+        let Some((handle, _)) = self.files.get(index).and_then(handle) else { return true };
+        let mut handle = handle.lock().unwrap_or_else(PoisonError::into_inner);
+        let idle = handle.as_ref().is_none_or(|input| Arc::strong_count(input) == 1);
+        if idle {
+            *handle = None;
+        }
+        idle
+    }
+
     /// Index of the file of this name; one warning when it cannot be used.
     pub(crate) fn find(&self, name: &str) -> Option<u32> {
-        let mut new = false;
+        let mut leave = None;
         let index = self.files.find(name, |index| {
-            new = true;
+            leave = Some(self.leave());
             self.open_new(index, name)
         });
-        index.inspect(|&index| {
-            if new {
-                self.keep_open(index);
-            }
-        })
+        if let (Some(_leave), Some(index)) = (leave, index)
+            && self.files.get(index).and_then(handle).is_some()
+        {
+            // Its handle was left open.
+            self.open().files.push(index);
+        }
+        index
     }
 
     /// Index of a map without a file; `None` when the name is taken.
@@ -127,27 +195,6 @@ impl Shared {
         Some(file)
     }
 
-    /// Notes that a file's handle may be open, and closes others when there are too many.
-    fn keep_open(&self, index: u32) {
-        let Some((own, _)) = self.files.get(index).and_then(handle) else { return };
-        let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
-        if open.contains(&index) || own.lock().unwrap_or_else(PoisonError::into_inner).is_none() {
-            return;
-        }
-        while open.len() >= self.options.max_files.max(1) {
-            let stamp_of = |i: &u32| {
-                self.files.get(*i).and_then(handle).map_or(0, |(_, stamp)| stamp.load(Ordering::Relaxed))
-            };
-            let Some(oldest) = (0..open.len()).min_by_key(|&at| stamp_of(&open[at])) else { break };
-            let gone = open.swap_remove(oldest);
-            if let Some((handle, _)) = self.files.get(gone).and_then(handle) {
-                *handle.lock().unwrap_or_else(PoisonError::into_inner) = None;
-            }
-        }
-        open.push(index);
-        self.counters.peak_files_open.fetch_max(open.len() as u64, Ordering::Relaxed);
-    }
-
     /// The tile of this key, of `file`; made by `maker` where there is no file, and empty without one.
     pub(crate) fn tile(&self, file: &TextureFile, key: TileKey, maker: Option<&dyn TileMaker>) -> Arc<Cell> {
         match &file.source {
@@ -180,6 +227,7 @@ impl Shared {
     }
 
     fn make_levels(&self, file: &TextureFile) -> Vec<Arc<Cell>> {
+        let _leave = self.leave();
         let made = self.registry.open(&file.path).and_then(|input| {
             add(&self.counters.files_opened, 1);
             file.make_levels(&*input)
@@ -233,10 +281,17 @@ impl Shared {
         if let Some(input) = &*handle.lock().unwrap_or_else(PoisonError::into_inner) {
             return Ok(input.clone());
         }
+        let _leave = self.leave();
         let input: Arc<dyn ImageInput> = Arc::from(self.registry.open(&file.path)?);
         add(&self.counters.files_opened, 1);
-        *handle.lock().unwrap_or_else(PoisonError::into_inner) = Some(input.clone());
-        self.keep_open(file.index);
+        let mut open = self.open();
+        let mut handle = handle.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(input) = &*handle {
+            // Meanwhile another thread did.
+            return Ok(input.clone());
+        }
+        *handle = Some(input.clone());
+        open.files.push(file.index);
         Ok(input)
     }
 

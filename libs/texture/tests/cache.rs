@@ -81,6 +81,8 @@ fn many_threads_are_one() {
                 });
             }
         });
+        let s = many.statistics();
+        assert!(s.peak_bytes <= memory_bytes && s.peak_files_open <= 2, "{s:?}");
     }
 }
 
