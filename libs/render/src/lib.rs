@@ -68,5 +68,5 @@ pub use statistics::{ShadingStatistics, Statistics};
 
 /// How a shader's lookups are answered from texture files: for who runs shaders without a frame.
 pub mod lookups {
-    pub use crate::services::maps::{environment, shadow, texture};
+    pub use crate::services::maps::{environment, shadow, texture, texture3d};
 }

@@ -290,9 +290,14 @@ impl Services for Run<'_, '_> {
         maps::texture(&self.frame.textures, query, out);
     }
 
-    fn texture3d(&mut self, query: &TextureQuery<'_>, _: Lane3<'_>, out: &mut LookupResult) {
-        self.frame.unsupported("texture3d");
-        maps::absent(query, out);
+    fn texture3d(
+        &mut self,
+        query: &TextureQuery<'_>,
+        p: Lane3<'_>,
+        dp: [Lane3<'_>; 2],
+        out: &mut LookupResult,
+    ) {
+        maps::texture3d(&self.frame.textures, query, p, dp, out);
     }
 
     fn environment(&mut self, query: &EnvironmentQuery<'_>, out: &mut LookupResult) {

@@ -333,9 +333,15 @@ pub trait Services {
     /// Filtered texture lookup.
     fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult);
 
-    /// Volume texture lookup at `p` with neighbour differences; by default fills with `fill`.
-    fn texture3d(&mut self, query: &TextureQuery<'_>, p: Lane3<'_>, out: &mut LookupResult) {
-        let _ = p;
+    /// Volume texture lookup at `p`, whose differences between neighbours are `dp`; by default fills with `fill`.
+    fn texture3d(
+        &mut self,
+        query: &TextureQuery<'_>,
+        p: Lane3<'_>,
+        dp: [Lane3<'_>; 2],
+        out: &mut LookupResult,
+    ) {
+        let _ = (p, dp);
         fill(query.batch, query.channels, query.options.fill, out);
     }
 

@@ -2,7 +2,7 @@
 
 use crate::file::{MadeShadow, TextureFile, TileMaker};
 use crate::shared::Shared;
-use crate::{CacheStatistics, EnvLookup, Lookup, ShadowLookup, TextureKind, TextureReader};
+use crate::{CacheStatistics, EnvLookup, Lookup, Lookup3d, ShadowLookup, TextureKind, TextureReader};
 use granita_base::{BaseType, Param, ParamData, ParamType, Reporter, SearchPath, Transform};
 use granita_image::FormatRegistry;
 
@@ -118,6 +118,12 @@ impl TextureCache {
     /// are not finite the others become 0.
     pub fn texture(&self, id: TextureId, lookup: &Lookup, out: &mut [f32]) {
         self.reader().texture(id, lookup, out);
+    }
+
+    /// Filtered value of a picture that has depth: the images of the file are its slices, from front to back. Channels as of
+    /// [`TextureCache::texture`]; files whose images do not fit together give `fill` and alpha 0, after one warning.
+    pub fn texture3d(&self, id: TextureId, lookup: &Lookup3d, out: &mut [f32]) {
+        self.reader().texture3d(id, lookup, out);
     }
 
     /// Filtered value of an environment map, as [`TextureCache::texture`]. Any map that is not a cube-face

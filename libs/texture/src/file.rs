@@ -3,6 +3,7 @@
 use crate::cube::CubeLayout;
 use crate::make;
 use crate::picture::{Picture, half, level_count};
+use crate::slices::Block;
 use crate::tiles::{Cell, Layout, Tile};
 use crate::{TextureId, TextureKind, Up, Wrap};
 use granita_base::{Filter, Transform};
@@ -77,6 +78,8 @@ pub(crate) struct TextureFile {
     pub(crate) texel_bytes: u64,
     /// Of all its tiles.
     pub(crate) pixel_type: PixelType,
+    /// Its images as slices of one, when that was asked for.
+    pub(crate) slices: OnceLock<Vec<Block>>,
 }
 
 /// Whether the file follows OpenEXR's conventions for environment maps.
@@ -236,6 +239,7 @@ impl TextureFile {
             world_to_screen: matrix("worldtoscreen"),
             texel_bytes: (spec.nchannels() * spec.pixel_type.bytes()) as u64,
             pixel_type: spec.pixel_type,
+            slices: OnceLock::new(),
             path,
             source: match lack {
                 Some(_) => Source::Memory(OnceLock::new()),
@@ -264,6 +268,7 @@ impl TextureFile {
             world_to_screen: Some(map.world_to_screen),
             texel_bytes: 4,
             pixel_type: PixelType::Float,
+            slices: OnceLock::new(),
             source: Source::Made,
         }
     }

@@ -15,17 +15,20 @@ pub enum TextureKind {
     CubeFaceEnvironment,
     /// All directions by latitude and longitude.
     LatLongEnvironment,
+    /// A picture that has depth: the images of the file are its slices.
+    Volume,
 }
 
 impl TextureKind {
     /// All of them.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Plain,
         Self::Shadow,
         Self::CubeFaceShadow,
         Self::VolumeShadow,
         Self::CubeFaceEnvironment,
         Self::LatLongEnvironment,
+        Self::Volume,
     ];
 
     /// The value of the `textureformat` attribute.
@@ -37,6 +40,7 @@ impl TextureKind {
             Self::VolumeShadow => "Volume Shadow",
             Self::CubeFaceEnvironment => "CubeFace Environment",
             Self::LatLongEnvironment => "LatLong Environment",
+            Self::Volume => "Volume Texture",
         }
     }
 
@@ -51,6 +55,7 @@ impl TextureKind {
             Self::Plain => "texture",
             Self::Shadow | Self::CubeFaceShadow | Self::VolumeShadow => "shadow",
             Self::CubeFaceEnvironment | Self::LatLongEnvironment => "environment",
+            Self::Volume => "volume",
         }
     }
 

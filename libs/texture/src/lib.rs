@@ -20,6 +20,7 @@
 //! Threads that ask for many points do so through a [`TextureReader`].
 //!
 //! Shadow maps that are made while rendering (reference 10.1.5) are declared, and their tiles come from a [`TileMaker`].
+//! Pictures that have depth ([`TextureCache::texture3d`]) are files with several images (`slices`).
 //!
 //! Deliberately absent: colour profiles, names of geometry sets (the renderer sorts those out before it asks).
 //!
@@ -77,6 +78,7 @@ mod sampler;
 mod shadow;
 mod shared;
 mod simd;
+mod slices;
 mod solid;
 mod statistics;
 mod tiles;
@@ -87,7 +89,7 @@ pub use cache::{CacheOptions, TextureCache, TextureId, Use};
 pub use error::{Result, TextureError};
 pub use file::{MadeShadow, TileMaker};
 pub use kind::TextureKind;
-pub use lookup::{EnvLookup, Lookup, ShadowLookup, Up};
+pub use lookup::{EnvLookup, Lookup, Lookup3d, ShadowLookup, Up};
 pub use reader::TextureReader;
 pub use statistics::CacheStatistics;
 pub use volume::VolumePixel;

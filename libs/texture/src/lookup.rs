@@ -61,6 +61,55 @@ impl Default for Lookup {
     }
 }
 
+/// `texture3d ()` at one point (reference 5.8.10).
+///
+/// Coordinates are fractions: (0, 0, 0) is the outer corner of the first texel of the first slice, (1, 1, 1) that of the
+/// last texel of the last one.
+#[derive(Clone, Copy, Debug)]
+pub struct Lookup3d {
+    /// Place: to the right, downward, to the back.
+    pub p: Vec3,
+    /// Change of `p` from this point to the next in x.
+    pub dpdx: Vec3,
+    /// Change of `p` in y.
+    pub dpdy: Vec3,
+    /// Full width of additional blur, as a fraction of the width.
+    pub sblur: f32,
+    /// The same of the height and the depth. The larger of the blurs in texels is taken all around.
+    pub tblur: f32,
+    /// Scales the differentials to the right.
+    pub swidth: f32,
+    /// Scales the differentials downward and to the back.
+    pub twidth: f32,
+    /// Replaces the file's wrap mode to the right.
+    pub swrap: Option<Wrap>,
+    /// Replaces the file's wrap mode downward, which is that to the back as well.
+    pub twrap: Option<Wrap>,
+    /// First channel of the file to look up.
+    pub first_channel: u32,
+    /// Value of channels that the file does not have.
+    pub fill: f32,
+}
+
+impl Default for Lookup3d {
+    /// At the origin, without footprint or blur, wrap modes of the file, from channel 0, fill 0.
+    fn default() -> Self {
+        Self {
+            p: Vec3::ZERO,
+            dpdx: Vec3::ZERO,
+            dpdy: Vec3::ZERO,
+            sblur: 0.0,
+            tblur: 0.0,
+            swidth: 1.0,
+            twidth: 1.0,
+            swrap: None,
+            twrap: None,
+            first_channel: 0,
+            fill: 0.0,
+        }
+    }
+}
+
 /// Which axis of a latitude-longitude map points to its upper edge (option "up").
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Up {

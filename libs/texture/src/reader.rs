@@ -4,8 +4,8 @@ use crate::file::{TextureFile, TileMaker};
 use crate::sampler::{Held, Sampler};
 use crate::shared::Shared;
 use crate::statistics::add;
-use crate::{EnvLookup, Lookup, ShadowLookup, TextureCache, TextureId};
-use crate::{environment, plain, shadow};
+use crate::{EnvLookup, Lookup, Lookup3d, ShadowLookup, TextureCache, TextureId};
+use crate::{environment, plain, shadow, slices};
 
 /// Looks up one point after another and keeps the few tiles it used last: threads that ask for many points do not
 /// meet in the cache for each. Made by [`TextureCache::reader`]; answers are those of the cache. What it looked up
@@ -33,6 +33,12 @@ impl<'a> TextureReader<'a> {
     pub fn texture(&mut self, id: TextureId, lookup: &Lookup, out: &mut [f32]) {
         self.lookups += 1;
         plain::texture(self, self.cache.file(id), lookup, out);
+    }
+
+    /// See [`TextureCache::texture3d`].
+    pub fn texture3d(&mut self, id: TextureId, lookup: &Lookup3d, out: &mut [f32]) {
+        self.lookups += 1;
+        slices::texture3d(self, self.cache.file(id), lookup, out);
     }
 
     /// See [`TextureCache::environment`].

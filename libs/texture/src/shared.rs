@@ -41,6 +41,20 @@ struct Open {
 /// Leave to have one more file open.
 struct Leave<'a>(&'a Shared);
 
+/// A file that is open for one reader.
+pub(crate) struct Whole<'a> {
+    input: Box<dyn ImageInput>,
+    _leave: Leave<'a>,
+}
+
+impl std::ops::Deref for Whole<'_> {
+    type Target = dyn ImageInput;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.input
+    }
+}
+
 impl Drop for Leave<'_> {
     fn drop(&mut self) {
         self.0.open().more -= 1;
@@ -239,6 +253,17 @@ impl Shared {
         add(&self.counters.automipmaps, 1);
         add(&self.counters.automipmap_bytes, levels.iter().map(|t| t.tile().bytes()).sum());
         levels
+    }
+
+    /// A file opened once more, to be read as a whole.
+    pub(crate) fn open_whole(&self, file: &TextureFile) -> Result<Whole<'_>, String> {
+        if let Source::Made = file.source {
+            return Err("it is no file".to_owned());
+        }
+        let leave = self.leave();
+        let input = self.registry.open(&file.path).map_err(|e| e.to_string())?;
+        add(&self.counters.files_opened, 1);
+        Ok(Whole { input, _leave: leave })
     }
 
     fn read_tile(&self, file: &TextureFile, key: TileKey) -> Tile {

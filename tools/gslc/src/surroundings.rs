@@ -4,8 +4,8 @@
 use granita_base::{Param, Reporter, Severity, Transform, hash};
 use granita_render::lookups;
 use granita_shade::{
-    EnvironmentQuery, Executor, Grid, Group, IlluminateQuery, Lanes3, LightInfo, LightResult, LookupResult,
-    Services, ShadowQuery, TextureQuery,
+    EnvironmentQuery, Executor, Grid, Group, IlluminateQuery, Lane3, Lanes3, LightInfo, LightResult,
+    LookupResult, Services, ShadowQuery, TextureQuery,
 };
 use granita_texture::TextureCache;
 use std::sync::Arc;
@@ -62,6 +62,16 @@ impl Services for Surroundings<'_> {
 
     fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult) {
         lookups::texture(self.textures, query, out);
+    }
+
+    fn texture3d(
+        &mut self,
+        query: &TextureQuery<'_>,
+        p: Lane3<'_>,
+        dp: [Lane3<'_>; 2],
+        out: &mut LookupResult,
+    ) {
+        lookups::texture3d(self.textures, query, p, dp, out);
     }
 
     fn environment(&mut self, query: &EnvironmentQuery<'_>, out: &mut LookupResult) {

@@ -2,8 +2,10 @@
 
 use super::{count, option};
 use granita_base::{Transform, Vec3};
-use granita_shade::{Batch, EnvironmentQuery, Lanes3, LookupResult, ShadowQuery, TextureQuery};
-use granita_texture::{EnvLookup, Lookup, ShadowLookup, TextureCache, TextureReader, Up, Use, Wrap};
+use granita_shade::{Batch, EnvironmentQuery, Lane3, Lanes3, LookupResult, ShadowQuery, TextureQuery};
+use granita_texture::{
+    EnvLookup, Lookup, Lookup3d, ShadowLookup, TextureCache, TextureReader, Up, Use, Wrap,
+};
 
 /// Most channels that one lookup returns, alpha included.
 const CHANNELS: usize = 4;
@@ -31,17 +33,6 @@ fn store(out: &mut LookupResult, lane: usize, values: &[f32]) {
 /// First channel of a lane: negative and broken numbers mean 0.
 fn first_channel(value: Option<granita_shade::Lane<'_>>, lane: usize) -> u32 {
     option(value, lane, 0.0).clamp(0.0, 65536.0) as u32
-}
-
-/// The answer of a texture that is not there: `fill`, alpha 0.
-pub(super) fn absent(query: &TextureQuery<'_>, out: &mut LookupResult) {
-    prepare(query.batch, query.channels, out);
-    for &lane in query.batch.active {
-        let i = lane as usize;
-        let fill = option(query.options.fill, i, 0.0);
-        out.value.iter_mut().for_each(|channel| channel[i] = fill);
-        out.alpha[i] = 0.0;
-    }
 }
 
 /// `texture ()`: answers a shader's query from a cache of files. A file that cannot be used gives `fill` and alpha 0.
@@ -75,6 +66,47 @@ pub fn texture(textures: &TextureCache, query: &TextureQuery<'_>, out: &mut Look
                     fill,
                 };
                 reader.texture(id, &lookup, &mut values[..wanted]);
+            }
+            None => values[wanted - 1] = 0.0,
+        }
+        store(out, i, &values[..wanted]);
+    }
+}
+
+/// `texture3d ()`: the same at `p`, whose differences between neighbours are `dp`.
+pub fn texture3d(
+    textures: &TextureCache,
+    query: &TextureQuery<'_>,
+    p: Lane3<'_>,
+    [dpdx, dpdy]: [Lane3<'_>; 2],
+    out: &mut LookupResult,
+) {
+    prepare(query.batch, query.channels, out);
+    let o = &query.options;
+    let id = textures.find_for(query.name, Use::Texture);
+    let (swrap, twrap) = (o.swrap.and_then(Wrap::from_word), o.twrap.and_then(Wrap::from_word));
+    let wanted = (query.channels + 1).min(CHANNELS);
+    let mut reader = textures.reader();
+    for &lane in query.batch.active {
+        let i = lane as usize;
+        let fill = option(o.fill, i, 0.0);
+        let mut values = [fill; CHANNELS];
+        match id {
+            Some(id) => {
+                let lookup = Lookup3d {
+                    p: p.get(i),
+                    dpdx: dpdx.get(i),
+                    dpdy: dpdy.get(i),
+                    sblur: option(o.sblur, i, 0.0),
+                    tblur: option(o.tblur, i, 0.0),
+                    swidth: option(o.swidth, i, 1.0),
+                    twidth: option(o.twidth, i, 1.0),
+                    swrap,
+                    twrap,
+                    first_channel: first_channel(o.firstchannel, i),
+                    fill,
+                };
+                reader.texture3d(id, &lookup, &mut values[..wanted]);
             }
             None => values[wanted - 1] = 0.0,
         }

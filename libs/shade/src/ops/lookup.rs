@@ -228,7 +228,8 @@ fn texture3d(
             channels,
             options: parsed.options,
         };
-        m.services.texture3d(&query, p, &mut result);
+        let differences = [&du, &dv].map(|d| crate::Lane3 { xyz: std::array::from_fn(|c| d.lane(c)) });
+        m.services.texture3d(&query, p, differences, &mut result);
         (parsed.results, unknown_text(&parsed))
     };
     finish(m, op, &result.value, unknown);

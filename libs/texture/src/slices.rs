@@ -1,0 +1,203 @@
+//! `texture3d ()`: filtered lookup in pictures that have depth (reference 5.8.10).
+//!
+//! The images of a file are its slices, from front to back: all of one size and with the same channels; a picture of one
+//! image has one slice. All of it is held in memory with its MIP levels, each half as large in the three directions.
+//! A footprint is an ellipse in space: its width across chooses the level, and along it stand probes between eight texels
+//! of the two levels around (as for what is narrow in pictures, see `footprint`).
+
+use crate::Wrap;
+use crate::file::TextureFile;
+use crate::footprint::{Mean, Spread, mix};
+use crate::lookup::Lookup3d;
+use crate::picture::{half, taps};
+use crate::plain::by_channels;
+use crate::reader::TextureReader;
+use crate::sampler::{cell, levels};
+use crate::shared::Shared;
+use granita_base::{Filter, Vec3};
+use granita_image::ImageInput;
+
+/// Most bytes that the largest level may take.
+const MAX_BYTES: u64 = 1 << 32;
+
+/// One level, channels side by side, columns fastest, slices slowest.
+#[derive(Debug)]
+pub(crate) struct Block {
+    size: [usize; 3],
+    channels: usize,
+    data: Vec<f32>,
+}
+
+impl Block {
+    /// Half the size in every direction, each texel the mean of what it covers.
+    fn halved(&self) -> Self {
+        let mut block = Self { size: self.size, channels: self.channels, data: self.data.clone() };
+        for axis in 0..3 {
+            block = block.halved_along(axis);
+        }
+        block
+    }
+
+    fn halved_along(self, axis: usize) -> Self {
+        let (from, to) = (self.size[axis], half(self.size[axis]));
+        if from == to {
+            return self;
+        }
+        let taps = taps(from, to, Filter::Box, Wrap::Clamp);
+        let mut size = self.size;
+        size[axis] = to;
+        // Values between neighbours along the axis, and blocks of all that is on it.
+        let step: usize = self.channels * self.size[..axis].iter().product::<usize>();
+        let outer: usize = self.size[axis + 1..].iter().product();
+        let mut data = Vec::with_capacity(outer * to * step);
+        for block in 0..outer {
+            for t in &taps {
+                data.extend((0..step).map(|k| t.apply(|i| self.data[(block * from + i) * step + k])));
+            }
+        }
+        Self { size, channels: self.channels, data }
+    }
+
+    /// Trilinear value of channels `first .. first + n` at a place in fractions of the block.
+    fn at(&self, p: Vec3, wrap: [Wrap; 3], first: usize, n: usize) -> [f32; 4] {
+        let size = self.size.map(|n| n as u32);
+        let place: [(i32, f32); 3] = std::array::from_fn(|a| cell(wrap[a].reduce(p[a]), size[a]));
+        let index = |a: usize, more: i32| wrap[a].index(place[a].0 + more, size[a] as i32);
+        let texel = |x: Option<i32>, y: Option<i32>, z: Option<i32>| {
+            let mut out = [0.0; 4];
+            if let (Some(x), Some(y), Some(z)) = (x, y, z) {
+                let row = z as usize * self.size[1] + y as usize;
+                let at = (row * self.size[0] + x as usize) * self.channels + first;
+                out[..n].copy_from_slice(&self.data[at..at + n]);
+            }
+            out
+        };
+        let [fx, fy, fz] = place.map(|(_, f)| f);
+        let row = |y, z| mix(texel(index(0, 0), y, z), texel(index(0, 1), y, z), fx);
+        let slice = |z| mix(row(index(1, 0), z), row(index(1, 1), z), fy);
+        mix(slice(index(2, 0)), slice(index(2, 1)), fz)
+    }
+}
+
+/// Reads the slices of a file and makes the smaller levels.
+///
+/// Errors: what is wrong with it.
+fn read(input: &dyn ImageInput, channels: usize) -> Result<Vec<Block>, String> {
+    let first = input.spec(0, 0).ok_or("it has no image")?;
+    let (width, height, count) = (first.width as usize, first.height as usize, input.images());
+    let bytes = [width, height, count, channels, 4].iter().try_fold(1_u64, |a, &b| a.checked_mul(b as u64));
+    if bytes.is_none_or(|b| b > MAX_BYTES) {
+        return Err(format!(
+            "{count} slices of {width} x {height} pixels with {channels} channels are more than {MAX_BYTES} bytes"
+        ));
+    }
+    let mut data = Vec::new();
+    for image in 0..count {
+        let spec = input.spec(image, 0).ok_or("an image is missing")?;
+        if (spec.width, spec.height, spec.nchannels()) != (first.width, first.height, channels) {
+            return Err(format!(
+                "slice {image} has {} x {} pixels with {} channels, the first {width} x {height} with {channels}",
+                spec.width,
+                spec.height,
+                spec.nchannels()
+            ));
+        }
+        let pixels = input.read_level(image, 0).map_err(|e| e.to_string())?.to_floats();
+        data.extend(pixels.iter().map(|v| if v.is_nan() { 0.0 } else { v.clamp(-1e30, 1e30) }));
+    }
+    let mut blocks = vec![Block { size: [width, height, count], channels, data }];
+    while let Some(last) = blocks.last().filter(|b| b.size.iter().any(|n| *n > 1)) {
+        let next = last.halved();
+        blocks.push(next);
+    }
+    Ok(blocks)
+}
+
+impl Shared {
+    /// The levels of a file's slices, read when first asked for; empty when it cannot be.
+    fn slices<'f>(&self, file: &'f TextureFile) -> &'f [Block] {
+        file.slices.get_or_init(|| {
+            let read = self.open_whole(file).and_then(|input| read(&*input, file.channels));
+            read.unwrap_or_else(|what| {
+                self.warn_once(file, &format!("cannot be looked up in three dimensions: {what}"));
+                Vec::new()
+            })
+        })
+    }
+}
+
+/// See [`crate::TextureCache::texture3d`].
+pub(crate) fn texture3d(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup3d, out: &mut [f32]) {
+    let blocks = reader.shared().slices(file);
+    let Some(base) = blocks.first() else {
+        out.fill(q.fill);
+        if let Some(alpha) = out.last_mut() {
+            *alpha = 0.0;
+        }
+        return;
+    };
+    let (swrap, twrap) = (q.swrap.unwrap_or(file.swrap), q.twrap.unwrap_or(file.twrap));
+    let size = Vec3::from_array(base.size.map(|n| n as f32));
+    let width = Vec3::new(q.swidth, q.twidth, q.twidth);
+    let sane = |v: Vec3| {
+        Vec3::from_array(v.to_array().map(|v| if v.is_finite() { v.clamp(-1e6, 1e6) } else { 0.0 }))
+    };
+    let [x, y] = [q.dpdx, q.dpdy].map(|d| sane(d * width) * size);
+    // The ellipse that the two span, in the plane of both.
+    let along = if x.length_squared() >= y.length_squared() { x } else { y };
+    let first = along.normalize_or(Vec3::X);
+    let second = (x + y - first * (x + y).dot(first)).normalize_or(Vec3::ZERO);
+    let mut spread = Spread::default();
+    for d in [x, y] {
+        spread.add(d.dot(first), d.dot(second));
+    }
+    let mut ellipse = spread.ellipse();
+    let blur = sane(Vec3::new(q.sblur, q.tblur, q.tblur)) * size;
+    let blur = f64::from(blur.abs().max_element());
+    (ellipse.a, ellipse.b) = (ellipse.a.hypot(blur), ellipse.b.hypot(blur));
+    let probes = ellipse.probes(1.0);
+    let step = (first * ellipse.axis[0] + second * ellipse.axis[1]) / size;
+    let (level, share) = levels(probes.width.log2(), blocks.len() - 1);
+    let mut count = 0;
+    by_channels(file, q.first_channel, q.fill, out, |first, n| {
+        if !q.p.is_finite() {
+            return [0.0; 4];
+        }
+        let mut mean = Mean::default();
+        for (x, weight) in probes.iter() {
+            let p = q.p + step * x;
+            let wrap = [swrap, twrap, twrap];
+            let mut value = blocks[level].at(p, wrap, first, n);
+            if share > 0.0 {
+                value = mix(value, blocks[level + 1].at(p, wrap, first, n), share);
+            }
+            mean.add(value, weight);
+        }
+        count += u64::from(probes.count);
+        mean.value()
+    });
+    reader.probes += count;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halving_keeps_the_mean() {
+        let size = [5, 4, 3];
+        let data: Vec<f32> =
+            (0..2 * 60).map(|i| granita_base::hash::unit(granita_base::hash::words(&[i]))).collect();
+        let block = Block { size, channels: 2, data };
+        let mean = |b: &Block, c: usize| {
+            let values = b.data.iter().skip(c).step_by(2);
+            values.clone().sum::<f32>() / values.count() as f32
+        };
+        let (small, half) = (block.halved().halved(), block.halved());
+        assert_eq!((half.size, small.size), ([2, 2, 1], [1, 1, 1]));
+        for c in 0..2 {
+            assert!((mean(&half, c) - mean(&block, c)).abs() < 1e-6);
+            assert!((mean(&small, c) - mean(&block, c)).abs() < 1e-6);
+        }
+    }
+}
