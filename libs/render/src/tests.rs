@@ -6,6 +6,8 @@ use granita_base::{Color, Params, ShapeDesc, Transform, Vec3};
 use granita_scene::Primitive;
 use granita_shade::Grid;
 
+mod maps;
+
 const MATTE: &str = "surface matte () { C *= diffuse (normalize (N)); C *= opacity; }";
 const CONSTANT: &str = "surface constant () { C *= opacity; }";
 const MIRROR: &str = "surface mirror (string envname = \"reflection\", float blur = 0, float samples = 1)

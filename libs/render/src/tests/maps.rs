@@ -1,0 +1,154 @@
+//! Lookups of shaders in files: what of the questions is the renderer's part.
+
+use super::near;
+use crate::fixture::{Fixture, flat_grid, param, shader};
+use crate::shading::{ShaderThread, ShadingContext};
+use granita_base::{Color, Transform, Vec3};
+use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
+use granita_scene::AttributeSet;
+use granita_texture::make::{MakeOptions, Mode, make};
+use std::f32::consts::{PI, TAU};
+use std::path::{Path, PathBuf};
+
+fn formats() -> FormatRegistry {
+    granita_plugin::bundled_formats(Limits::default())
+}
+
+/// Writes a picture of floats and makes a texture of it.
+fn texture(
+    folder: &Path,
+    name: &str,
+    size: (u32, u32),
+    mode: Mode,
+    f: impl Fn(u32, u32) -> Color,
+) -> PathBuf {
+    let (picture, texture) = (folder.join("picture.tif"), folder.join(name));
+    let spec = ImageSpec::new(size.0, size.1, 3, PixelType::Float);
+    let values = (0..size.0 * size.1).flat_map(|i| f(i % size.0, i / size.0).to_array()).collect();
+    let mut file = formats().create(&picture, "tiff", &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    file.write_rows(&Pixels::Float(values)).unwrap();
+    file.close().unwrap();
+    make(&[picture], &texture, &MakeOptions { mode, ..MakeOptions::default() }, &formats(), &|_, _| ())
+        .unwrap();
+    texture
+}
+
+/// A panorama, +z up, that shows every direction as a colour.
+fn directions(folder: &Path) -> PathBuf {
+    texture(folder, "d.env", (256, 128), Mode::EnvLatLong, |x, y| {
+        let (phi, theta) = (((x as f32 + 0.5) / 256.0 - 0.5) * TAU, (y as f32 + 0.5) / 128.0 * PI);
+        Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()) * 0.5 + 0.5
+    })
+}
+
+/// What a surface shader gives at a point of the plane z = 0; its own space leads by `to_world` to the world.
+fn color_at(f: &mut Fixture, name: &str, file: &Path, to_world: Transform, point: [f32; 2]) -> Color {
+    let surface = shader(name, &[param("string file", file.to_str().unwrap())], to_world);
+    let attributes = AttributeSet { surface: Some(surface), ..f.attributes("", &[], &[]) };
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, attributes);
+    let (scene, camera, mut environment) = f.finish();
+    environment.registry = formats();
+    let frame = ShadingContext::new(&scene, &camera, &environment);
+    let object = frame.object(&floor);
+    let mut grid = flat_grid(&[point]);
+    ShaderThread::new(&frame).shade(&object, &mut grid, &[]);
+    grid.c.get(0)
+}
+
+fn close(got: Color, direction: Vec3) {
+    let wanted = direction.normalize() * 0.5 + 0.5;
+    assert!((got - wanted).abs().max_element() < 0.01, "{got} is not {wanted}");
+}
+
+#[test]
+fn environments_are_in_their_space_and_as_far_away_as_they_say() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = directions(folder.path());
+    let plain = "surface plain (string file = \"\") { C = environment (file, vector (1, 2, -2)); }";
+    let spaced = "surface spaced (string file = \"\") {
+        C = environment (file, vector (1, 2, -2), \"space\", \"shader\");
+    }";
+    let near_by = "surface near (string file = \"\") {
+        C = environment (file, P, vector (1, 0, 0), \"space\", \"shader\", \"radius\", 5);
+    }";
+    let far =
+        "surface far (string file = \"\") { C = environment (file, P, vector (1, 0, 0), \"radius\", 0); }";
+    let alpha = "surface alpha (string file = \"\") {
+        float a = 0.5, d = 0;
+        C = environment (file, vector (1, 2, -2), \"alpha\", a, \"hitdist\", d, \"firstchannel\", 1, \"fill\", 0.25);
+        C = color (C[0], a, d / 1e38);
+    }";
+    let mut f = Fixture::new(&[plain, spaced, near_by, far, alpha]);
+    let r = Vec3::new(1.0, 2.0, -2.0);
+    let turned = Transform::rotate(90.0_f32.to_radians(), Vec3::Z);
+    close(color_at(&mut f, "plain", &file, turned, [0.0; 2]), r);
+    close(color_at(&mut f, "spaced", &file, turned, [0.0; 2]), turned.inverse().vector(r));
+    // A ball of radius 5 around (0, 1, 0), seen from (0, 4, 0): three to the side.
+    let moved = Transform::translate(Vec3::Y);
+    close(color_at(&mut f, "near", &file, moved, [0.0, 4.0]), Vec3::new(4.0, 3.0, 0.0));
+    close(color_at(&mut f, "far", &file, moved, [0.0, 4.0]), Vec3::X);
+    // From the second channel on there are two; the third is filled, and what comes after is the fill as well.
+    let got = color_at(&mut f, "alpha", &file, turned, [0.0; 2]);
+    assert!((got.x - (0.5 + 1.0 / 3.0)).abs() < 0.01, "{got}");
+    near(Color::new(0.0, got.y, got.z), Color::new(0.0, 0.25, 1.0));
+    assert_eq!(f.complaints(), Vec::<String>::new());
+}
+
+#[test]
+fn what_is_missing_is_filled_told_once_and_replaced_by_substitutes() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = texture(folder.path(), "grey.tx", (16, 16), Mode::Plain, |_, _| Color::splat(0.5));
+    let missing = folder.path().join("nothing.tx");
+    let plain = "surface plain (string file = \"\") {
+        float a = 1;
+        C = texture (file, 0.5, 0.5, \"fill\", 0.25, \"alpha\", a, \"wrap\", \"clamp\");
+        C += texture (file, 0.5, 0.5, \"fill\", 0.25, \"wrap\", \"clamp\");
+        C += color (a, 0, 0);
+    }";
+    let mut f = Fixture::new(&[plain]);
+    let at = |f: &mut Fixture, file: &Path| color_at(f, "plain", file, Transform::IDENTITY, [0.0; 2]);
+    near(at(&mut f, &missing), Color::splat(0.5));
+    assert_eq!(f.complaints().iter().filter(|c| c.contains("nothing.tx")).count(), 1, "{:?}", f.complaints());
+    f.global("string texture:substtexture", file.to_str().unwrap());
+    // Its fourth channel is missing, and filled.
+    near(at(&mut f, &missing), Color::new(1.25, 1.0, 1.0));
+    near(at(&mut f, &file), Color::new(1.25, 1.0, 1.0));
+}
+
+/// A lookup does not jump where one grid ends and the next begins: a footprint is that of the surface, not of the grid.
+#[test]
+fn footprints_are_the_same_on_both_sides_of_a_border() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = texture(folder.path(), "noise.tx", (256, 256), Mode::Plain, |x, y| {
+        Color::splat(granita_base::hash::unit(granita_base::hash::words(&[x, y])))
+    });
+    let source = "surface bent (string file = \"\") {
+        float x = P[0] / 10, y = P[1] / 10;
+        C = texture (file, 0.3 + 0.3 * x * x + 0.05 * y, 0.4 + 0.2 * x + 0.3 * y * y);
+    }";
+    let mut f = Fixture::new(&[source]);
+    let surface = shader("bent", &[param("string file", file.to_str().unwrap())], Transform::IDENTITY);
+    let attributes = AttributeSet { surface: Some(surface), ..f.attributes("", &[], &[]) };
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, attributes);
+    let (scene, camera, mut environment) = f.finish();
+    environment.registry = formats();
+    let frame = ShadingContext::new(&scene, &camera, &environment);
+    let object = frame.object(&floor);
+    // Two grids of 9 x 9 points that have the points of one side in common.
+    const N: usize = 9;
+    let grid = |x0: f32| {
+        let mut grid = granita_shade::Grid::new(granita_shade::Topology::Rect { nu: N, nv: N });
+        for i in 0..N * N {
+            let (x, y) = (x0 + (i % N) as f32 * 0.25, (i / N) as f32 * 0.25);
+            grid.p.set(i, Vec3::new(x, y, 0.0));
+            (grid.u[i], grid.v[i]) = (x / 10.0, y / 10.0);
+        }
+        ShaderThread::new(&frame).shade(&object, &mut grid, &[]);
+        grid
+    };
+    let (left, right) = (grid(1.0), grid(3.0));
+    for j in 0..N {
+        let (a, b) = (left.c.get(j * N + N - 1), right.c.get(j * N));
+        assert!((a - b).abs().max_element() < 2e-3, "{j}: {a} {b}");
+    }
+}
