@@ -51,7 +51,7 @@ struct RayPrimvar {
 }
 
 /// A primitive, or a part of it, as rays see it.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct RayMesh {
     quads: Vec<Quad>,
     p: Vec<Vec3>,

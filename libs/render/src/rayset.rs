@@ -1,6 +1,7 @@
 //! Geometry sets as rays meet them.
 //!
-//! Flat meshes that neither move nor are displaced lie in one tree as they are. Of everything else a tree over boxes
+//! Flat meshes that neither move nor are displaced lie in one tree as they are, and so do the tessellations of small
+//! primitives as long as there are few of these. Of everything else a tree over boxes
 //! says which parts a ray passes; these are tessellated when the first ray comes in, as finely as the ray is wide
 //! there, and kept in a [`TessellationCache`](crate::raycache::TessellationCache).
 //!
@@ -25,17 +26,24 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+/// Bytes of a tessellation, about, for each triangle.
+const TRIANGLE_BYTES: f32 = 128.0;
+/// What part of the cache's limit small primitives may take together to be resident.
+const RESIDENT_SHARE: f32 = 1.0 / 8.0;
+
 /// A geometry set, ready for rays.
 pub(crate) struct RayScene {
     /// Which of the frame's sets.
     set: u32,
     /// Meshes that are as they are; parts of the set from 0 on.
     flats: Vec<Flat>,
-    /// Of the meshes.
+    /// Of the meshes, and of what is resident.
     tracer: Tracer,
-    /// What is tessellated on demand.
+    /// What is tessellated, small ones first.
     solids: Vec<Solid>,
-    /// Of the parts that follow the meshes: solid, and part of it.
+    /// Tessellations of the first of them: parts of the set after the meshes.
+    residents: Vec<RayMesh>,
+    /// Of the parts that follow, which are tessellated on demand: solid, and part of it.
     parts: Vec<(u32, u32)>,
     /// Of these parts.
     boxes: BoxTree,
@@ -96,7 +104,8 @@ struct AtHand {
 }
 
 /// Where hits are: meshes, and the places of the hits in them.
-pub(crate) struct Located {
+pub(crate) struct Located<'a> {
+    residents: &'a [RayMesh],
     meshes: Vec<Arc<Tessellation>>,
     temporary: Vec<RayMesh>,
     places: Vec<Place>,
@@ -117,14 +126,16 @@ struct HitFacets {
 #[derive(Clone, Copy)]
 enum Place {
     Kept(u32, u32),
+    Resident(u32, u32),
     Temporary(u32, u32),
 }
 
-impl Located {
+impl Located<'_> {
     /// The mesh of hit `k`, and the triangle in it.
     pub(crate) fn get(&self, k: usize) -> Option<(&RayMesh, u32)> {
         match self.places[k] {
             Place::Kept(mesh, triangle) => Some((self.meshes[mesh as usize].mesh.as_ref()?, triangle)),
+            Place::Resident(mesh, triangle) => Some((&self.residents[mesh as usize], triangle)),
             Place::Temporary(mesh, triangle) => Some((&self.temporary[mesh as usize], triangle)),
         }
     }
@@ -169,13 +180,28 @@ impl RayScene {
                 Member::Solid(solid) => solids.push(solid),
             }
         }
+        // First, so that hits at one distance have the same order whether they are resident or not.
+        solids.sort_by_key(|solid: &Solid| !solid.is_small());
+        let mut residents = Vec::new();
         let mut builder = TracerBuilder::new();
         flats.iter().for_each(|flat| _ = builder.add_triangles(flat));
+        let small = || solids.iter().filter(|solid| solid.is_small());
+        let bytes = small().map(|solid| solid.triangles() * TRIANGLE_BYTES).sum::<f32>();
+        if bytes <= frame.rays.cache.limit() as f32 * RESIDENT_SHARE {
+            let mut thread = ShaderThread::new(frame);
+            for solid in small() {
+                let (mesh, triangles) = solid.tessellate(0, Level::FINEST, &mut thread).unwrap_or_default();
+                builder.add(triangles);
+                residents.push(mesh);
+            }
+        }
         let tracer = builder.build(threads);
-        let each = solids.iter().enumerate();
-        let parts: Vec<(u32, u32)> =
-            each.flat_map(|(s, solid)| (0..solid.parts.len()).map(move |p| (s as u32, p as u32))).collect();
-        let bounds: Vec<Bound> = solids.iter().flat_map(|s| s.parts.iter().map(|p| p.bound)).collect();
+        let each = solids.iter().enumerate().skip(residents.len());
+        let parts: Vec<(u32, u32)> = each
+            .clone()
+            .flat_map(|(s, solid)| (0..solid.parts.len()).map(move |p| (s as u32, p as u32)))
+            .collect();
+        let bounds: Vec<Bound> = each.clone().flat_map(|(_, s)| s.parts.iter().map(|p| p.bound)).collect();
         let objects = || flats.iter().map(|f| &f.object).chain(solids.iter().map(|s| &s.object));
         Self {
             set,
@@ -185,6 +211,7 @@ impl RayScene {
             tracer,
             flats,
             solids,
+            residents,
             parts,
             areas: OnceLock::new(),
         }
@@ -195,38 +222,52 @@ impl RayScene {
         let triangles: usize = self.flats.iter().map(Flat::triangles).sum();
         let solids: usize = self.solids.iter().map(Solid::bytes).sum();
         let parts = self.parts.capacity() * size_of::<(u32, u32)>();
-        (triangles as u64, (self.tracer.bytes() + self.boxes.bytes() + parts + solids) as u64)
+        let residents: usize = self.residents.iter().map(RayMesh::bytes).sum();
+        let triangles = triangles + self.residents.iter().map(|m| m.triangles() as usize).sum::<usize>();
+        (triangles as u64, (self.tracer.bytes() + self.boxes.bytes() + parts + solids + residents) as u64)
     }
 
     /// The object that was hit.
     pub(crate) fn object(&self, hit: &SetHit) -> &Arc<ObjectState> {
-        match self.solid(hit.part) {
-            Some((solid, _)) => &solid.object,
+        match self.solid_of(hit.part) {
+            Some(solid) => &self.solids[solid].object,
             None => &self.flats[hit.part as usize].object,
         }
     }
 
     /// Which primitive was hit: a number for sorting, and its identity.
     pub(crate) fn primitive(&self, hit: &SetHit) -> (u32, u32) {
-        match self.solid(hit.part) {
-            Some((solid, _)) => {
-                let own = self.parts[hit.part as usize - self.flats.len()].0;
-                (self.flats.len() as u32 + own, solid.primitive.id)
-            }
+        match self.solid_of(hit.part) {
+            Some(solid) => ((self.flats.len() + solid) as u32, self.solids[solid].primitive.id),
             None => (hit.part, self.flats[hit.part as usize].primitive.id),
         }
     }
 
-    fn solid(&self, part: u32) -> Option<(&Solid, u32)> {
-        let (solid, own) = *self.parts.get((part as usize).checked_sub(self.flats.len())?)?;
-        Some((&self.solids[solid as usize], own))
+    /// Parts that are not made on demand.
+    fn settled(&self) -> usize {
+        self.flats.len() + self.residents.len()
+    }
+
+    /// Which solid a part is of.
+    fn solid_of(&self, part: u32) -> Option<usize> {
+        match self.solid(part) {
+            Some((solid, _)) => Some(solid),
+            None => (part as usize).checked_sub(self.flats.len()),
+        }
+    }
+
+    /// Of a part that is made on demand: the solid, and which part of it.
+    fn solid(&self, part: u32) -> Option<(usize, u32)> {
+        let (solid, own) = *self.parts.get((part as usize).checked_sub(self.settled())?)?;
+        Some((solid as usize, own))
     }
 
     /// A part that is made on demand, at a level.
     fn part(&self, thread: &mut ShaderThread<'_>, part: u32, level: Level) -> Arc<Tessellation> {
         let cache = &thread.frame().rays.cache;
         cache.get(Key { set: self.set, part, level }, || {
-            let made = self.solid(part).and_then(|(solid, own)| solid.tessellate(own, level, thread));
+            let solid = self.solid(part);
+            let made = solid.and_then(|(solid, own)| self.solids[solid].tessellate(own, level, thread));
             let mut builder = TracerBuilder::within(self.boxes.bound());
             let mesh = made.map(|(mesh, triangles)| {
                 builder.add(triangles);
@@ -276,7 +317,7 @@ impl RayScene {
                 }
             };
             known = Some((solid, level));
-            let part = self.flats.len() as u32 + passage.index;
+            let part = self.settled() as u32 + passage.index;
             let made = self.part_at_hand(thread, hand, part, level);
             passed(&made.tracer, part, level)
         });
@@ -361,8 +402,10 @@ impl RayScene {
     }
 
     /// The meshes of some hits.
-    pub(crate) fn locate(&self, thread: &mut ShaderThread<'_>, hits: &[SetHit]) -> Located {
-        let mut located = Located { meshes: Vec::new(), temporary: Vec::new(), places: Vec::new() };
+    pub(crate) fn locate(&self, thread: &mut ShaderThread<'_>, hits: &[SetHit]) -> Located<'_> {
+        let residents = &self.residents[..];
+        let mut located =
+            Located { residents, meshes: Vec::new(), temporary: Vec::new(), places: Vec::new() };
         let mut kept: HashMap<(u32, Level), u32> = HashMap::new();
         let mut flats: HashMap<u32, HitFacets> = HashMap::new();
         for hit in hits {
@@ -372,6 +415,8 @@ impl RayScene {
                     located.meshes.len() as u32 - 1
                 });
                 located.places.push(Place::Kept(mesh, hit.triangle));
+            } else if let Some(k) = (hit.part as usize).checked_sub(self.flats.len()) {
+                located.places.push(Place::Resident(k as u32, hit.triangle));
             } else {
                 let mesh = flats.len() as u32;
                 let flat = flats.entry(hit.part).or_insert(HitFacets { mesh, ..HitFacets::default() });
@@ -434,13 +479,20 @@ impl RayScene {
                 }
             }
         }
-        for part in 0..self.parts.len() as u32 {
-            let part = self.flats.len() as u32 + part;
-            let made = self.part(thread, part, Level::FINEST);
-            let Some(mesh) = &made.mesh else { continue };
+        let mut add = |part: usize, mesh: &RayMesh| {
             for t in 0..mesh.triangles() {
                 let [a, b, c] = mesh.corners(t);
-                table.push(part, t, area(a, b, c));
+                table.push(part as u32, t, area(a, b, c));
+            }
+        };
+        for (k, mesh) in self.residents.iter().enumerate() {
+            add(self.flats.len() + k, mesh);
+        }
+        for k in 0..self.parts.len() {
+            let part = self.settled() + k;
+            let made = self.part(thread, part as u32, Level::FINEST);
+            if let Some(mesh) = &made.mesh {
+                add(part, mesh);
             }
         }
         table

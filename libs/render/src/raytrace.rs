@@ -383,7 +383,7 @@ impl ShaderThread<'_> {
         &mut self,
         scene: &RayScene,
         pending: &[Pending],
-        visit: &mut dyn FnMut(&mut Self, &Located, &[usize]),
+        visit: &mut dyn FnMut(&mut Self, &Located<'_>, &[usize]),
     ) {
         let mut order: Vec<usize> = (0..pending.len()).collect();
         order.sort_by_key(|k| (scene.primitive(&pending[*k].hit).0, pending[*k].hit.order().0, *k));

@@ -512,6 +512,16 @@ fn an_area_light_shines_from_its_surface() {
 
 /// The "rgb" pixels of a whole frame.
 fn picture(fixture: &Fixture, threads: usize, bucket: i32) -> Vec<f32> {
+    picture_within(fixture, threads, bucket, u64::MAX).0
+}
+
+/// As [`picture`], with so many bytes of tessellations for rays; and what came of these.
+fn picture_within(
+    fixture: &Fixture,
+    threads: usize,
+    bucket: i32,
+    limit: u64,
+) -> (Vec<f32>, crate::ShadingStatistics) {
     let (scene, _, mut environment) = fixture.finish();
     environment.registry = granita_plugin::bundled_formats(granita_image::Limits::default());
     environment.threads = threads;
@@ -521,6 +531,7 @@ fn picture(fixture: &Fixture, threads: usize, bucket: i32) -> Vec<f32> {
     camera.params.set(param("int[2] limits:bucketsize", &[bucket, bucket][..]));
     let view = crate::CameraView::new(&camera, &environment.reporter);
     let frame = ShadingContext::new(&scene, &view, &environment);
+    frame.rays.cache.set_limit(limit);
     let output = granita_scene::Output {
         name: "never written".into(),
         format: "tiff".into(),
@@ -544,7 +555,7 @@ fn picture(fixture: &Fixture, threads: usize, bucket: i32) -> Vec<f32> {
         scene_files: &[],
     };
     crate::frame::render(&scene, &frame, options, std::slice::from_mut(&mut outputs)).unwrap();
-    outputs.images.remove(0).pixels
+    (outputs.images.remove(0).pixels, frame.statistics())
 }
 
 #[test]
@@ -570,5 +581,11 @@ fn a_picture_with_rays_does_not_show_threads_or_buckets() {
     assert!(reference.iter().any(|v| *v > 0.1));
     for (threads, bucket) in [(3, 32), (2, 7), (1, 64)] {
         assert!(picture(&f, threads, bucket) == reference, "{threads} threads, buckets of {bucket}");
+    }
+    // Nor what is kept for rays.
+    for threads in [1, 2] {
+        let (pixels, counts) = picture_within(&f, threads, 16, 10_000);
+        assert!(pixels == reference, "{threads} threads");
+        assert!(counts.ray_tessellations_given_up > 10, "{counts:?}");
     }
 }

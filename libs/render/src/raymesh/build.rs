@@ -94,6 +94,8 @@ pub(crate) struct Solid {
     pub(crate) bound: Bound,
     /// Size of the camera's pixels where it is farthest from the camera.
     pixel_world: f32,
+    /// Its triangles at the finest level, about.
+    triangles: f32,
 }
 
 /// A mesh of flat faces that neither moves nor is displaced: its triangles are what rays meet.
@@ -175,6 +177,7 @@ pub(crate) fn prepare(
         parts: Vec::new(),
         bound: Bound::EMPTY,
         pixel_world: 0.0,
+        triangles: 0.0,
     };
     solid.divide(pieces, camera);
     if displaced && solid.object.max_displacement_world <= 0.0 {
@@ -209,12 +212,22 @@ impl ShadingContext {
 }
 
 impl Solid {
+    /// Whether it is a single part of some triangles that no shader moves: not worth more levels than one.
+    pub(crate) fn is_small(&self) -> bool {
+        !self.displaced && self.parts.len() == 1 && self.triangles <= PART_TRIANGLES
+    }
+
+    /// Its triangles at the finest level, about.
+    pub(crate) fn triangles(&self) -> f32 {
+        self.triangles
+    }
+
     /// The level at which a ray sees it: as coarse as the ray is wide where it comes into its box, but the finest for rays
-    /// that start there.
+    /// that start there, and of what is small.
     pub(crate) fn level(&self, origin: Vec3, dir: Vec3, width: f32, spread: f32) -> Level {
         let (a, b) = ((self.bound.min - origin) / dir, (self.bound.max - origin) / dir);
         let enters = a.min(b).max_element();
-        if enters > 0.0 && enters.is_finite() && self.pixel_world > 0.0 {
+        if !self.is_small() && enters > 0.0 && enters.is_finite() && self.pixel_world > 0.0 {
             Level::for_width((width + spread * enters) / self.pixel_world)
         } else {
             Level::FINEST
@@ -255,14 +268,15 @@ impl Solid {
             measures: Level::ALL.map(|level| self.measure(camera, level)),
             roots: Vec::new(),
             parts: Vec::new(),
+            triangles: 0.0,
         };
         for piece in pieces {
             if let Some((piece, _)) = division.run(piece) {
                 division.add_root(piece);
             }
         }
-        let Division { roots, parts, .. } = division;
-        (self.roots, self.parts) = (roots, parts);
+        let Division { roots, parts, triangles, .. } = division;
+        (self.roots, self.parts, self.triangles) = (roots, parts, triangles);
     }
 
     /// Tessellates a part. `None` without a surface.
@@ -341,6 +355,8 @@ struct Division<'a> {
     measures: [(Measure<'a>, DiceSettings); Level::ALL.len()],
     roots: Vec<Piece>,
     parts: Vec<Part>,
+    /// Of what cannot be divided any more, so far.
+    triangles: f32,
 }
 
 impl Division<'_> {
@@ -396,6 +412,7 @@ impl Division<'_> {
         let triangles = 2.0 * u.ceil() * v.ceil();
         let small = !must_split && triangles <= PART_TRIANGLES;
         if small || !piece.is_splittable() || path.len() >= MAX_SPLITS {
+            self.triangles += triangles;
             return Some(triangles);
         }
         let direction = if u >= v { SplitDirection::U } else { SplitDirection::V };
