@@ -582,10 +582,7 @@ fn a_picture_with_rays_does_not_show_threads_or_buckets() {
     for (threads, bucket) in [(3, 32), (2, 7), (1, 64)] {
         assert!(picture(&f, threads, bucket) == reference, "{threads} threads, buckets of {bucket}");
     }
-    // Nor what is kept for rays.
-    for threads in [1, 2] {
-        let (pixels, counts) = picture_within(&f, threads, 16, 10_000);
-        assert!(pixels == reference, "{threads} threads");
-        assert!(counts.ray_tessellations_given_up > 10, "{counts:?}");
-    }
+    // Nor whether the balls share a tree.
+    let (pixels, counts) = picture_within(&f, 2, 16, 1_000_000);
+    assert!(pixels == reference && counts.ray_tessellations > 0, "{counts:?}");
 }

@@ -87,7 +87,8 @@ fn nothing_leaks_at_any_level() {
             let leaks = &mut leaks[level.scale().log(4.0).round() as usize];
             *leaks += usize::from(!hit.is_hit() || p.length() < inner || r.ray.dir.dot(p) > 0.0);
         }
-        assert!(levels.iter().all(|n| *n > 1000), "{name}: {levels:?}");
+        // What is small has one level.
+        assert!(solid.is_small() || levels.iter().all(|n| *n > 1000), "{name}: {levels:?}");
         assert_eq!(leaks, [0; 3], "{name}");
         // From inside, where the finest counts.
         let out: Vec<RayRequest> = (0..6000)
@@ -171,7 +172,7 @@ fn everywhere(n: u32) -> Vec<RayRequest> {
 fn what_is_kept_does_not_show() {
     let f = mixed();
     let (scene, camera, environment) = f.finish();
-    let requests = everywhere(3000);
+    let requests = everywhere(600);
     let trace = |limit: u64, threads: usize, backwards: bool| {
         let frame = ShadingContext::new(&scene, &camera, &environment);
         frame.rays.cache.set_limit(limit);
@@ -203,19 +204,17 @@ fn what_is_kept_does_not_show() {
     };
     let (reference, all) = trace(u64::MAX, 1, false);
     assert!(reference.iter().all(|(hit, any)| hit.is_hit() == *any));
-    assert!(reference.iter().filter(|r| r.1).count() > 1000);
+    assert!(reference.iter().filter(|r| r.1).count() > 200);
     assert_eq!((all.given_up, all.bytes), (0, all.peak_bytes));
     let (found, counts) = trace(u64::MAX, 3, true);
     assert_eq!((&found, counts.made), (&reference, all.made));
-    for limit in [all.bytes / 4, all.bytes / 20] {
-        for threads in [1, 3] {
-            let (found, counts) = trace(limit, threads, threads == 3);
-            assert_eq!(found, reference);
-            assert!(counts.given_up > 0 && counts.made > all.made, "{counts:?}");
-            // What was just made comes on top.
-            assert!(counts.peak_bytes < limit + all.bytes / 8, "{counts:?} {limit}");
-            assert!(counts.bytes <= limit + all.bytes / 8, "{counts:?} {limit}");
-        }
+    for (limit, threads) in [(all.bytes / 3, 1), (all.bytes / 3, 3), (all.bytes / 12, 1)] {
+        let (found, counts) = trace(limit, threads, threads == 3);
+        assert_eq!(found, reference);
+        assert!(counts.given_up > 0 && counts.made > all.made, "{counts:?}");
+        // What was just made comes on top.
+        assert!(counts.peak_bytes < limit + all.bytes / 8, "{counts:?} {limit}");
+        assert!(counts.bytes <= limit + all.bytes / 8, "{counts:?} {limit}");
     }
 }
 
