@@ -211,11 +211,11 @@ def main():
         best, _ = ours(our_box(side, '"float samples", 2048, "float maxerror", 0.1'))
         print("Cornell box, one bounce, means over walls\n\n| wall | gelato | Mitsuba | difference, % |\n|---|---|---|---|")
         names = list(WALLS) + list(BLOCKS)
-        for shape in range(where.max() + 1):
+        for shape, name in enumerate(names, 1):
             mask = where == shape
-            if mask.sum() > 50:
+            if mask.any():
                 a, b = (best - direct)[mask].mean(), (0.5 * (reference[0] + reference[1]))[mask].mean()
-                print(f"| {names[shape] if shape < len(names) else shape} | {a:.4f} | {b:.4f} | {100 * (a / b - 1):+.2f} |")
+                print(f"| {name} | {a:.4f} | {b:.4f} | {100 * (a / b - 1):+.2f} |")
         mask = where >= 0
         rows = []
         for samples in (64, 256, 1024) if words.quick else (64, 256, 1024, 4096):

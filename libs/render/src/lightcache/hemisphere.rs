@@ -174,8 +174,8 @@ impl Strata {
         }
         // The cone's share of the hemisphere counts as one.
         let scale = 1.0 / (PI * self.sin * self.sin);
-        for c in 0..kind.channels() {
-            record.by_place[c] = (u * places[0][c] + v * places[1][c]) * scale;
+        for (c, change) in record.by_place.iter_mut().enumerate().take(kind.channels()) {
+            *change = (u * places[0][c] + v * places[1][c]) * scale;
         }
         let [xx, yy, xy] = second.map(|x| x * scale);
         let product = |a: Vec3, b: Vec3| {

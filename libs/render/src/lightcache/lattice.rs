@@ -490,13 +490,13 @@ impl<'a> Ends<'a> {
         let n = [points.n[la as usize], points.n[lb as usize]];
         let (d, dn) = (p[1] - p[0], n[1] - n[0]);
         let mut slopes = [[0.0; 3]; 2];
-        for c in 0..lattice.kind.channels() {
-            let straight = b.value[c] - a.value[c];
-            // What noise may do is bounded.
-            let most = 0.5 * a.value[c].abs().max(b.value[c].abs());
-            for (end, r) in [a, b].into_iter().enumerate() {
+        for (r, slopes) in [a, b].into_iter().zip(&mut slopes) {
+            for (c, out) in slopes.iter_mut().enumerate().take(lattice.kind.channels()) {
+                let straight = b.value[c] - a.value[c];
+                // What noise may do is bounded.
+                let most = 0.5 * a.value[c].abs().max(b.value[c].abs());
                 let slope = r.by_place[c].dot(d) + r.by_normal[c].dot(dn);
-                slopes[end][c] = straight + (slope - straight).clamp(-most, most);
+                *out = straight + (slope - straight).clamp(-most, most);
             }
         }
         Self { lattice, a, b, p, n, slopes }

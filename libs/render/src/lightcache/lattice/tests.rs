@@ -135,9 +135,9 @@ fn points_that_are_off_are_left_alone() {
         points.p[k] = Vec3::NAN;
     }
     let (known, records) = filled(&points, &f, USUAL);
-    for k in 0..81 {
-        assert_eq!(known[k].is_some(), points.active[k]);
-        if let Some(r) = &known[k] {
+    for (k, record) in known.iter().enumerate() {
+        assert_eq!(record.is_some(), points.active[k]);
+        if let Some(r) = record {
             assert!((r.value[0] - f(points.p[k])).abs() < 1e-5);
         }
     }
