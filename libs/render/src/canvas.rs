@@ -1,8 +1,8 @@
 //! Pixels of one image while a frame is rendered.
 //!
 //! A small image is kept until the frame is done. Of a large one only the rows are kept that have begun and are not
-//! finished: they are written as soon as all rows above them are. That bounds memory as long as buckets come in rows from
-//! the top (the "bucketorder" "horizontal").
+//! finished: they are written as soon as all rows above them are. That bounds memory where buckets come in rows from the
+//! top, and so they do for large images, whatever "bucketorder" says.
 
 use crate::bucket::Buckets;
 use crate::output::{ImageWriter, OutputImage};
@@ -51,6 +51,16 @@ pub(crate) enum Finished {
 }
 
 impl Canvas {
+    /// Whether an image that `camera` sees is written while it is rendered, and so wants its buckets from the top.
+    pub(crate) fn is_large(image: &OutputImage, camera: &CameraView) -> bool {
+        Self::bytes(image, camera) > LARGE_BYTES
+    }
+
+    fn bytes(image: &OutputImage, camera: &CameraView) -> usize {
+        let pixels = camera.crop.width().saturating_mul(camera.crop.height());
+        pixels.saturating_mul(image.channels.len() * size_of::<f32>())
+    }
+
     /// For an image as `camera` sees it. A large one is begun in its format; without `registry` all are kept.
     pub(crate) fn new(
         image: &OutputImage,
@@ -70,7 +80,7 @@ impl Canvas {
     ) -> Self {
         let (crop, channels) = (camera.crop, image.channels.len());
         let values = crop.width() * crop.height() * channels;
-        let state = match registry.filter(|_| values * size_of::<f32>() > large_bytes) {
+        let state = match registry.filter(|_| Self::bytes(image, camera) > large_bytes) {
             None => State::Kept(vec![0.0; values]),
             Some(registry) => {
                 let (rows, columns) = buckets.rows();

@@ -12,7 +12,7 @@ use crate::environment::Progress;
 use crate::film;
 use crate::griddump::GridDump;
 use crate::hider::{CompositeSettings, Projector, SamplePattern};
-use crate::output::OutputSet;
+use crate::output::{OutputImage, OutputSet};
 use crate::statistics::{Counters, Statistics, add};
 use crate::unread::is_moving;
 use crate::{CameraView, PixelRect, RenderError};
@@ -140,7 +140,17 @@ pub(crate) fn render<S: FrameShader>(
     let (progress, stop, registry) = (options.progress, options.stop, options.registry);
     let eyes = options.eyes;
     let Some(plan) = outputs.first() else { return Ok((Statistics::default(), true)) };
-    let bucket = (shared(camera, threads), &*camera.bucketorder);
+    let mut order = &*camera.bucketorder;
+    let is_large = |image: &OutputImage| eyes.iter().any(|eye| Canvas::is_large(image, eye));
+    if order != "horizontal" && registry.is_some() && plan.images.iter().any(is_large) {
+        options.reporter.say(
+            Severity::Warning,
+            &Location::default(),
+            format!("\"bucketorder\" \"{order}\": an image this large is rendered from the top, to be written meanwhile"),
+        );
+        order = "horizontal";
+    }
+    let bucket = (shared(camera, threads), order);
     let frame = Frame::new(scene, shader, options, plan, bucket);
     let canvas = |image, eye| Mutex::new(Canvas::new(image, eye, &frame.buckets, registry));
     let canvases: Vec<Mutex<Canvas>> = outputs

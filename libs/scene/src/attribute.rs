@@ -192,7 +192,7 @@ pub const TABLE: &[AttributeRow] = &[
         "4.1",
         "bucketorder",
         &["horizontal", "vertical", "spiral"],
-        "order in which buckets are made",
+        "order in which buckets are made: \"horizontal\", \"vertical\" or \"spiral\"; images of more than 256 MiB come from the top",
     ),
     camera((INT, "limits:bucketblocksize"), Ints(&[2]), "buckets per side of a cluster").hint(),
     camera((INT, "limits:autopassreduction"), Ints(&[1]), "take fewer samples where nothing blurs"),
