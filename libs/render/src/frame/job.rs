@@ -9,7 +9,7 @@ use crate::{PixelRect, Projection, preshaded};
 use granita_base::{Bound, Severity, Transform, Vec3};
 use granita_geom::{Piece, ShapeKey, SplitDirection, Surface};
 use granita_scene::Primitive;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// A primitive that is in view.
@@ -120,6 +120,16 @@ struct Seen {
     blurs: bool,
 }
 
+/// Shares of a primitive for each thread that splits it.
+const SHARES: usize = 32;
+
+/// Something on its way to leaves.
+enum Node {
+    /// To be looked at; so many splits led to it.
+    Piece(Piece, u32),
+    Leaf(Box<[Sighting]>, Leaf),
+}
+
 /// What moves or is out of focus by less than this (pixels) counts as still and sharp. It is less than rims are widened,
 /// so that no crack opens beside what blurs a little more.
 const LEAST_BLUR_PX: f32 = 0.01;
@@ -225,48 +235,21 @@ impl<S: FrameShader> Frame<'_, S> {
             let pieces = std::mem::take(&mut *job.pieces.lock().unwrap_or_else(PoisonError::into_inner));
             let mut leaves = Vec::new();
             let mut of_bucket = vec![Vec::new(); self.eyes.len()];
-            let mut stack: Vec<(Piece, u32)> = pieces.into_iter().rev().map(|p| (p, 0)).collect();
-            while let Some((piece, depth)) = stack.pop() {
-                let sighting = |eye: &Eye<'_>| {
-                    let seen = self.seen(eye, &*piece, &job.placement, &job.traits);
-                    let rect = pixels_of(seen.bound_px, &self.region);
-                    Sighting { rect, z_min: seen.z_min, blurs: seen.blurs }
-                };
-                let seen: Box<[Sighting]> = self.eyes.iter().map(sighting).collect();
-                if seen.iter().all(|s| s.rect.is_empty()) {
-                    add(&self.counters.pieces_culled, 1);
-                    continue;
-                }
-                let plan = match piece.lattice() {
-                    Some([nu, nv]) if nu * nv <= preshaded::MOST_POINTS => {
-                        Plan::Dice(Rates { nu, nv, ..Rates::default() })
-                    }
-                    Some([nu, nv]) if nu > nv => Plan::Split(SplitDirection::U, [None; 4]),
-                    Some(_) => Plan::Split(SplitDirection::V, [None; 4]),
-                    None => self.measure.plan(&*piece, &job.placement, &job.settings, depth),
-                };
-                match plan {
-                    Plan::Split(direction, settled) => {
-                        let parts = piece.split_settled(direction, settled);
-                        stack.extend(parts.into_iter().rev().map(|p| (p, depth + 1)));
-                    }
-                    Plan::Dice(rates) => {
-                        let Ok(index) = u32::try_from(leaves.len()) else { break };
-                        let mut uses = 0;
-                        for (of_bucket, seen) in of_bucket.iter_mut().zip(&seen) {
-                            for bucket in self.buckets.touching(&seen.rect.grown(self.margin)) {
-                                of_bucket.push((bucket, index));
-                                uses += 1;
-                            }
-                        }
-                        leaves.push(LeafSlot {
-                            seen,
-                            state: Mutex::new(LeafState::Waiting(Leaf { piece, rates: Box::new(rates) })),
-                            uses: AtomicU32::new(uses),
-                            again: self.again,
-                        });
+            for (seen, leaf) in self.leaves(job, pieces) {
+                let Ok(index) = u32::try_from(leaves.len()) else { break };
+                let mut uses = 0;
+                for (of_bucket, seen) in of_bucket.iter_mut().zip(&seen) {
+                    for bucket in self.buckets.touching(&seen.rect.grown(self.margin)) {
+                        of_bucket.push((bucket, index));
+                        uses += 1;
                     }
                 }
+                leaves.push(LeafSlot {
+                    seen,
+                    state: Mutex::new(LeafState::Waiting(leaf)),
+                    uses: AtomicU32::new(uses),
+                    again: self.again,
+                });
             }
             add(&self.counters.grids, leaves.len());
             of_bucket.iter_mut().for_each(|list| list.sort_unstable());
@@ -275,6 +258,96 @@ impl<S: FrameShader> Frame<'_, S> {
             passed.into_iter().flatten().for_each(|(eye, bucket)| split.release(eye, bucket));
             split
         })
+    }
+
+    /// What pieces are split into, in order: parts in the place of what they are parts of. Large ones by all threads, since
+    /// others may wait for them.
+    fn leaves(&self, job: &Job<S::Object>, pieces: Vec<Piece>) -> Vec<(Box<[Sighting]>, Leaf)> {
+        let threads = self.options.threads;
+        let enough = SHARES * threads;
+        let mut nodes: Vec<Node> = pieces.into_iter().map(|p| Node::Piece(p, 0)).collect();
+        let open = |nodes: &[Node]| nodes.iter().filter(|node| matches!(node, Node::Piece(..))).count();
+        while threads > 1 && (1..enough).contains(&open(&nodes)) {
+            let step = |node| match node {
+                Node::Piece(piece, depth) => self.step(job, piece, depth),
+                leaf => vec![leaf],
+            };
+            nodes = nodes.into_iter().flat_map(step).collect();
+        }
+        let finish = |nodes: Vec<Node>| {
+            let mut leaves = Vec::new();
+            let mut stack: Vec<Node> = nodes.into_iter().rev().collect();
+            while let Some(node) = stack.pop() {
+                match node {
+                    Node::Leaf(seen, leaf) => leaves.push((seen, leaf)),
+                    Node::Piece(piece, depth) => {
+                        stack.extend(self.step(job, piece, depth).into_iter().rev());
+                    }
+                }
+            }
+            leaves
+        };
+        if threads == 1 || open(&nodes) == 0 {
+            return finish(nodes);
+        }
+        let share = nodes.len().div_ceil(enough);
+        let mut shares: Vec<Mutex<Vec<Node>>> = Vec::with_capacity(enough);
+        let mut nodes = nodes.into_iter();
+        while nodes.len() > 0 {
+            shares.push(Mutex::new(nodes.by_ref().take(share).collect()));
+        }
+        let next = AtomicUsize::new(0);
+        let work = || {
+            let mut mine = Vec::new();
+            loop {
+                let index = next.fetch_add(1, Ordering::Relaxed);
+                let Some(share) = shares.get(index) else { break mine };
+                let nodes = std::mem::take(&mut *share.lock().unwrap_or_else(PoisonError::into_inner));
+                mine.push((index, finish(nodes)));
+            }
+        };
+        let mut done = std::thread::scope(|scope| {
+            let helpers: Vec<_> = (1..threads).map(|_| scope.spawn(work)).collect();
+            let mut done = work();
+            for helper in helpers {
+                match helper.join() {
+                    Ok(list) => done.extend(list),
+                    Err(panic) => std::panic::resume_unwind(panic),
+                }
+            }
+            done
+        });
+        done.sort_unstable_by_key(|(index, _)| *index);
+        done.into_iter().flat_map(|(_, leaves)| leaves).collect()
+    }
+
+    /// Looks at a piece: its parts, itself as a leaf, or nothing where nothing is to be seen.
+    fn step(&self, job: &Job<S::Object>, piece: Piece, depth: u32) -> Vec<Node> {
+        let sighting = |eye: &Eye<'_>| {
+            let seen = self.seen(eye, &*piece, &job.placement, &job.traits);
+            let rect = pixels_of(seen.bound_px, &self.region);
+            Sighting { rect, z_min: seen.z_min, blurs: seen.blurs }
+        };
+        let seen: Box<[Sighting]> = self.eyes.iter().map(sighting).collect();
+        if seen.iter().all(|s| s.rect.is_empty()) {
+            add(&self.counters.pieces_culled, 1);
+            return Vec::new();
+        }
+        let plan = match piece.lattice() {
+            Some([nu, nv]) if nu * nv <= preshaded::MOST_POINTS => {
+                Plan::Dice(Rates { nu, nv, ..Rates::default() })
+            }
+            Some([nu, nv]) if nu > nv => Plan::Split(SplitDirection::U, [None; 4]),
+            Some(_) => Plan::Split(SplitDirection::V, [None; 4]),
+            None => self.measure.plan(&*piece, &job.placement, &job.settings, depth),
+        };
+        match plan {
+            Plan::Split(direction, settled) => {
+                let parts = piece.split_settled(direction, settled);
+                parts.into_iter().map(|p| Node::Piece(p, depth + 1)).collect()
+            }
+            Plan::Dice(rates) => vec![Node::Leaf(seen, Leaf { piece, rates: Box::new(rates) })],
+        }
     }
 
     /// An eye needs nothing of a primitive in a bucket: one that nobody needs is never split.
