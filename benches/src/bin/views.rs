@@ -24,8 +24,9 @@ struct Ratio {
 }
 
 /// All that are printed: the second side over the first.
-const RATIOS: [Ratio; 7] = [
+const RATIOS: [Ratio; 8] = [
     ratio("fur: 8 x 8 samples over 4 x 4", [("fur.pyg", &[]), ("fur8.pyg", &[])], 1.3),
+    ratio("first: 8 x 8 samples over 4 x 4", [("first.pyg", &[]), ("first8.pyg", &[])], 1.3),
     ratio("fur: stereo over mono", [("fur.pyg", &[]), ("stereo.pyg", &[])], 1.35),
     ratio("first: stereo over mono", [("first.pyg", &[]), ("first-stereo.pyg", &[])], 1.35),
     speed_up("fur: -preview 0.1", [("fur.pyg", &["-preview", "0.1"]), ("fur.pyg", &[])], false, 10.0),
@@ -124,5 +125,10 @@ fn prepare(gelato: &Path, place: &Path) -> Result<(), String> {
     let eyes =
         "Attribute (\"float stereo:separation\", 0.35)\nAttribute (\"float stereo:convergence\", 11)\n";
     write("first-stereo.pyg", format!("{eyes}{frame}"))?;
+    let asked = "spatialquality\", (4, 4)";
+    if !frame.contains(asked) {
+        return Err(format!("first.pyg no longer says {asked}"));
+    }
+    write("first8.pyg", frame.replace(asked, "spatialquality\", (8, 8)"))?;
     write("first.pyg", frame)
 }
