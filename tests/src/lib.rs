@@ -41,3 +41,29 @@ pub use case::{Case, Line, Outcome, cases, run};
 pub use picture::Picture;
 pub use programs::{Ran, Tools, has_program, repository};
 pub use report::write_report;
+
+/// Copies `examples/first` below `place`, its pictures a quarter as large.
+///
+/// # Errors
+/// What cannot be copied.
+pub fn copy_first(place: &std::path::Path) -> Result<(), String> {
+    let told = |e: std::io::Error| format!("examples/first: {e}");
+    let (from, to) = (repository().join("examples/first"), place.join("examples/first"));
+    std::fs::create_dir_all(&to).map_err(told)?;
+    for entry in std::fs::read_dir(from).map_err(told)? {
+        let entry = entry.map_err(told)?;
+        if entry.path().is_file() {
+            std::fs::copy(entry.path(), to.join(entry.file_name())).map_err(told)?;
+        }
+    }
+    for (file, large, small) in
+        [("first.pyg", "(640, 400)", "(160, 100)"), ("shadow.pyg", "(1024, 1024)", "(256, 256)")]
+    {
+        let text = std::fs::read_to_string(to.join(file)).map_err(told)?;
+        if !text.contains(large) {
+            return Err(format!("{file} has another resolution"));
+        }
+        std::fs::write(to.join(file), text.replace(large, small)).map_err(told)?;
+    }
+    Ok(())
+}

@@ -3,34 +3,14 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use granita_tests::{Picture, Tools, repository};
-use std::path::Path;
-
-/// Copies `examples/first` below `place`, its pictures smaller.
-fn copy_example(place: &Path) {
-    let (from, to) = (repository().join("examples/first"), place.join("examples/first"));
-    std::fs::create_dir_all(&to).unwrap();
-    for entry in std::fs::read_dir(from).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_file() {
-            std::fs::copy(&path, to.join(path.file_name().unwrap())).unwrap();
-        }
-    }
-    for (file, large, small) in
-        [("first.pyg", "(640, 400)", "(160, 100)"), ("shadow.pyg", "(1024, 1024)", "(256, 256)")]
-    {
-        let text = std::fs::read_to_string(to.join(file)).unwrap();
-        assert!(text.contains(large), "{file} has another resolution");
-        std::fs::write(to.join(file), text.replace(large, small)).unwrap();
-    }
-}
+use granita_tests::{Picture, Tools, copy_first};
 
 #[test]
 fn the_first_picture_is_the_same_to_the_bit() {
     let tools = Tools::build().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let place = folder.path();
-    copy_example(place);
+    copy_first(place).unwrap();
     let gelato = |arguments: &[&str]| {
         let ran = tools.run(place, "gelato", arguments).unwrap();
         assert!(ran.status == 0 && ran.stderr.is_empty(), "{arguments:?}: {}\n{}", ran.status, ran.stderr);

@@ -1,5 +1,6 @@
 //! What a renderer is given from outside.
 
+use crate::spread::Spread;
 use granita_base::{Environment, Reporter, SearchPath};
 use granita_gsl::ir::Module;
 use granita_image::FormatRegistry;
@@ -76,6 +77,8 @@ pub struct RenderEnvironment {
     pub databases: Arc<Databases>,
     /// Scene files as the user named them, for the command line in messages about failed buckets.
     pub scene_files: Vec<String>,
+    /// Who renders the buckets of frames.
+    pub spread: Spread,
 }
 
 impl std::fmt::Debug for RenderEnvironment {

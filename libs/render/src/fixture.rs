@@ -151,6 +151,7 @@ impl Fixture {
             call_text: |calls, _| Ok(format!("{calls:?}\n").into_bytes()),
             databases: Arc::new(Databases::new(FormatRegistry::default(), self.reporter.clone())),
             scene_files: Vec::new(),
+            spread: crate::Spread::Alone,
             crop: None,
         };
         let camera = CameraView::new(&self.scene.cameras[0], &self.reporter);

@@ -4,6 +4,7 @@ mod bucket;
 mod cells;
 mod demand;
 mod job;
+mod spread;
 
 use crate::bucket::Buckets;
 use crate::canvas::{Canvas, Finished};
@@ -13,6 +14,7 @@ use crate::film;
 use crate::griddump::GridDump;
 use crate::hider::{CompositeSettings, Projector, SamplePattern};
 use crate::output::{OutputImage, OutputSet};
+use crate::spread::Spread;
 use crate::statistics::{Counters, Statistics, add};
 use crate::unread::is_moving;
 use crate::{CameraView, PixelRect, RenderError};
@@ -64,6 +66,10 @@ pub(crate) trait FrameShader: Sync {
     fn unlit_thread(&self) -> Self::Thread<'_> {
         self.thread()
     }
+    /// A number that grows when shading saves anything for later frames.
+    fn saves(&self) -> u64 {
+        0
+    }
     /// Displaces a grid.
     fn displace(&self, thread: &mut Self::Thread<'_>, object: &Self::Object, grid: &mut Grid);
     /// Shades a grid; returns the wanted variables, component by component.
@@ -95,6 +101,8 @@ pub(crate) struct FrameOptions<'a> {
     pub(crate) registry: Option<&'a FormatRegistry>,
     /// Scene files, for messages.
     pub(crate) scene_files: &'a [String],
+    /// Who renders the buckets.
+    pub(crate) spread: &'a Spread,
 }
 
 /// One of the views that share the grids of a frame.
@@ -150,8 +158,17 @@ pub(crate) fn render<S: FrameShader>(
         );
         order = "horizontal";
     }
-    let bucket = (shared(camera, threads), order);
+    let sharers = if matches!(options.spread, Spread::Alone) { threads } else { spread::SHARED_BY };
+    let bucket = (shared(camera, sharers), order);
     let frame = Frame::new(scene, shader, options, plan, bucket);
+    if let Spread::For(coordinator) = frame.options.spread {
+        coordinator.begin();
+        if !camera.crop.is_empty() && frame.options.dump.is_none() {
+            let jobs = frame.jobs(scene, threads);
+            frame.serve(&**coordinator, &jobs, threads);
+        }
+        return Ok((frame.counters.statistics(begin.elapsed(), threads), true));
+    }
     let canvas = |image, eye| Mutex::new(Canvas::new(image, eye, &frame.buckets, registry));
     let canvases: Vec<Mutex<Canvas>> = outputs
         .iter()
@@ -160,11 +177,18 @@ pub(crate) fn render<S: FrameShader>(
         .map(|(image, eye)| canvas(image, eye))
         .collect();
     let mut failed = 0;
+    let all: Vec<usize> = (0..frame.buckets.order.len()).collect();
     if !camera.crop.is_empty() {
-        let jobs = frame.jobs(scene, threads);
-        progress.begin((0..frame.buckets.order.len()).map(|index| jobs.cost(index)).sum());
-        failed = frame.run(&jobs, &canvases, threads);
-        progress.end();
+        let left = match frame.options.spread {
+            Spread::Over(workers) => frame.spread_over(&**workers, &canvases, scene.int("net:tint")),
+            _ => all,
+        };
+        if !left.is_empty() {
+            let jobs = frame.jobs(scene, threads);
+            progress.begin(left.iter().map(|index| jobs.cost(*index)).sum());
+            failed = frame.run(&jobs, &canvases, threads, &left);
+            progress.end();
+        }
     }
     let statistics = frame.counters.statistics(begin.elapsed(), threads);
     if stop.load(Ordering::Relaxed) {
@@ -304,19 +328,22 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         sets.iter().any(|set| set == name || &**set == "camera")
     }
 
-    /// Renders all buckets; returns how many failed. The others are on the canvases, those of an eye one after the other.
-    fn run(&self, jobs: &Jobs<S::Object>, canvases: &[Mutex<Canvas>], threads: usize) -> usize {
-        let total = self.buckets.order.len();
+    /// Renders buckets; returns how many failed. The others are on the canvases, those of an eye one after the other.
+    fn run(
+        &self,
+        jobs: &Jobs<S::Object>,
+        canvases: &[Mutex<Canvas>],
+        threads: usize,
+        list: &[usize],
+    ) -> usize {
+        let total = list.len();
         let (next, done, failed) = (AtomicUsize::new(0), AtomicU64::new(0), AtomicUsize::new(0));
         std::thread::scope(|scope| {
             for _ in 0..threads.min(total) {
                 scope.spawn(|| {
                     let mut thread = self.thread();
                     while !self.options.stop.load(Ordering::Relaxed) {
-                        let index = next.fetch_add(1, Ordering::Relaxed);
-                        if index >= total {
-                            break;
-                        }
+                        let Some(&index) = list.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
                         let result = catch_unwind(AssertUnwindSafe(|| self.bucket(jobs, index, &mut thread)));
                         match result {
                             Ok(values) => {

@@ -50,6 +50,7 @@ mod sampling;
 mod services;
 mod shading;
 mod spaces;
+mod spread;
 mod statistics;
 mod subsurface;
 mod unread;
@@ -64,6 +65,7 @@ pub use environment::{CallText, NoShader, Progress, RenderEnvironment, ShaderLib
 pub use error::RenderError;
 pub use preview::PreviewLimits;
 pub use renderer::{FrameReport, Renderer};
+pub use spread::{BucketPixels, Buckets, Coordinator, Spread, Workers};
 pub use statistics::{ShadingStatistics, Statistics};
 
 /// How a shader's lookups are answered from texture files: for who runs shaders without a frame.

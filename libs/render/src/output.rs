@@ -73,7 +73,7 @@ pub(crate) struct OutputImage {
     pub(crate) channels: Vec<usize>,
     names: Vec<String>,
     /// Gain and gamma apply.
-    is_color: bool,
+    pub(crate) is_color: bool,
     params: Params,
     /// Filtered pixels of the crop window, channels side by side, when the frame is done.
     pub(crate) pixels: Vec<f32>,

@@ -8,6 +8,7 @@ use crate::object::{Holdout, ObjectState};
 use crate::output::{OutputSet, is_dynamic};
 use crate::preview;
 use crate::shading::{ShaderThread, ShadingContext};
+use crate::spread::Spread;
 use crate::{CameraView, RenderError, ShadingStatistics, Statistics, hider};
 use granita_gsl::ir::ValueType;
 use granita_scene::{Output, Primitive, Scene};
@@ -67,6 +68,7 @@ impl Renderer {
             n => n,
         };
         environment.databases.begin();
+        let is_worker = matches!(environment.spread, Spread::For(_));
         let scene = &preview::simplified(scene, &first, reporter);
         let mut report = FrameReport { complete: true, ..FrameReport::default() };
         let mut shading = None;
@@ -110,8 +112,13 @@ impl Renderer {
                 stop: &environment.stop,
                 registry: Some(&environment.registry),
                 scene_files: &environment.scene_files,
+                spread: &environment.spread,
             };
             let (statistics, complete) = frame::render(scene, shading, options, &mut outputs)?;
+            report.statistics.push((view.name.clone(), statistics));
+            if is_worker {
+                continue;
+            }
             if let Some(dump) = dump {
                 report.complete &= self.finish_dump(dump, complete);
             }
@@ -132,7 +139,9 @@ impl Renderer {
                     }
                 }
             }
-            report.statistics.push((view.name.clone(), statistics));
+        }
+        if is_worker {
+            return Ok(report);
         }
         match environment.databases.finish(&environment.texture_path) {
             Ok(finished) => report.databases = finished.written,
@@ -216,6 +225,10 @@ impl FrameShader for ShadingContext {
         let mut thread = ShaderThread::new(self);
         thread.is_unlit = true;
         thread
+    }
+
+    fn saves(&self) -> u64 {
+        self.databases.saves()
     }
 
     fn displace(&self, thread: &mut ShaderThread<'_>, object: &ObjectState, grid: &mut Grid) {

@@ -553,6 +553,7 @@ fn picture_within(
         registry: None,
         dump: None,
         scene_files: &[],
+        spread: &crate::spread::Spread::Alone,
     };
     crate::frame::render(&scene, &frame, options, std::slice::from_mut(&mut outputs)).unwrap();
     (outputs.images.remove(0).pixels, frame.statistics())

@@ -8,6 +8,7 @@ use granita_base::{Location, Reporter, SearchPath, Severity};
 use granita_image::{CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Pixels};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What may be done with a database's file: an option "filemode", or what the attributes say (reference 4.3.9, 5.8.13).
@@ -92,6 +93,7 @@ pub struct Databases {
     reporter: Reporter,
     in_memory: usize,
     entries: Mutex<BTreeMap<String, Entry>>,
+    saves: AtomicU64,
 }
 
 /// One database.
@@ -118,7 +120,7 @@ fn lock(entries: &Mutex<BTreeMap<String, Entry>>) -> MutexGuard<'_, BTreeMap<Str
 impl Databases {
     /// None yet. Pictures are written in a format of `formats`.
     pub fn new(formats: FormatRegistry, reporter: Reporter) -> Self {
-        Self { formats, reporter, in_memory: IN_MEMORY, entries: Mutex::default() }
+        Self { formats, reporter, in_memory: IN_MEMORY, entries: Mutex::default(), saves: AtomicU64::new(0) }
     }
 
     /// With another bound on the numbers kept in memory per database while a frame runs.
@@ -151,6 +153,7 @@ impl Databases {
         options: Option<&PictureOptions>,
         records: &[f32],
     ) {
+        self.saves.fetch_add(1, Ordering::Relaxed);
         let mut entries = lock(&self.entries);
         let entry = entries.entry(name.to_owned()).or_default();
         entry.write |= mode.write;
@@ -218,6 +221,16 @@ impl Databases {
                 None
             }
         }
+    }
+
+    /// How often something was saved so far: for who must know whether something was.
+    pub fn saves(&self) -> u64 {
+        self.saves.load(Ordering::Relaxed)
+    }
+
+    /// Whether queries may see what earlier frames saved without its being read from a file: no other process has that.
+    pub fn hold_memory(&self) -> bool {
+        lock(&self.entries).values().any(|entry| entry.memory.is_some())
     }
 
     /// Before a frame: forgets what one that came to no end saved.

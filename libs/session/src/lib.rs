@@ -13,7 +13,7 @@
 //!
 //! The default paths name `$GELATOHOME`, so that an installation's own files come before the bundled ones.
 //!
-//! Deliberately absent so far: generators from shared libraries, remote and network rendering, scene writing.
+//! Deliberately absent so far: generators from shared libraries, remote rendering, scene writing.
 //!
 //! ```no_run
 //! use granita_base::Reporter;
@@ -28,6 +28,7 @@
 mod commands;
 mod error;
 mod inputs;
+mod net;
 mod options;
 mod outputs;
 mod records;

@@ -55,4 +55,9 @@ pub struct SessionOptions {
     pub safe: bool,
     /// Scene files as the user named them, for messages.
     pub scene_files: Vec<String>,
+    /// Machines that share the work on each frame ("net:workers"), "local" for this one; empty leaves it to the scene.
+    pub net_workers: Vec<String>,
+    /// The command line of `gelato`, without what concerns the net, from which a worker gets the same scene; `None` when
+    /// it cannot get it, as from a pipe.
+    pub net_arguments: Option<Vec<String>>,
 }

@@ -2,13 +2,14 @@
 
 use crate::commands::{self, CommandContext};
 use crate::inputs::Inputs;
+use crate::net::{self, Master, Net};
 use crate::records::{self, FrameRecord};
 use crate::shaders::Shaders;
 use crate::{SessionOptions, outputs};
 use granita_base::{BaseType, Location, Param, ParamData, ParamType, Params, Reporter, SearchPath, Severity};
 use granita_image::{FormatRegistry, Limits};
 use granita_pyg::{Writer, WriterOptions};
-use granita_render::{Progress, RenderEnvironment, RenderError, Renderer};
+use granita_render::{Progress, RenderEnvironment, RenderError, Renderer, Spread};
 use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, Stop, UnreadInput};
 use granita_sdb::Databases;
 use std::path::Path;
@@ -73,6 +74,9 @@ pub(crate) struct SessionRenderer {
     error_file: Arc<str>,
     /// Statistics of the frames so far, for "statistics:filename".
     statistics: String,
+    net: Arc<Net>,
+    /// Whom this session renders buckets for.
+    master: Option<Arc<Master>>,
 }
 
 impl SessionRenderer {
@@ -81,6 +85,7 @@ impl SessionRenderer {
         reporter: Reporter,
         progress: Arc<dyn Progress>,
         finished: Finished,
+        master: Option<Master>,
     ) -> Self {
         let registry = granita_plugin::bundled_formats(Limits::default());
         Self {
@@ -93,6 +98,8 @@ impl SessionRenderer {
             registry,
             commands: CommandContext { reporter: reporter.clone(), stop: Arc::default() },
             inputs: Inputs::new(options.clone(), reporter.clone()),
+            net: Arc::new(Net::new(options.clone(), reporter.clone())),
+            master: master.map(Arc::new),
             options,
             reporter,
             finished,
@@ -156,7 +163,30 @@ impl SessionRenderer {
             crop: self.options.crop,
             call_text,
             scene_files: self.options.scene_files.clone(),
+            spread: self.spread(scene),
         }
+    }
+
+    /// Who renders the buckets: "net:workers" and "net:workercmd".
+    fn spread(&self, scene: &Scene) -> Spread {
+        if let Some(master) = &self.master {
+            return Spread::For(master.clone());
+        }
+        let named = scene.string("net:workers");
+        let servers: Vec<&str> = match self.options.net_workers.is_empty() {
+            true => named.split_whitespace().collect(),
+            false => self.options.net_workers.iter().flat_map(|list| list.split_whitespace()).collect(),
+        };
+        if servers.is_empty() {
+            return Spread::Alone;
+        }
+        if self.options.safe {
+            net::refuse(&self.reporter, "programs are not allowed");
+        } else if self.net.start(&servers, &scene.string("net:workercmd")) {
+            self.net.set_alone(self.databases.hold_memory());
+            return Spread::Over(self.net.clone());
+        }
+        Spread::Alone
     }
 }
 
@@ -199,7 +229,13 @@ impl FrameRenderer for SessionRenderer {
     }
 
     fn command(&mut self, name: &str, params: &Params, at: &Location) -> Result<bool, Stop> {
-        Ok(commands::run(name, params, at, &self.options, &self.commands))
+        if let Some(master) = &self.master {
+            // The coordinator runs it.
+            return if master.command() { Ok(true) } else { Err(Stop::Exit) };
+        }
+        let known = commands::run(name, params, at, &self.options, &self.commands);
+        self.net.command_done();
+        Ok(known)
     }
 
     fn input(

@@ -1,5 +1,6 @@
 //! The session itself.
 
+use crate::net::Master;
 use crate::renderer::{Finished, SessionRenderer};
 use crate::{FrameRecord, Input, InputError, Inputs, SessionError, SessionOptions, inputs};
 use granita_base::{Location, Reporter, Severity};
@@ -69,12 +70,34 @@ impl std::fmt::Debug for Session {
 impl Session {
     /// A fresh session; reads the startup files (reference 6.2), whose mistakes are reported.
     pub fn new(options: SessionOptions, reporter: Reporter, progress: SharedProgress) -> Self {
+        Self::with_master(options, reporter, progress, None)
+    }
+
+    /// A session that renders buckets for another one, which it hears by `input` and answers by `output`: it runs no commands and
+    /// writes no images (reference 6.6.3).
+    pub fn worker(
+        options: SessionOptions,
+        reporter: Reporter,
+        input: Box<dyn Read + Send>,
+        output: Box<dyn Write + Send>,
+    ) -> Self {
+        let master = Master::new(input, output, options.threads.max(1), &reporter);
+        Self::with_master(options, reporter, SharedProgress::default(), Some(master))
+    }
+
+    fn with_master(
+        options: SessionOptions,
+        reporter: Reporter,
+        progress: SharedProgress,
+        master: Option<Master>,
+    ) -> Self {
         if let Some(verbosity) = options.verbosity {
             reporter.set_verbosity(verbosity);
         }
         let options = Arc::new(options);
         let finished = Finished::default();
-        let renderer = SessionRenderer::new(options.clone(), reporter.clone(), progress.0, finished.clone());
+        let renderer =
+            SessionRenderer::new(options.clone(), reporter.clone(), progress.0, finished.clone(), master);
         let state = State::new(Box::new(renderer), reporter.clone());
         let inputs = Inputs::new(options.clone(), reporter.clone());
         let mut session = Self { state, reporter, options, inputs, objects: None, finished };

@@ -39,9 +39,13 @@ struct Options {
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     threads: usize,
 
-    /// Servers for network rendering (not supported yet)
+    /// Machines that render this frame together, reached by ssh; "local" is this one. Several in one word or by several -net
     #[arg(long, value_name = "SERVER")]
     net: Vec<String>,
+
+    /// Render buckets for the gelato that started this one
+    #[arg(long, hide = true, conflicts_with_all = ["stream", "net"])]
+    worker: bool,
 
     /// Display for windows, instead of $DISPLAY (not supported yet)
     #[arg(long, value_name = "SERVER")]
@@ -140,6 +144,11 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     let reporter = if options.stream {
         let answers = answers.clone();
         reporter_with("gelato", &bar, move |text| answers.print(text))
+    } else if options.worker {
+        // Standard output is the coordinator's.
+        reporter_with("gelato -worker", &bar, |text| {
+            let _ = std::io::stderr().write_all(text.as_bytes());
+        })
     } else {
         console_reporter("gelato", &bar)
     };
@@ -163,9 +172,7 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
         variables.set(name, value);
         program_environment.push((name.to_owned(), value.to_owned()));
     }
-    for (given, what) in
-        [(options.iv, "-iv"), (!options.net.is_empty(), "-net"), (options.display.is_some(), "-display")]
-    {
+    for (given, what) in [(options.iv, "-iv"), (options.display.is_some(), "-display")] {
         if given {
             reporter.warning(format!("{what} is not supported yet; rendering goes on without it"));
         }
@@ -186,7 +193,7 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     let session_options = SessionOptions {
         environment: variables,
         program_environment,
-        programs_print_to_stderr: options.stream,
+        programs_print_to_stderr: options.stream || options.worker,
         own_tools: std::env::current_exe().ok().map(|program| OwnTools {
             program,
             names: tools.iter().map(|name| (*name).to_owned()).collect(),
@@ -201,9 +208,16 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
         no_startup_files: false,
         safe: options.safe,
         scene_files: options.files.clone(),
+        net_workers: options.net.clone(),
+        net_arguments: options.for_worker(),
     };
-    let progress = SharedProgress(Arc::new(ShownProgress::new(bar, reporter.clone())));
-    let mut session = Session::new(session_options, reporter.clone(), progress);
+    let mut session = if options.worker {
+        let (input, output) = (Box::new(std::io::stdin()), Box::new(std::io::stdout()));
+        Session::worker(session_options, reporter.clone(), input, output)
+    } else {
+        let progress = SharedProgress(Arc::new(ShownProgress::new(bar, reporter.clone())));
+        Session::new(session_options, reporter.clone(), progress)
+    };
     let mut failed = false;
     for file in &options.files {
         let words: Vec<&str> = file.split_whitespace().collect();
@@ -247,6 +261,39 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     }
     reporter.tell_summary();
     status
+}
+
+impl Options {
+    /// The words by which another process renders the same; `None` when the scene does not come from files.
+    fn for_worker(&self) -> Option<Vec<String>> {
+        if self.stream || self.files.is_empty() || self.files.iter().any(|f| matches!(&**f, "-" | "pyg -")) {
+            return None;
+        }
+        let mut words = vec!["-silent".to_owned()];
+        let mut add = |list: &[&str]| words.extend(list.iter().map(|word| (*word).to_owned()));
+        if self.threads > 0 {
+            add(&["-threads", &self.threads.to_string()]);
+        }
+        self.env.iter().for_each(|assignment| add(&["-env", assignment]));
+        if self.preview > 0.0 {
+            add(&["-preview", &self.preview.to_string()]);
+        }
+        if let Some(shade) = &self.shade {
+            add(&["-shade", shade]);
+        }
+        self.output.iter().for_each(|name| add(&["-o", name]));
+        add(&["-data", &self.data]);
+        if self.crop.len() == 4 {
+            add(&["-crop"]);
+            self.crop.iter().for_each(|v| add(&[&v.to_string()]));
+        }
+        if self.safe {
+            add(&["-safe"]);
+        }
+        add(&["--"]);
+        self.files.iter().for_each(|file| add(&[file]));
+        Some(words)
+    }
 }
 
 /// A shading quality.

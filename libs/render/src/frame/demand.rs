@@ -67,6 +67,7 @@ impl<O: Send + Sync> OnDemand<O> {
             dump: None,
             registry: None,
             scene_files: &[],
+            spread: &crate::spread::Spread::Alone,
         };
         let size = ([self.tile; 2], "horizontal");
         let frame =

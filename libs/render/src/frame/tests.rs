@@ -220,6 +220,7 @@ fn render_counted<S: FrameShader>(
         registry: None,
         dump: None,
         scene_files: &[],
+        spread: &crate::spread::Spread::Alone,
     };
     let (statistics, complete) =
         render(&build.scene, shader, options, std::slice::from_mut(&mut outputs)).unwrap();
@@ -720,6 +721,7 @@ fn a_panic_costs_one_bucket() {
         registry: None,
         dump: None,
         scene_files: &files,
+        spread: &crate::spread::Spread::Alone,
     };
     let shader = Painted { paint, displace: None };
     let (_, complete) = render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs)).unwrap();

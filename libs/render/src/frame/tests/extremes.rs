@@ -111,6 +111,7 @@ fn objects_too_far_from_the_origin_are_told() {
             stop: &stop,
             registry: None,
             scene_files: &[],
+            spread: &crate::spread::Spread::Alone,
         };
         let shader = Painted { paint: flat, displace: None };
         render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs)).unwrap();

@@ -34,6 +34,7 @@ fn seen<S: FrameShader>(
         registry: None,
         dump: None,
         scene_files: &[],
+        spread: &crate::spread::Spread::Alone,
     };
     let (statistics, complete) = render(&build.scene, shader, options, &mut outputs).unwrap();
     assert!(complete);

@@ -1,0 +1,159 @@
+//! A frame whose buckets are rendered by several processes.
+
+use super::{Canvas, Frame, FrameShader, Jobs, panic_text};
+use crate::PixelRect;
+use crate::spread::{BucketPixels, Buckets, Coordinator, Queue, Workers};
+use crate::statistics::add;
+use granita_base::{Color, hash};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+/// Buckets are as large as for so many threads, whatever the processes have: all cut the same ones.
+pub(super) const SHARED_BY: usize = 8;
+
+/// What a worker does in a frame.
+struct Share<'f, 'a, S: FrameShader> {
+    frame: &'f Frame<'a, S>,
+    canvases: &'f [Mutex<Canvas>],
+    queue: &'f Queue,
+    done: &'f AtomicU64,
+    /// Taken, not yet put.
+    taken: Mutex<Vec<usize>>,
+    /// Colours are multiplied by this ("net:tint").
+    tint: Option<Color>,
+}
+
+impl<S: FrameShader> Share<'_, '_, S> {
+    /// The values of a bucket of an image: those that it has, if they are as many as they should be.
+    fn check(&self, rect: &PixelRect, pixels: &BucketPixels) -> Result<(), String> {
+        let counts = self.frame.outputs.images.iter().map(|image| image.channels.len());
+        let expected = counts.map(|channels| rect.width() * rect.height() * channels);
+        let eyes = self.frame.eyes.len();
+        let right = pixels.len() == self.frame.outputs.images.len() * eyes
+            && pixels.iter().zip(expected.cycle()).all(|(values, n)| values.len() == n);
+        if right {
+            Ok(())
+        } else {
+            Err("its buckets have other sizes: does it read the same scene?".to_owned())
+        }
+    }
+}
+
+impl<S: FrameShader> Buckets for Share<'_, '_, S> {
+    fn take(&self, wait: bool) -> Option<usize> {
+        let index = self.queue.take(wait, || self.frame.options.stop.load(Ordering::Relaxed))?;
+        self.taken.lock().unwrap_or_else(PoisonError::into_inner).push(index);
+        Some(index)
+    }
+
+    fn put(&self, index: usize, pixels: Result<BucketPixels, String>) -> Result<(), String> {
+        let frame = self.frame;
+        let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
+        let at =
+            taken.iter().position(|i| *i == index).ok_or("it sent a bucket that it was not asked for")?;
+        let rect = &frame.buckets.order[index];
+        if let Ok(pixels) = &pixels {
+            self.check(rect, pixels)?;
+        }
+        taken.swap_remove(at);
+        drop(taken);
+        match pixels {
+            Ok(mut pixels) => {
+                let images = frame.outputs.images.iter().cycle();
+                for ((canvas, values), image) in self.canvases.iter().zip(&mut pixels).zip(images) {
+                    if let Some(tint) = self.tint.filter(|_| image.is_color) {
+                        for pixel in values.chunks_exact_mut(image.channels.len()) {
+                            pixel.iter_mut().zip(tint.to_array()).for_each(|(v, t)| *v *= t);
+                        }
+                    }
+                    let mut canvas = canvas.lock().unwrap_or_else(PoisonError::into_inner);
+                    canvas.store(rect, values);
+                }
+                self.queue.finish(index, false);
+                let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+                frame.options.progress.done(done);
+            }
+            // Rendered again here, it is told of.
+            Err(_) => self.queue.finish(index, true),
+        }
+        Ok(())
+    }
+}
+
+impl<S: FrameShader> Frame<'_, S> {
+    /// Has workers render all buckets; returns those that they did not.
+    pub(super) fn spread_over(
+        &self,
+        workers: &dyn Workers,
+        canvases: &[Mutex<Canvas>],
+        tint: i32,
+    ) -> Vec<usize> {
+        let total = self.buckets.order.len();
+        let queue = Queue::new(total);
+        let done = AtomicU64::new(0);
+        self.options.progress.begin(total as u64);
+        // A dump of grids wants them all here.
+        let count = if self.options.dump.is_some() { 0 } else { workers.begin() };
+        std::thread::scope(|scope| {
+            for worker in 0..count {
+                let share = Share {
+                    frame: self,
+                    canvases,
+                    queue: &queue,
+                    done: &done,
+                    taken: Mutex::default(),
+                    tint: (tint != 0).then(|| color_of(worker, tint)),
+                };
+                scope.spawn(move || {
+                    let result = workers.work(worker, &share);
+                    let taken = share.taken.into_inner().unwrap_or_else(PoisonError::into_inner);
+                    share.queue.give_back(&taken);
+                    if let Err(what) = result {
+                        share.frame.options.reporter.warning(what);
+                    }
+                });
+            }
+        });
+        workers.end();
+        self.options.progress.end();
+        let left = queue.left();
+        add(&self.counters.buckets, total - left.len());
+        left
+    }
+
+    /// Renders what a coordinator asks for.
+    pub(super) fn serve(&self, coordinator: &dyn Coordinator, jobs: &Jobs<S::Object>, threads: usize) {
+        std::thread::scope(|scope| {
+            for _ in 0..threads {
+                scope.spawn(|| {
+                    let mut thread = self.thread();
+                    while let Some(index) = coordinator.next() {
+                        if index >= self.buckets.order.len() {
+                            coordinator.done(index, Err("there is no such bucket"));
+                            continue;
+                        }
+                        let saves = self.shader.saves();
+                        match catch_unwind(AssertUnwindSafe(|| self.bucket(jobs, index, &mut thread))) {
+                            // Whoever puts the frame together must have what it saves.
+                            Ok(_) if self.shader.saves() != saves => {
+                                coordinator.done(index, Err("it saves to a spatial database"));
+                            }
+                            Ok(pixels) => coordinator.done(index, Ok(&pixels)),
+                            Err(panic) => {
+                                coordinator.done(index, Err(&panic_text(&*panic)));
+                                thread = self.thread();
+                            }
+                        }
+                    }
+                });
+            }
+        });
+    }
+}
+
+/// The colour of a worker's buckets.
+fn color_of(worker: usize, seed: i32) -> Color {
+    let channel = |c: u32| hash::unit(hash::words(&[worker as u32, seed.cast_unsigned(), c]));
+    Color::new(channel(0), channel(1), channel(2)) * 0.7 + Color::splat(0.3)
+}

@@ -1,0 +1,64 @@
+//! One frame by several processes (`-net`): the same pixels as by one, whatever becomes of the workers.
+
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use granita_tests::{Picture, Tools, copy_first};
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+
+/// Stands for ssh: "there" is this machine, "cut" hangs up in the middle of a bucket, nothing else is there.
+const SSH: &str = "#!/bin/sh
+shift 5
+case $1 in
+    there) exec /bin/sh -c \"$2\" ;;
+    cut) /bin/sh -c \"$2\" | head -c 30000 ;;
+    *) echo \"no route to $1\" >&2; exit 255 ;;
+esac
+";
+
+/// Renders the example; its picture, and what was said.
+fn render(tools: &Tools, place: &Path, servers: &[&str]) -> (Picture, String) {
+    let out = place.join("examples/first/out");
+    if out.exists() {
+        std::fs::remove_dir_all(&out).unwrap();
+    }
+    let path = format!("PATH={}:{}", place.display(), std::env::var("PATH").unwrap());
+    let mut words = vec!["-env", &path];
+    servers.iter().for_each(|server| words.extend(["-net", server]));
+    words.extend(["command.pyg", "examples/first/first.pyg", "-o", "out.exr"]);
+    let ran = tools.run(place, "gelato", &words).unwrap();
+    assert_eq!(ran.status, 0, "{servers:?}: {}", ran.stderr);
+    let file = place.join("out.exr");
+    let picture = Picture::read(&file).unwrap();
+    std::fs::remove_file(file).unwrap();
+    (picture, ran.stderr)
+}
+
+#[test]
+fn frames_of_several_processes() {
+    let tools = Tools::build().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path();
+    copy_first(place).unwrap();
+    let ssh = place.join("ssh");
+    std::fs::write(&ssh, SSH).unwrap();
+    std::fs::set_permissions(&ssh, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let gelato = tools.program("gelato");
+    let command = format!("Attribute (\"string net:workercmd\", \"{}\")\n", gelato.display());
+    std::fs::write(place.join("command.pyg"), command).unwrap();
+    let (alone, said) = render(&tools, place, &[]);
+    assert!(alone.is_varied() && said.is_empty(), "{said}");
+    for (servers, told) in [
+        (&["local there"][..], None),
+        (&["cut", "local"], Some("-net: the worker on cut is gone")),
+        (&["nowhere"], Some("-net: the worker on nowhere is gone: it did not start")),
+    ] {
+        let (picture, said) = render(&tools, place, servers);
+        assert!(picture == alone, "{servers:?}: other pixels");
+        match told {
+            None => assert!(said.is_empty(), "{said}"),
+            Some(text) => assert!(said.contains(text), "{said}"),
+        }
+    }
+}
