@@ -12,7 +12,7 @@ const SSH: &str = "#!/bin/sh
 shift 5
 case $1 in
     there) exec /bin/sh -c \"$2\" ;;
-    cut) /bin/sh -c \"$2\" | head -c 30000 ;;
+    cut) /bin/sh -c \"$2\" | dd bs=1 count=30000 2>/dev/null ;;
     *) echo \"no route to $1\" >&2; exit 255 ;;
 esac
 ";
