@@ -3,7 +3,7 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use granita_tests::{Picture, Tools, copy_first};
+use granita_tests::{Picture, Tools, copy_first, repository};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
@@ -61,4 +61,23 @@ fn frames_of_several_processes() {
             Some(text) => assert!(said.contains(text), "{said}"),
         }
     }
+}
+
+#[test]
+fn what_shaders_save_is_whole() {
+    let tools = Tools::build().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path();
+    for file in ["bake.gsl", "bake.pyg", "few.pyg"] {
+        std::fs::copy(repository().join("tests/suite/database/bake").join(file), place.join(file)).unwrap();
+    }
+    assert_eq!(tools.run(place, "gslc", &["bake.gsl"]).unwrap().status, 0);
+    let bake = |words: &[&str]| {
+        let ran = tools.run(place, "gelato", &[words, &["few.pyg", "bake.pyg"]].concat()).unwrap();
+        assert!(ran.status == 0 && ran.stderr.is_empty(), "{}", ran.stderr);
+        let bytes = std::fs::read(place.join("ramp.sdb")).unwrap();
+        std::fs::remove_file(place.join("ramp.sdb")).unwrap();
+        bytes
+    };
+    assert!(bake(&[]) == bake(&["-net", "local local"]), "another database");
 }

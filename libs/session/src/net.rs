@@ -76,19 +76,24 @@ impl Net {
 
     /// Starts workers on machines, unless they are there already; `command` is how `gelato` is called on them. False when there are none.
     pub(crate) fn start(&self, servers: &[&str], command: &str) -> bool {
+        let Some(arguments) = &self.options.net_arguments else {
+            refuse(&self.reporter, "the scene is no file that workers could read");
+            return false;
+        };
         let mut workers = lock(&self.workers);
         if workers.is_empty() {
             let progress = lock(&self.state);
             for server in servers {
-                let worker = Worker::start(server, command, &self.options).and_then(|mut worker| {
-                    worker.say(&format!("commands {}\nframe {}\n", progress.commands, progress.frame))?;
-                    Ok(worker)
-                });
-                match worker {
-                    Ok(worker) => workers.push(Arc::new(Mutex::new(Some(worker)))),
+                match Worker::start(server, command, arguments, &self.options) {
+                    Ok(mut worker) => {
+                        // One that is gone already is told of when it is needed.
+                        let _ = worker
+                            .say(&format!("commands {}\nframe {}\n", progress.commands, progress.frame));
+                        workers.push(Arc::new(Mutex::new(Some(worker))));
+                    }
                     Err(error) => self
                         .reporter
-                        .error(format!("-net: no worker on {server}: {error}; the others do its part")),
+                        .warning(format!("-net: no worker on {server}: {error}; the others do its part")),
                 }
             }
         }
@@ -148,11 +153,12 @@ impl Workers for Net {
 }
 
 impl Worker {
-    fn start(server: &str, command: &str, options: &SessionOptions) -> std::io::Result<Self> {
-        let Some(arguments) = &options.net_arguments else {
-            let text = "the scene is no file that it could read";
-            return Err(std::io::Error::other(text));
-        };
+    fn start(
+        server: &str,
+        command: &str,
+        arguments: &[String],
+        options: &SessionOptions,
+    ) -> std::io::Result<Self> {
         let mut start = match (server, &options.own_tools) {
             ("local" | "localhost", Some(own)) if command.is_empty() => {
                 let mut start = Command::new(&own.program);

@@ -25,7 +25,7 @@ struct Share<'f, 'a, S: FrameShader> {
 }
 
 impl<S: FrameShader> Share<'_, '_, S> {
-    /// The values of a bucket of an image: those that it has, if they are as many as they should be.
+    /// Whether a bucket has all images of all eyes, each with as many values as it should.
     fn check(&self, rect: &PixelRect, pixels: &BucketPixels) -> Result<(), String> {
         let counts = self.frame.outputs.images.iter().map(|image| image.channels.len());
         let expected = counts.map(|channels| rect.width() * rect.height() * channels);

@@ -2,9 +2,11 @@
 
 use super::{count, option};
 use granita_base::{Transform, Vec3};
-use granita_shade::{Batch, EnvironmentQuery, Lane3, Lanes3, LookupResult, ShadowQuery, TextureQuery};
+use granita_shade::{
+    Batch, EnvironmentQuery, Lane3, Lanes3, LookupOptions, LookupResult, ShadowQuery, TextureQuery,
+};
 use granita_texture::{
-    EnvLookup, Lookup, Lookup3d, ShadowLookup, TextureCache, TextureReader, Up, Use, Wrap,
+    EnvLookup, Lookup, Lookup3d, ShadowLookup, TextureCache, TextureId, TextureReader, Up, Use, Wrap,
 };
 
 /// Most channels that one lookup returns, alpha included.
@@ -37,40 +39,27 @@ fn first_channel(value: Option<granita_shade::Lane<'_>>, lane: usize) -> u32 {
 
 /// `texture ()`: answers a shader's query from a cache of files. A file that cannot be used gives `fill` and alpha 0.
 pub fn texture(textures: &TextureCache, query: &TextureQuery<'_>, out: &mut LookupResult) {
-    prepare(query.batch, query.channels, out);
     let o = &query.options;
-    let id = textures.find_for(query.name, Use::Texture);
-    let (swrap, twrap) = (o.swrap.and_then(Wrap::from_word), o.twrap.and_then(Wrap::from_word));
-    let wanted = (query.channels + 1).min(CHANNELS);
-    let mut reader = textures.reader();
-    for &lane in query.batch.active {
-        let i = lane as usize;
-        let fill = option(o.fill, i, 0.0);
-        let mut values = [fill; CHANNELS];
-        match id {
-            Some(id) => {
-                let lookup = Lookup {
-                    s: query.s.get(i),
-                    t: query.t.get(i),
-                    dsdx: query.dsdx.get(i),
-                    dtdx: query.dtdx.get(i),
-                    dsdy: query.dsdy.get(i),
-                    dtdy: query.dtdy.get(i),
-                    sblur: option(o.sblur, i, 0.0),
-                    tblur: option(o.tblur, i, 0.0),
-                    swidth: option(o.swidth, i, 1.0),
-                    twidth: option(o.twidth, i, 1.0),
-                    swrap,
-                    twrap,
-                    first_channel: first_channel(o.firstchannel, i),
-                    fill,
-                };
-                reader.texture(id, &lookup, &mut values[..wanted]);
-            }
-            None => values[wanted - 1] = 0.0,
-        }
-        store(out, i, &values[..wanted]);
-    }
+    let (swrap, twrap) = wraps(o);
+    each(textures, query, out, |reader, id, i, fill, values| {
+        let lookup = Lookup {
+            s: query.s.get(i),
+            t: query.t.get(i),
+            dsdx: query.dsdx.get(i),
+            dtdx: query.dtdx.get(i),
+            dsdy: query.dsdy.get(i),
+            dtdy: query.dtdy.get(i),
+            sblur: option(o.sblur, i, 0.0),
+            tblur: option(o.tblur, i, 0.0),
+            swidth: option(o.swidth, i, 1.0),
+            twidth: option(o.twidth, i, 1.0),
+            swrap,
+            twrap,
+            first_channel: first_channel(o.firstchannel, i),
+            fill,
+        };
+        reader.texture(id, &lookup, values);
+    });
 }
 
 /// `texture3d ()`: the same at `p`, whose differences between neighbours are `dp`.
@@ -81,33 +70,49 @@ pub fn texture3d(
     [dpdx, dpdy]: [Lane3<'_>; 2],
     out: &mut LookupResult,
 ) {
-    prepare(query.batch, query.channels, out);
     let o = &query.options;
+    let (swrap, twrap) = wraps(o);
+    each(textures, query, out, |reader, id, i, fill, values| {
+        let lookup = Lookup3d {
+            p: p.get(i),
+            dpdx: dpdx.get(i),
+            dpdy: dpdy.get(i),
+            sblur: option(o.sblur, i, 0.0),
+            tblur: option(o.tblur, i, 0.0),
+            swidth: option(o.swidth, i, 1.0),
+            twidth: option(o.twidth, i, 1.0),
+            swrap,
+            twrap,
+            first_channel: first_channel(o.firstchannel, i),
+            fill,
+        };
+        reader.texture3d(id, &lookup, values);
+    });
+}
+
+/// The wrap modes that a shader asks for.
+fn wraps(options: &LookupOptions<'_>) -> (Option<Wrap>, Option<Wrap>) {
+    (options.swrap.and_then(Wrap::from_word), options.twrap.and_then(Wrap::from_word))
+}
+
+/// Looks up every point of a query in its file, by the reader, the file, the point's number, what channels that the file does not
+/// have are, and where the values go.
+fn each(
+    textures: &TextureCache,
+    query: &TextureQuery<'_>,
+    out: &mut LookupResult,
+    mut look: impl FnMut(&mut TextureReader<'_>, TextureId, usize, f32, &mut [f32]),
+) {
+    prepare(query.batch, query.channels, out);
     let id = textures.find_for(query.name, Use::Texture);
-    let (swrap, twrap) = (o.swrap.and_then(Wrap::from_word), o.twrap.and_then(Wrap::from_word));
     let wanted = (query.channels + 1).min(CHANNELS);
     let mut reader = textures.reader();
     for &lane in query.batch.active {
         let i = lane as usize;
-        let fill = option(o.fill, i, 0.0);
+        let fill = option(query.options.fill, i, 0.0);
         let mut values = [fill; CHANNELS];
         match id {
-            Some(id) => {
-                let lookup = Lookup3d {
-                    p: p.get(i),
-                    dpdx: dpdx.get(i),
-                    dpdy: dpdy.get(i),
-                    sblur: option(o.sblur, i, 0.0),
-                    tblur: option(o.tblur, i, 0.0),
-                    swidth: option(o.swidth, i, 1.0),
-                    twidth: option(o.twidth, i, 1.0),
-                    swrap,
-                    twrap,
-                    first_channel: first_channel(o.firstchannel, i),
-                    fill,
-                };
-                reader.texture3d(id, &lookup, &mut values[..wanted]);
-            }
+            Some(id) => look(&mut reader, id, i, fill, &mut values[..wanted]),
             None => values[wanted - 1] = 0.0,
         }
         store(out, i, &values[..wanted]);
