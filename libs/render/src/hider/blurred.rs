@@ -124,10 +124,7 @@ impl Raster<'_> {
             Some(lens) if defocused => *lens,
             _ => [0.0; 4],
         };
-        let reach = match slice {
-            Slice::All(k) => borders.reach(k, lens, scale),
-            Slice::Each(_) => boxes.reach(lens, scale),
-        };
+        let reach = borders.reach(slice, lens, scale);
         let rect = pixels_of(reach, whole);
         let full = first_lanes(samples.per_pixel - first);
         let nearest = Lanes::splat(nearest);
@@ -507,24 +504,32 @@ impl Borders {
         }
     }
 
-    /// Raster box of what lies between the borders of a slice, as a part (x0, x1, y0, y1) of the lens shows it.
+    /// Raster box of what lies between the borders of slices, as a part (x0, x1, y0, y1) of the lens shows it.
     #[inline(always)]
-    fn reach(&self, k: usize, [x0, x1, y0, y1]: [f32; 4], scale: Vec2) -> [f32; 4] {
+    fn reach(&self, slice: Slice, [x0, x1, y0, y1]: [f32; 4], scale: Vec2) -> [f32; 4] {
         let lesser = |a: f32, b: f32| if a < b { a } else { b };
         let greater = |a: f32, b: f32| if a > b { a } else { b };
-        let least = |list: &[f32]| lesser(list[k], list[k + 1]);
-        let most = |list: &[f32]| greater(list[k], list[k + 1]);
-        let (near, far) = (least(&self.near), most(&self.far));
-        let side = |lo: f32, hi: f32, l0: f32, l1: f32, scale: f32| {
-            let (l0, l1) = (l0 * scale, l1 * scale);
-            let [a, b, c, d] = [near * l0, far * l0, near * l1, far * l1];
-            let smallest = lesser(lesser(a, b), lesser(c, d));
-            let largest = greater(greater(a, b), greater(c, d));
-            (lo + smallest, hi + largest)
+        let (first, count) = match slice {
+            Slice::All(k) => (k, 1),
+            Slice::Each(k) => (k, LANES),
         };
-        let x = side(least(&self.lo_x), most(&self.hi_x), x0, x1, scale.x);
-        let y = side(least(&self.lo_y), most(&self.hi_y), y0, y1, scale.y);
-        [x.0, y.0, x.1, y.1]
+        let mut reach = [f32::INFINITY, f32::INFINITY, f32::NEG_INFINITY, f32::NEG_INFINITY];
+        for k in first..first + count {
+            let least = |list: &[f32]| lesser(list[k], list[k + 1]);
+            let most = |list: &[f32]| greater(list[k], list[k + 1]);
+            let (near, far) = (least(&self.near), most(&self.far));
+            let side = |lo: f32, hi: f32, l0: f32, l1: f32, scale: f32| {
+                let (l0, l1) = (l0 * scale, l1 * scale);
+                let [a, b, c, d] = [near * l0, far * l0, near * l1, far * l1];
+                let smallest = lesser(lesser(a, b), lesser(c, d));
+                let largest = greater(greater(a, b), greater(c, d));
+                (lo + smallest, hi + largest)
+            };
+            let x = side(least(&self.lo_x), most(&self.hi_x), x0, x1, scale.x);
+            let y = side(least(&self.lo_y), most(&self.hi_y), y0, y1, scale.y);
+            reach = [reach[0].min(x.0), reach[1].min(y.0), reach[2].max(x.1), reach[3].max(y.1)];
+        }
+        reach
     }
 
     /// What lies between the borders of slices.
@@ -561,20 +566,5 @@ impl LaneBoxes {
     #[inline(always)]
     fn lists(&self) -> [&Lanes; 6] {
         [&self.lo_x, &self.hi_x, &self.lo_y, &self.hi_y, &self.near, &self.far]
-    }
-
-    /// Raster box of all of them as a part (x0, x1, y0, y1) of the lens shows them.
-    #[inline(always)]
-    fn reach(&self, [x0, x1, y0, y1]: [f32; 4], scale: Vec2) -> [f32; 4] {
-        let side = |lo: Lanes, hi: Lanes, l0: f32, l1: f32, scale: f32| {
-            let (l0, l1) = (l0 * scale, l1 * scale);
-            let [a, b, c, d] = [self.near * l0, self.far * l0, self.near * l1, self.far * l1];
-            let least = a.min(b).min(c).min(d);
-            let most = a.max(b).max(c).max(d);
-            ((lo + least).least(), (hi + most).most())
-        };
-        let x = side(self.lo_x, self.hi_x, x0, x1, scale.x);
-        let y = side(self.lo_y, self.hi_y, y0, y1, scale.y);
-        [x.0, y.0, x.1, y.1]
     }
 }

@@ -130,18 +130,6 @@ impl Lanes {
         Self(out)
     }
 
-    /// The least of all.
-    #[inline(always)]
-    pub(super) fn least(self) -> f32 {
-        self.0.into_iter().fold(f32::INFINITY, f32::min)
-    }
-
-    /// The greatest of all.
-    #[inline(always)]
-    pub(super) fn most(self) -> f32 {
-        self.0.into_iter().fold(f32::NEG_INFINITY, f32::max)
-    }
-
     /// Square roots.
     #[inline(always)]
     pub(super) fn root(self) -> Self {
