@@ -1,0 +1,30 @@
+//! `iv`: the image viewer.
+//!
+//! All that is known about pictures is in [`granita_view`]; here options become values, and values become text.
+
+#![forbid(unsafe_code)]
+
+mod args;
+mod info;
+
+use args::Args;
+use granita_base::Reporter;
+use granita_cli::{Bar, Status, console_reporter, parse};
+use granita_image::Limits;
+use std::ffi::OsString;
+
+fn run(args: &Args, reporter: &Reporter) -> Status {
+    let formats = granita_plugin::bundled_formats(Limits::default());
+    if args.info {
+        return info::run(&args.files, &formats, reporter);
+    }
+    reporter.error("there is no window in this build: choose what to do without one (-help lists it)");
+    Status::Failed
+}
+
+/// Runs the tool; `words` begins with the name it was called by.
+pub fn main(words: Vec<OsString>) -> Status {
+    let args: Args = parse(words);
+    let reporter = console_reporter("iv", &Bar::new(false));
+    run(&args, &reporter)
+}
