@@ -6,5 +6,9 @@
 #![forbid(unsafe_code)]
 
 mod error;
+mod live;
+mod rect;
 
 pub use error::{Result, ViewError};
+pub use live::{CommandSender, Live, LiveInfo, LiveLimits, LiveWishes, ViewCommand};
+pub use rect::Rect;

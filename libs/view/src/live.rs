@@ -1,0 +1,530 @@
+//! Pictures that arrive while they are made.
+//!
+//! Whoever receives pixels (a listener to renderers, a test) creates pictures and updates them; whoever shows them (a
+//! window, a page in a browser) asks what changed and reads it. Any thread may do either. Coordinates are those of the
+//! data window: (0, 0) is its upper left pixel.
+
+use crate::{Rect, Result, ViewError};
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock};
+use std::time::{Duration, Instant};
+
+/// What senders may make the viewer keep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LiveLimits {
+    /// Most pixels across or down.
+    pub dimension: u32,
+    /// Most bytes of all pictures together, at 4 for each channel of each pixel.
+    pub bytes: u64,
+    /// Most channels of a picture.
+    pub channels: usize,
+    /// Most pictures at once.
+    pub pictures: usize,
+    /// Most bytes of the name of a picture or of a channel, and of a note.
+    pub name_bytes: usize,
+}
+
+impl Default for LiveLimits {
+    /// 64 Ki pixels a side, 8 GiB in all, 256 channels, 256 pictures, 1 KiB for a name.
+    fn default() -> Self {
+        Self { dimension: 1 << 16, bytes: 8 << 30, channels: 256, pictures: 256, name_bytes: 1024 }
+    }
+}
+
+/// What somebody who looks at a picture wants of whoever makes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ViewCommand {
+    /// Go on around this pixel.
+    Center {
+        /// Column.
+        x: i32,
+        /// Row.
+        y: i32,
+    },
+    /// These pixels first.
+    Priority {
+        /// Which.
+        rect: Rect,
+    },
+    /// Make no more of it.
+    Abort,
+}
+
+/// The way back to whoever makes a picture.
+#[derive(Clone)]
+pub struct CommandSender(Arc<dyn Fn(ViewCommand) -> bool + Send + Sync>);
+
+impl CommandSender {
+    /// One that calls `deliver`, which must not block and tells whether anybody is there.
+    pub fn new(deliver: impl Fn(ViewCommand) -> bool + Send + Sync + 'static) -> Self {
+        Self(Arc::new(deliver))
+    }
+
+    /// Sends a command; `false` when nobody is there any more.
+    pub fn send(&self, command: ViewCommand) -> bool {
+        (self.0)(command)
+    }
+}
+
+impl std::fmt::Debug for CommandSender {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("CommandSender")
+    }
+}
+
+/// How a sender would like its picture to be shown (reference 7.4.3).
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LiveWishes {
+    /// On the whole screen.
+    pub fullscreen: bool,
+    /// So many screen pixels for one of the picture; 0 leaves it to the viewer.
+    pub zoom: u32,
+    /// File of a picture to be laid over it; empty for none.
+    pub foreground: String,
+    /// File of a picture to be laid under it; empty for none.
+    pub background: String,
+}
+
+/// Everything about a live picture but its pixels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LiveInfo {
+    /// Differs for every picture that was ever created, also under the same name.
+    pub id: u64,
+    /// Its name, as the list shows it.
+    pub name: String,
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// Names of the channels, in order.
+    pub channels: Vec<String>,
+    /// Grows with every change of pixels, marks, note or wishes.
+    pub generation: u64,
+    /// Tiles in progress.
+    pub marks: Vec<Rect>,
+    /// What became of the sender; `None` as long as it may send more.
+    pub note: Option<String>,
+    /// How it would like to be shown.
+    pub wishes: LiveWishes,
+    /// Whether commands reach somebody.
+    pub takes_commands: bool,
+}
+
+/// Changes that are remembered one by one; older ones count as the whole picture.
+const CHANGES: usize = 4096;
+/// Marks that are kept; more are no help to anybody.
+const MARKS: usize = 1024;
+
+struct State {
+    pixels: Vec<f32>,
+    generation: u64,
+    /// Pixels that changed, with the generation that each change led to.
+    changes: VecDeque<(u64, Rect)>,
+    marks: Vec<Rect>,
+    note: Option<String>,
+    wishes: LiveWishes,
+    commands: Option<CommandSender>,
+}
+
+struct Picture {
+    id: u64,
+    name: String,
+    width: u32,
+    height: u32,
+    channels: Vec<String>,
+    state: RwLock<State>,
+}
+
+impl Picture {
+    fn window(&self) -> Rect {
+        Rect::at(0, 0, self.width, self.height)
+    }
+
+    fn bytes(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height) * self.channels.len() as u64 * 4
+    }
+
+    fn read<T>(&self, f: impl FnOnce(&State) -> T) -> T {
+        f(&self.state.read().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Changes something besides pixels, or in `changed` pixels.
+    fn write<T>(&self, changed: Option<Rect>, f: impl FnOnce(&mut State) -> T) -> T {
+        let mut state = self.state.write().unwrap_or_else(PoisonError::into_inner);
+        let result = f(&mut state);
+        state.generation += 1;
+        if let Some(rect) = changed {
+            let generation = state.generation;
+            if state.changes.len() == CHANGES {
+                state.changes.pop_front();
+            }
+            state.changes.push_back((generation, rect));
+            state.marks.retain(|mark| !rect.contains(mark));
+        }
+        result
+    }
+}
+
+/// Told of every change; see [`Live::watch`].
+type Watcher = Arc<dyn Fn() + Send + Sync>;
+
+struct Shared {
+    limits: LiveLimits,
+    /// In order of creation.
+    pictures: RwLock<Vec<Arc<Picture>>>,
+    next_id: AtomicU64,
+    version: Mutex<u64>,
+    changed: Condvar,
+    watchers: Mutex<Vec<Watcher>>,
+}
+
+/// The pictures that arrive; clones share them.
+#[derive(Clone)]
+pub struct Live(Arc<Shared>);
+
+impl Default for Live {
+    fn default() -> Self {
+        Self::new(LiveLimits::default())
+    }
+}
+
+impl std::fmt::Debug for Live {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Live").field(&self.names()).finish()
+    }
+}
+
+impl Live {
+    /// No pictures yet.
+    pub fn new(limits: LiveLimits) -> Self {
+        Self(Arc::new(Shared {
+            limits,
+            pictures: RwLock::default(),
+            next_id: AtomicU64::new(1),
+            version: Mutex::new(0),
+            changed: Condvar::new(),
+            watchers: Mutex::default(),
+        }))
+    }
+
+    /// What it keeps at most.
+    pub fn limits(&self) -> &LiveLimits {
+        &self.0.limits
+    }
+
+    /// A black picture, in the place of one that has this name.
+    ///
+    /// # Errors
+    /// [`ViewError::Limit`]; [`ViewError::Misuse`] for a size of 0, no channels, or two of one name.
+    pub fn create(&self, name: &str, width: u32, height: u32, channels: &[String]) -> Result<()> {
+        let limits = &self.0.limits;
+        let within = |what, asked: u64, max: u64| {
+            if asked <= max { Ok(()) } else { Err(ViewError::Limit { what, asked, max }) }
+        };
+        within("bytes of a picture's name", name.len() as u64, limits.name_bytes as u64)?;
+        within("pixels of a side", u64::from(width.max(height)), u64::from(limits.dimension))?;
+        within("channels", channels.len() as u64, limits.channels as u64)?;
+        for channel in channels {
+            within("bytes of a channel's name", channel.len() as u64, limits.name_bytes as u64)?;
+        }
+        if width == 0 || height == 0 || channels.is_empty() {
+            return Err(misuse(format!(
+                "a picture of {width} x {height} pixels with {} channels",
+                channels.len()
+            )));
+        }
+        if let Some(twice) = (1..channels.len()).find(|i| channels[..*i].contains(&channels[*i])) {
+            return Err(misuse(format!("two channels are called \"{}\"", channels[twice])));
+        }
+        let values = (u64::from(width) * u64::from(height)).saturating_mul(channels.len() as u64);
+        let bytes = values.saturating_mul(4);
+        let mut pictures = self.0.pictures.write().unwrap_or_else(PoisonError::into_inner);
+        let at = pictures.iter().position(|p| p.name == name);
+        let others = pictures.iter().filter(|p| p.name != name);
+        let (count, used) = others.fold((0, 0_u64), |(n, sum), p| (n + 1, sum.saturating_add(p.bytes())));
+        within("pictures", count + 1, limits.pictures as u64)?;
+        within("bytes of all pictures", used.saturating_add(bytes), limits.bytes.min(isize::MAX as u64))?;
+        let state = State {
+            // Untouched pages of zeros cost nothing.
+            pixels: vec![0.0; usize::try_from(values).unwrap_or(0)],
+            generation: 1,
+            changes: VecDeque::new(),
+            marks: Vec::new(),
+            note: None,
+            wishes: LiveWishes::default(),
+            commands: None,
+        };
+        let picture = Arc::new(Picture {
+            id: self.0.next_id.fetch_add(1, Ordering::Relaxed),
+            name: name.to_owned(),
+            width,
+            height,
+            channels: channels.to_vec(),
+            state: RwLock::new(state),
+        });
+        match at {
+            Some(at) => pictures[at] = picture,
+            None => pictures.push(picture),
+        }
+        drop(pictures);
+        self.tell();
+        Ok(())
+    }
+
+    /// New values of the pixels of `rect`. Pixel k (row by row) of channel `index` of the picture is
+    /// `values[offset + k * stride]`, for each `(index, offset, stride)`. The marks inside of `rect` are gone.
+    ///
+    /// # Errors
+    /// [`ViewError::Misuse`] when there is no such picture or channel, when `rect` is not inside of it, or when `values`
+    /// are too few.
+    pub fn update(
+        &self,
+        name: &str,
+        channels: &[(usize, usize, usize)],
+        rect: Rect,
+        values: &[f32],
+    ) -> Result<()> {
+        let picture = self.picture(name)?;
+        if !picture.window().contains(&rect) {
+            return Err(misuse(format!(
+                "pixels x {}..{} y {}..{} of the {} x {} of \"{name}\"",
+                rect.x0, rect.x1, rect.y0, rect.y1, picture.width, picture.height
+            )));
+        }
+        let (n, width) = (picture.channels.len(), picture.width as usize);
+        let (columns, rows) = (rect.width(), rect.height());
+        for (index, offset, stride) in channels {
+            let last = (columns * rows - 1).checked_mul(*stride).and_then(|l| l.checked_add(*offset));
+            if *index >= n || last.is_none_or(|last| last >= values.len()) {
+                return Err(misuse(format!(
+                    "channel {index} of {n} of \"{name}\" from {offset} in steps of {stride} of {} values",
+                    values.len()
+                )));
+            }
+        }
+        // Pixels that lie as they are kept come as whole rows.
+        let as_kept = channels.len() == n
+            && channels
+                .iter()
+                .enumerate()
+                .all(|(i, (index, offset, stride))| (*index, *offset, *stride) == (i, channels[0].1 + i, n));
+        picture.write(Some(rect), |state| {
+            for j in 0..rows {
+                let to = ((rect.y0 as usize + j) * width + rect.x0 as usize) * n;
+                let line = &mut state.pixels[to..to + columns * n];
+                if as_kept {
+                    let from = channels[0].1 + j * columns * n;
+                    line.copy_from_slice(&values[from..from + columns * n]);
+                    continue;
+                }
+                for (index, offset, stride) in channels {
+                    let first = offset + j * columns * stride;
+                    for (k, to) in line.iter_mut().skip(*index).step_by(n).enumerate() {
+                        *to = values[first + k * stride];
+                    }
+                }
+            }
+        });
+        self.tell();
+        Ok(())
+    }
+
+    /// Somebody works on these pixels. Nothing happens for pixels outside or when there is no such picture.
+    pub fn mark(&self, name: &str, rect: Rect) {
+        let Ok(picture) = self.picture(name) else { return };
+        let rect = rect.intersection(&picture.window());
+        if rect.is_empty() {
+            return;
+        }
+        picture.write(None, |state| {
+            if state.marks.len() < MARKS && !state.marks.contains(&rect) {
+                state.marks.push(rect);
+            }
+        });
+        self.tell();
+    }
+
+    /// Takes a picture away.
+    pub fn close(&self, name: &str) {
+        let mut pictures = self.0.pictures.write().unwrap_or_else(PoisonError::into_inner);
+        let before = pictures.len();
+        pictures.retain(|p| p.name != name);
+        let gone = pictures.len() != before;
+        drop(pictures);
+        if gone {
+            self.tell();
+        }
+    }
+
+    /// Nothing more will come: the picture stays, with a note, without marks, and takes no commands.
+    pub fn lost(&self, name: &str, note: &str) {
+        let Ok(picture) = self.picture(name) else { return };
+        let note: String = note.chars().take(self.0.limits.name_bytes / 4).collect();
+        picture.write(None, |state| {
+            state.note = Some(note);
+            state.marks.clear();
+            state.commands = None;
+        });
+        self.tell();
+    }
+
+    /// How the sender would like a picture to be shown.
+    pub fn wish(&self, name: &str, wishes: LiveWishes) {
+        let Ok(picture) = self.picture(name) else { return };
+        picture.write(None, |state| state.wishes = wishes);
+        self.tell();
+    }
+
+    /// Makes a way back for the commands of a picture.
+    pub fn answer(&self, name: &str, commands: CommandSender) {
+        let Ok(picture) = self.picture(name) else { return };
+        picture.write(None, |state| state.commands = Some(commands));
+        self.tell();
+    }
+
+    /// The way back to whoever makes a picture; `None` when nobody listens.
+    pub fn commands(&self, name: &str) -> Option<CommandSender> {
+        self.picture(name).ok()?.read(|state| state.commands.clone())
+    }
+
+    /// Names of the pictures, in order of creation.
+    pub fn names(&self) -> Vec<String> {
+        let pictures = self.0.pictures.read().unwrap_or_else(PoisonError::into_inner);
+        pictures.iter().map(|p| p.name.clone()).collect()
+    }
+
+    /// What is known of a picture.
+    pub fn info(&self, name: &str) -> Option<LiveInfo> {
+        let picture = self.picture(name).ok()?;
+        Some(picture.read(|state| LiveInfo {
+            id: picture.id,
+            name: picture.name.clone(),
+            width: picture.width,
+            height: picture.height,
+            channels: picture.channels.clone(),
+            generation: state.generation,
+            marks: state.marks.clone(),
+            note: state.note.clone(),
+            wishes: state.wishes.clone(),
+            takes_commands: state.commands.is_some(),
+        }))
+    }
+
+    /// The values of some channels (by their index) in some pixels: row by row, channels side by side.
+    ///
+    /// # Errors
+    /// [`ViewError::Misuse`] when there is no such picture or channel, or when `rect` is not inside of it.
+    pub fn read(&self, name: &str, rect: Rect, channels: &[usize]) -> Result<Vec<f32>> {
+        let picture = self.picture(name)?;
+        let n = picture.channels.len();
+        if !picture.window().contains(&rect) || channels.iter().any(|c| *c >= n) {
+            return Err(misuse(format!(
+                "pixels x {}..{} y {}..{} of \"{name}\" ({} x {}, {n} channels)",
+                rect.x0, rect.x1, rect.y0, rect.y1, picture.width, picture.height
+            )));
+        }
+        let (width, columns) = (picture.width as usize, rect.width());
+        let in_order = channels.windows(2).all(|pair| pair[1] == pair[0] + 1);
+        let mut values = Vec::with_capacity(columns * rect.height() * channels.len());
+        picture.read(|state| {
+            for y in rect.y0 as usize..rect.y1 as usize {
+                let from = (y * width + rect.x0 as usize) * n;
+                let line = &state.pixels[from..from + columns * n];
+                match channels {
+                    [] => (),
+                    _ if in_order && channels.len() == n => values.extend_from_slice(line),
+                    [first, ..] if in_order => {
+                        for pixel in line.chunks_exact(n) {
+                            values.extend_from_slice(&pixel[*first..first + channels.len()]);
+                        }
+                    }
+                    _ => {
+                        for pixel in line.chunks_exact(n) {
+                            values.extend(channels.iter().map(|c| pixel[*c]));
+                        }
+                    }
+                }
+            }
+        });
+        Ok(values)
+    }
+
+    /// All values of a picture with what is known of it.
+    ///
+    /// # Errors
+    /// [`ViewError::Misuse`] when there is no such picture.
+    pub fn snapshot(&self, name: &str) -> Result<(LiveInfo, Vec<f32>)> {
+        let none = || misuse(format!("there is no picture \"{name}\""));
+        let info = self.info(name).ok_or_else(none)?;
+        let all: Vec<usize> = (0..info.channels.len()).collect();
+        let values = self.read(name, Rect::at(0, 0, info.width, info.height), &all)?;
+        Ok((info, values))
+    }
+
+    /// A number that grows with every change of a picture; 0 when there is none of this name.
+    pub fn generation(&self, name: &str) -> u64 {
+        self.picture(name).map_or(0, |p| p.read(|state| state.generation))
+    }
+
+    /// Pixels that may have changed since a picture had this generation; the whole picture when that was long ago.
+    /// A picture that was created again under its name has another [`LiveInfo::id`].
+    pub fn changes_since(&self, name: &str, generation: u64) -> Vec<Rect> {
+        let Ok(picture) = self.picture(name) else { return Vec::new() };
+        picture.read(|state| match state.changes.front() {
+            _ if generation == 0 => vec![picture.window()],
+            Some((first, _)) if state.changes.len() == CHANGES && *first > generation + 1 => {
+                vec![picture.window()]
+            }
+            _ => state.changes.iter().filter(|(g, _)| *g > generation).map(|(_, rect)| *rect).collect(),
+        })
+    }
+
+    /// A number that grows with every change of any picture or of the list.
+    pub fn version(&self) -> u64 {
+        *self.lock_version()
+    }
+
+    /// Waits until [`Live::version`] is no longer `seen`, at most so long; returns it.
+    pub fn wait(&self, seen: u64, longest: Duration) -> u64 {
+        let end = Instant::now() + longest;
+        let mut version = self.lock_version();
+        while *version == seen {
+            let left = end.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                break;
+            }
+            version = self.0.changed.wait_timeout(version, left).unwrap_or_else(PoisonError::into_inner).0;
+        }
+        *version
+    }
+
+    /// Calls `changed` after every change, from the thread that made it: it must be quick and change nothing here.
+    pub fn watch(&self, changed: impl Fn() + Send + Sync + 'static) {
+        self.0.watchers.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::new(changed));
+    }
+
+    fn lock_version(&self) -> MutexGuard<'_, u64> {
+        self.0.version.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn picture(&self, name: &str) -> Result<Arc<Picture>> {
+        let pictures = self.0.pictures.read().unwrap_or_else(PoisonError::into_inner);
+        let found = pictures.iter().find(|p| p.name == name).cloned();
+        found.ok_or_else(|| misuse(format!("there is no picture \"{name}\"")))
+    }
+
+    fn tell(&self) {
+        *self.lock_version() += 1;
+        self.0.changed.notify_all();
+        let watchers = self.0.watchers.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        watchers.iter().for_each(|watcher| watcher());
+    }
+}
+
+fn misuse(what: String) -> ViewError {
+    ViewError::Misuse { what }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,180 @@
+use super::*;
+use proptest::prelude::*;
+
+fn names(list: &[&str]) -> Vec<String> {
+    list.iter().map(|n| (*n).to_owned()).collect()
+}
+
+#[test]
+fn pixels_come_in_any_layout() {
+    let live = Live::default();
+    live.create("a", 4, 3, &names(&["R", "G", "B"])).unwrap();
+    let rect = Rect::at(1, 1, 2, 2);
+    // Interleaved, as they are kept.
+    let values: Vec<f32> = (0..13).map(|v| v as f32).collect();
+    live.update("a", &[(0, 1, 3), (1, 2, 3), (2, 3, 3)], rect, &values).unwrap();
+    assert_eq!(live.read("a", rect, &[0, 1, 2]).unwrap(), values[1..]);
+    assert_eq!(live.read("a", rect, &[2, 0]).unwrap(), [3.0, 1.0, 6.0, 4.0, 9.0, 7.0, 12.0, 10.0]);
+    assert_eq!(live.read("a", rect, &[1, 2]).unwrap(), [2.0, 3.0, 5.0, 6.0, 8.0, 9.0, 11.0, 12.0]);
+    // One plane, in another order and backwards as to channels.
+    live.update("a", &[(2, 0, 1), (0, 4, 1)], rect, &values).unwrap();
+    assert_eq!(live.read("a", rect, &[0, 1, 2]).unwrap()[..6], [4.0, 2.0, 0.0, 5.0, 5.0, 1.0]);
+    let (info, all) = live.snapshot("a").unwrap();
+    assert_eq!((info.width, info.height, all.len()), (4, 3, 36));
+    assert_eq!(all[..3], [0.0; 3]);
+    // The same value for all pixels.
+    live.update("a", &[(0, 7, 0)], Rect::at(0, 0, 4, 3), &values).unwrap();
+    assert!(live.read("a", Rect::at(0, 0, 4, 3), &[0]).unwrap().iter().all(|v| *v == 7.0));
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let live = Live::new(LiveLimits { bytes: 4000, pictures: 2, ..LiveLimits::default() });
+    let rgb = names(&["R", "G", "B"]);
+    assert!(matches!(
+        live.create("a", 100, 100, &rgb),
+        Err(ViewError::Limit { asked: 120_000, max: 4000, .. })
+    ));
+    assert!(matches!(live.create("a", u32::MAX, 1, &rgb), Err(ViewError::Limit { .. })));
+    assert!(matches!(live.create("a", 0, 1, &rgb), Err(ViewError::Misuse { .. })));
+    assert!(matches!(live.create("a", 1, 1, &[]), Err(ViewError::Misuse { .. })));
+    assert!(matches!(live.create("a", 1, 1, &names(&["R", "R"])), Err(ViewError::Misuse { .. })));
+    live.create("a", 18, 18, &rgb).unwrap();
+    assert!(live.create("b", 10, 10, &rgb).is_err(), "together they are too large");
+    live.create("a", 5, 5, &rgb).unwrap();
+    live.create("b", 10, 10, &rgb).unwrap();
+    assert!(matches!(live.create("c", 1, 1, &rgb), Err(ViewError::Limit { what: "pictures", .. })));
+    assert_eq!(live.names(), ["a", "b"]);
+    let pixel = Rect::at(4, 4, 1, 1);
+    assert!(live.update("a", &[(0, 0, 1)], pixel, &[1.0]).is_ok());
+    for (channels, rect, values) in [
+        ((3, 0, 1), pixel, &[1.0][..]),
+        ((0, 1, 1), pixel, &[1.0]),
+        ((0, 0, 1), pixel, &[]),
+        ((0, 0, usize::MAX), Rect::at(0, 0, 2, 2), &[1.0; 4]),
+        ((0, usize::MAX, 1), Rect::at(0, 0, 2, 2), &[1.0; 4]),
+        ((0, 0, 1), Rect::at(5, 4, 1, 1), &[1.0]),
+        ((0, 0, 1), Rect::at(-1, 4, 1, 1), &[1.0]),
+        ((0, 0, 1), Rect::at(4, 4, 0, 1), &[1.0]),
+        ((0, 0, 0), Rect { x0: i32::MIN, y0: i32::MIN, x1: i32::MAX, y1: i32::MAX }, &[1.0]),
+    ] {
+        assert!(live.update("a", &[channels], rect, values).is_err(), "{channels:?} {rect:?}");
+        assert!(live.read("a", rect, &[channels.0]).is_err() || pixel == rect || rect.width() == 2);
+    }
+    assert!(live.update("nosuch", &[], pixel, &[]).is_err() && live.read("nosuch", pixel, &[]).is_err());
+}
+
+#[test]
+fn changes_are_told_once_and_old_ones_as_the_whole() {
+    let live = Live::default();
+    live.create("a", 64, 64, &names(&["Y"])).unwrap();
+    let first = live.generation("a");
+    assert!(live.changes_since("a", first).is_empty());
+    let rects: Vec<Rect> = (0..5).map(|i| Rect::at(i, i, 2, 2)).collect();
+    for rect in &rects {
+        live.update("a", &[(0, 0, 1)], *rect, &[1.0; 4]).unwrap();
+    }
+    assert_eq!(live.changes_since("a", first), rects);
+    assert_eq!(live.changes_since("a", first + 3), rects[3..]);
+    assert!(live.changes_since("a", live.generation("a")).is_empty());
+    assert_eq!(live.changes_since("a", 0), [Rect::at(0, 0, 64, 64)], "who never looked must see all");
+    for _ in 0..CHANGES {
+        live.update("a", &[(0, 0, 1)], rects[0], &[2.0; 4]).unwrap();
+    }
+    assert_eq!(live.changes_since("a", first), [Rect::at(0, 0, 64, 64)]);
+    assert_eq!(live.changes_since("a", first + 5).len(), CHANGES);
+    let id = live.info("a").unwrap().id;
+    live.create("a", 2, 2, &names(&["Y"])).unwrap();
+    assert_ne!(live.info("a").unwrap().id, id);
+    assert_eq!(live.generation("nosuch"), 0);
+}
+
+#[test]
+fn marks_go_when_their_pixels_come() {
+    let live = Live::default();
+    live.create("a", 64, 32, &names(&["Y"])).unwrap();
+    let marks = || live.info("a").unwrap().marks;
+    live.mark("a", Rect::at(0, 0, 16, 16));
+    live.mark("a", Rect::at(0, 0, 16, 16));
+    live.mark("a", Rect::at(56, 16, 16, 16));
+    live.mark("a", Rect::at(99, 99, 16, 16));
+    live.mark("nosuch", Rect::at(0, 0, 1, 1));
+    assert_eq!(marks(), [Rect::at(0, 0, 16, 16), Rect::at(56, 16, 8, 16)]);
+    live.update("a", &[(0, 0, 1)], Rect::at(0, 0, 15, 16), &[1.0; 240]).unwrap();
+    assert_eq!(marks().len(), 2, "not all of it came");
+    live.update("a", &[(0, 0, 1)], Rect::at(0, 0, 20, 16), &[1.0; 320]).unwrap();
+    assert_eq!(marks(), [Rect::at(56, 16, 8, 16)]);
+    live.lost("a", "the sender is gone");
+    let info = live.info("a").unwrap();
+    assert_eq!((info.marks.len(), info.note.as_deref()), (0, Some("the sender is gone")));
+}
+
+#[test]
+fn commands_find_their_way_back_until_the_sender_is_lost() {
+    let live = Live::default();
+    live.create("a", 4, 4, &names(&["Y"])).unwrap();
+    assert!(live.commands("a").is_none() && !live.info("a").unwrap().takes_commands);
+    let (to, from) = std::sync::mpsc::channel();
+    live.answer("a", CommandSender::new(move |command| to.send(command).is_ok()));
+    let sender = live.commands("a").unwrap();
+    assert!(sender.send(ViewCommand::Center { x: 1, y: 2 }) && sender.send(ViewCommand::Abort));
+    assert_eq!(
+        from.iter().take(2).collect::<Vec<_>>(),
+        [ViewCommand::Center { x: 1, y: 2 }, ViewCommand::Abort]
+    );
+    live.lost("a", "");
+    assert!(live.commands("a").is_none());
+    drop(from);
+    assert!(!sender.send(ViewCommand::Abort));
+}
+
+#[test]
+fn who_waits_is_woken() {
+    let live = Live::default();
+    let told = Arc::new(AtomicU64::new(0));
+    let count = told.clone();
+    live.watch(move || {
+        count.fetch_add(1, Ordering::Relaxed);
+    });
+    let seen = live.version();
+    assert_eq!(live.wait(seen, Duration::ZERO), seen);
+    let other = live.clone();
+    let maker = std::thread::spawn(move || other.create("a", 1, 1, &names(&["Y"])));
+    assert!(live.wait(seen, Duration::from_secs(20)) > seen);
+    maker.join().unwrap().unwrap();
+    live.wish("a", LiveWishes { zoom: 2, ..LiveWishes::default() });
+    assert_eq!(live.info("a").unwrap().wishes.zoom, 2);
+    live.close("a");
+    live.close("a");
+    assert_eq!((told.load(Ordering::Relaxed), live.names().len()), (3, 0));
+}
+
+proptest! {
+    /// Whatever comes, where it is not refused the pixels are those that were sent last.
+    #[test]
+    fn updates_are_what_a_plain_picture_would_hold(
+        updates in prop::collection::vec(
+            (0_usize..3, 0_usize..3, 0_usize..4, -2_i32..9, -2_i32..7, 0_u32..9, 0_u32..7),
+            1..20,
+        ),
+    ) {
+        let (width, height, n) = (7, 5, 3);
+        let live = Live::default();
+        live.create("a", width, height, &names(&["R", "G", "B"])).unwrap();
+        let mut plain = vec![0.0_f32; (width * height) as usize * n];
+        for (round, (index, offset, stride, x, y, w, h)) in updates.into_iter().enumerate() {
+            let values: Vec<f32> = (0..200).map(|v| (round * 1000 + v) as f32).collect();
+            let rect = Rect::at(x, y, w, h);
+            let inside = x >= 0 && y >= 0 && w > 0 && h > 0 && x as u32 + w <= width && y as u32 + h <= height;
+            let done = live.update("a", &[(index, offset, stride)], rect, &values);
+            prop_assert_eq!(done.is_ok(), inside);
+            if inside {
+                for k in 0..(w * h) as usize {
+                    let (px, py) = (x as usize + k % w as usize, y as usize + k / w as usize);
+                    plain[(py * width as usize + px) * n + index] = values[offset + k * stride];
+                }
+            }
+        }
+        prop_assert_eq!(live.snapshot("a").unwrap().1, plain);
+    }
+}
