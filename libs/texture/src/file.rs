@@ -215,8 +215,12 @@ impl TextureFile {
             (true, false) => Some(Lack::Levels),
             (false, _) => Some(Lack::Tiles),
         };
-        if kind == TextureKind::VolumeShadow && spec.nchannels() < 4 {
-            kind = TextureKind::Shadow;
+        if spec.nchannels() < 4 {
+            kind = match kind {
+                TextureKind::VolumeShadow => TextureKind::Shadow,
+                TextureKind::CubeFaceVolumeShadow => TextureKind::CubeFaceShadow,
+                other => other,
+            };
         }
         if lack.is_some() {
             levels = Self::memory_levels(kind, levels[0]);
@@ -277,7 +281,7 @@ impl TextureFile {
     fn memory_levels(kind: TextureKind, first: Level) -> Vec<Level> {
         let whole = |l: Level| Level { tile_width: l.width, tile_height: l.height, ..l };
         let mut levels = vec![whole(first)];
-        if !kind.is_mipmapped() || kind == TextureKind::VolumeShadow {
+        if !kind.is_mipmapped() || kind.is_volume_shadow() {
             return levels;
         }
         let (columns, rows) =

@@ -11,6 +11,8 @@ pub enum TextureKind {
     CubeFaceShadow,
     /// Opacity against depth.
     VolumeShadow,
+    /// The same in six views around a light.
+    CubeFaceVolumeShadow,
     /// Six views around a point.
     CubeFaceEnvironment,
     /// All directions by latitude and longitude.
@@ -21,11 +23,12 @@ pub enum TextureKind {
 
 impl TextureKind {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Plain,
         Self::Shadow,
         Self::CubeFaceShadow,
         Self::VolumeShadow,
+        Self::CubeFaceVolumeShadow,
         Self::CubeFaceEnvironment,
         Self::LatLongEnvironment,
         Self::Volume,
@@ -38,6 +41,7 @@ impl TextureKind {
             Self::Shadow => "Shadow",
             Self::CubeFaceShadow => "CubeFace Shadow",
             Self::VolumeShadow => "Volume Shadow",
+            Self::CubeFaceVolumeShadow => "CubeFace Volume Shadow",
             Self::CubeFaceEnvironment => "CubeFace Environment",
             Self::LatLongEnvironment => "LatLong Environment",
             Self::Volume => "Volume Texture",
@@ -53,7 +57,7 @@ impl TextureKind {
     pub fn type_word(self) -> &'static str {
         match self {
             Self::Plain => "texture",
-            Self::Shadow | Self::CubeFaceShadow | Self::VolumeShadow => "shadow",
+            Self::Shadow | Self::CubeFaceShadow | Self::VolumeShadow | Self::CubeFaceVolumeShadow => "shadow",
             Self::CubeFaceEnvironment | Self::LatLongEnvironment => "environment",
             Self::Volume => "volume",
         }
@@ -61,7 +65,12 @@ impl TextureKind {
 
     /// Whether six faces share the picture.
     pub fn is_cube(self) -> bool {
-        matches!(self, Self::CubeFaceShadow | Self::CubeFaceEnvironment)
+        matches!(self, Self::CubeFaceShadow | Self::CubeFaceVolumeShadow | Self::CubeFaceEnvironment)
+    }
+
+    /// Whether texels hold opacity against depth.
+    pub fn is_volume_shadow(self) -> bool {
+        matches!(self, Self::VolumeShadow | Self::CubeFaceVolumeShadow)
     }
 
     /// Whether depths are compared, not colours filtered.

@@ -8,6 +8,7 @@ use crate::gaussian::Gaussian;
 use crate::shared::Shared;
 use crate::simd::{Row, Sums};
 use crate::tiles::{Cell, Tile, TileKey};
+use granita_base::Vec3;
 use std::sync::Arc;
 
 /// Reads up to four neighbouring channels of a file.
@@ -179,6 +180,26 @@ impl<'a> Sampler<'a> {
     pub(crate) fn face_texel(&mut self, level: usize, face: usize, x: u32, y: u32) -> [f32; 4] {
         let (left, top) = self.file.face_origin(self.level(level), face);
         self.texel(level, left + x, top + y)
+    }
+
+    /// What `of` says of the four texels of a cube around a direction (finite, not 0), bilinear, across edges.
+    pub(crate) fn around(&mut self, level: usize, direction: Vec3, mut of: impl FnMut(&[f32]) -> f32) -> f32 {
+        let layout = self.file.layout;
+        let at = cube::project(layout, direction);
+        let n = self.level(level).face_width;
+        let ((x, fx), (y, fy)) = (cell(at.s.clamp(0.0, 1.0), n), cell(at.t.clamp(0.0, 1.0), n));
+        let mut known = (0.0_f32, 0.0_f32);
+        let corners = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| {
+            cube::texel_across(layout, at.face, x, y, n as i32).map(|(face, x, y)| {
+                let (left, top) = self.file.face_origin(self.level(level), face);
+                let value = self.with_texel(level, left + x as u32, top + y as u32, &mut of);
+                known = (known.0 + value, known.1 + 1.0);
+                value
+            })
+        });
+        // The corner of the cube, where a fourth texel does not exist.
+        let [a, b, c, d] = corners.map(|c| [c.unwrap_or(known.0 / known.1.max(1.0)), 0.0, 0.0, 0.0]);
+        mix(mix(a, b, fx), mix(c, d, fx), fy)[0]
     }
 
     /// Bilinear value of a level at (s, t), finite, as a plain picture.

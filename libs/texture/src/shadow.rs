@@ -1,13 +1,11 @@
 //! `shadow ()`: percentage-closer filtering of depth maps (Reeves, Salesin and Cook, Rendering
 //! Antialiased Shadows with Depth Maps, SIGGRAPH 1987), of cubes of them, and volume shadow maps.
 
-use crate::cube;
 use crate::file::TextureFile;
-use crate::footprint::mix;
 use crate::lookup::ShadowLookup;
 use crate::reader::TextureReader;
 use crate::sampler::{Sampler, cell};
-use crate::{TextureKind, volume};
+use crate::volume;
 use granita_base::{Transform, Vec3, hash, sample};
 
 /// Fewest and most samples of one lookup.
@@ -59,7 +57,7 @@ pub(crate) fn shadow(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Sha
     };
     let Some(q) = sane(q) else { return 0.0 };
     match file.kind {
-        TextureKind::CubeFaceShadow => cube_shadow(reader, file, camera, &q),
+        kind if kind.is_cube() => cube_shadow(reader, file, camera, &q),
         _ => flat_shadow(reader, file, camera, screen, &q),
     }
 }
@@ -80,7 +78,7 @@ fn flat_shadow(
     q: &ShadowLookup,
 ) -> f32 {
     let Some((s0, t0, z0)) = place(camera, screen, q.p) else { return 0.0 };
-    let volume = file.kind == TextureKind::VolumeShadow;
+    let volume = file.kind.is_volume_shadow();
     let mut sampler = reader.sampler(file, 0, if volume { 0 } else { 1 });
     let (mut sum, mut n) = (0.0_f32, 0_u32);
     let lod = if volume { volume_lod(file, camera, screen, q, (s0, t0)) } else { 0.0 };
@@ -114,7 +112,12 @@ fn volume_lod(
         place(camera, screen, q.p + d)
             .map_or(0.0, |(s, t, _)| ((s - s0) * q.swidth * w).hypot((t - t0) * q.twidth * h))
     };
-    let width = (side(q.dpdx) * side(q.dpdy)).sqrt() + (q.sblur * w).abs().max((q.tblur * h).abs());
+    lod_of(q, side(q.dpdx), side(q.dpdy), (w, h))
+}
+
+/// The same for a footprint of `dx` by `dy` texels in a map, or a face, of `w` by `h`.
+fn lod_of(q: &ShadowLookup, dx: f32, dy: f32, (w, h): (f32, f32)) -> f32 {
+    let width = (dx * dy).sqrt() + (q.sblur * w).abs().max((q.tblur * h).abs());
     let samples = q.samples.clamp(SAMPLES.0, SAMPLES.1) as f32;
     (width / samples.sqrt()).max(1.0).log2()
 }
@@ -152,7 +155,16 @@ fn cube_shadow(
     let side = 2.0 * centre.length();
     let (right, up) = (east * (side * q.sblur), north * (side * q.tblur));
     let (dx, dy) = (camera.vector(q.dpdx), camera.vector(q.dpdy));
-    let mut sampler = reader.sampler(file, 0, 1);
+    let volume = file.kind.is_volume_shadow();
+    let mut sampler = reader.sampler(file, 0, if volume { 0 } else { 1 });
+    let lod = if volume {
+        // A face spans two units at the distance of one.
+        let texels = file.levels[0].face_width as f32;
+        let wide = |d: Vec3| (d.dot(east) * q.swidth).hypot(d.dot(north) * q.twidth) * texels / side;
+        lod_of(q, wide(dx), wide(dy), (texels, texels))
+    } else {
+        0.0
+    };
     let (mut sum, mut n) = (0.0_f32, 0_u32);
     for ([u, v], in_blur) in pattern(q) {
         n += 1;
@@ -166,27 +178,13 @@ fn cube_shadow(
         }
         // Blur looks aside; how far away the point is stays, as in a map of one view.
         let depth = place.abs().max_element();
-        sum += cube_occluded(&mut sampler, direction, depth - q.bias);
+        let z = depth - q.bias;
+        sum += if volume {
+            volume::opacity_around(&mut sampler, lod, direction, z)
+        } else {
+            sampler.around(0, direction, |texel| f32::from(z > texel[0]))
+        };
     }
     reader.probes += u64::from(n);
     sum / n as f32
-}
-
-/// As [`occluded`], in a direction from the centre of a cube, across edges.
-fn cube_occluded(sampler: &mut Sampler<'_>, direction: Vec3, z: f32) -> f32 {
-    let layout = sampler.file.layout;
-    let at = cube::project(layout, direction);
-    let n = sampler.level(0).face_width;
-    let ((x, fx), (y, fy)) = (cell(at.s.clamp(0.0, 1.0), n), cell(at.t.clamp(0.0, 1.0), n));
-    let mut known = (0.0_f32, 0.0_f32);
-    let corners = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| {
-        cube::texel_across(layout, at.face, x, y, n as i32).map(|(face, x, y)| {
-            let nearer = f32::from(z > sampler.face_texel(0, face, x as u32, y as u32)[0]);
-            known = (known.0 + nearer, known.1 + 1.0);
-            nearer
-        })
-    });
-    // The corner of the cube, where a fourth texel does not exist.
-    let [a, b, c, d] = corners.map(|c| [c.unwrap_or(known.0 / known.1.max(1.0)), 0.0, 0.0, 0.0]);
-    mix(mix(a, b, fx), mix(c, d, fx), fy)[0]
 }

@@ -1,6 +1,7 @@
 //! Volume shadow maps: opacity against depth, per texel (reference 9.2.4).
 
 use crate::sampler::{Sampler, cell, levels};
+use granita_base::Vec3;
 
 /// Depth where nothing is (reference 9.2.4).
 pub(crate) const EMPTY: f32 = 1e30;
@@ -10,6 +11,9 @@ pub(crate) const EMPTY: f32 = 1e30;
 pub(crate) fn store(opaque: f32, curve: &[(f32, f32)], texel: &mut [f32]) {
     texel.fill(EMPTY);
     texel[0] = opaque;
+    if texel.len() == 1 {
+        return;
+    }
     let alpha = curve.last().map_or(0.0, |c| c.1);
     texel[1] = alpha.max(0.0);
     if alpha.is_nan() || alpha <= 0.0 {
@@ -149,6 +153,14 @@ fn opacity_in(sampler: &mut Sampler<'_>, level: usize, s: f32, t: f32, z: f32) -
     let top = corner(x, y) * (1.0 - fx) + corner(x + 1, y) * fx;
     let bottom = corner(x, y + 1) * (1.0 - fx) + corner(x + 1, y + 1) * fx;
     top * (1.0 - fy) + bottom * fy
+}
+
+/// As [`opacity_at`], in a direction from the centre of a cube, across its edges.
+pub(crate) fn opacity_around(sampler: &mut Sampler<'_>, lod: f32, direction: Vec3, z: f32) -> f32 {
+    let (level, share) = levels(lod, sampler.last());
+    let mut at = |level: usize| sampler.around(level, direction, |texel| opacity(texel, z));
+    let value = at(level);
+    if share > 0.0 { value + (at(level + 1) - value) * share } else { value }
 }
 
 #[cfg(test)]

@@ -151,6 +151,15 @@ fn matrices_are_needed_and_can_be_given() {
     assert_eq!(folder.texts().iter().filter(|t| t.contains("is not a shadow map")).count(), 1);
 }
 
+const FRAMES: [[Vec3; 3]; 6] = [
+    [Vec3::X, Vec3::Y, Vec3::NEG_Z],
+    [Vec3::NEG_X, Vec3::Y, Vec3::Z],
+    [Vec3::Y, Vec3::NEG_Z, Vec3::X],
+    [Vec3::NEG_Y, Vec3::Z, Vec3::X],
+    [Vec3::Z, Vec3::Y, Vec3::X],
+    [Vec3::NEG_Z, Vec3::Y, Vec3::NEG_X],
+];
+
 const FACES: [&str; 6] = ["px.tif", "nx.tif", "py.tif", "ny.tif", "pz.tif", "nz.tif"];
 
 /// A light at (0, 0, -5) inside a cube of depth 4: every face is a wall, but for the missing ones.
@@ -192,17 +201,9 @@ fn cubes_of_shadow_maps() {
 #[test]
 fn no_edge_of_a_cube_shows() {
     let folder = Folder::new();
-    let frames = [
-        [Vec3::X, Vec3::Y, Vec3::NEG_Z],
-        [Vec3::NEG_X, Vec3::Y, Vec3::Z],
-        [Vec3::Y, Vec3::NEG_Z, Vec3::X],
-        [Vec3::NEG_Y, Vec3::Z, Vec3::X],
-        [Vec3::Z, Vec3::Y, Vec3::X],
-        [Vec3::NEG_Z, Vec3::Y, Vec3::NEG_X],
-    ];
     const N: u32 = 64;
     let balls = [Vec3::new(1.0, 1.0, 1.0), Vec3::new(-1.0, 1.0, 0.3), Vec3::new(0.2, -1.0, -1.0)];
-    for (name, [forward, up, right]) in FACES.iter().zip(frames) {
+    for (name, [forward, up, right]) in FACES.iter().zip(FRAMES) {
         depth_picture(&folder, name, N, true, |x, y| {
             let ndc = |v: u32| 2.0 * (v as f32 + 0.5) / N as f32 - 1.0;
             let d = (forward + right * ndc(x) - up * ndc(y)).normalize();
@@ -245,6 +246,65 @@ fn no_edge_of_a_cube_shows() {
         partly += u32::from(one > 0.01 && one < 0.99);
     }
     assert!(partly > 500 && worst < 1e-3, "{worst}, {partly}");
+}
+
+/// A ball of fog around a light, half as opaque at its surface as possible, in a cube of volume maps: opacity grows evenly
+/// from radius 2 to 6, whatever the face, and no edge shows.
+#[test]
+fn cubes_of_volume_maps() {
+    let folder = Folder::new();
+    const N: u32 = 64;
+    for (name, [forward, up, right]) in FACES.iter().zip(FRAMES) {
+        let mut spec = ImageSpec::new(N, N, 5, PixelType::Float);
+        spec.attributes.set(matrix("worldtocamera", &camera().to_rows()));
+        spec.attributes.set(matrix("worldtoscreen", &screen().to_rows()));
+        folder.picture_of(name, spec, |x, y, c| {
+            let ndc = |v: u32| 2.0 * (v as f32 + 0.5) / N as f32 - 1.0;
+            let d = (forward + right * ndc(x) - up * ndc(y)).normalize().dot(forward);
+            [1e30, 0.5, 2.0 * d, 4.0 * d, 6.0 * d][c]
+        });
+    }
+    folder.make(&FACES, "cube.vsm", &options(Mode::ShadCube)).unwrap();
+    let input = folder.registry.open(&folder.path("cube.vsm")).unwrap();
+    assert_eq!((input.levels(0), input.spec(0, 0).unwrap().nchannels()), (7, 5));
+    let (cache, id) = folder.open("cube.vsm");
+    assert_eq!(cache.kind(id), TextureKind::CubeFaceVolumeShadow);
+    assert_eq!(cache.info("cube.vsm", "type").unwrap().data, "shadow".into());
+    let light = Vec3::new(0.0, 0.0, -5.0);
+    let look = |d: Vec3, radius: f32, blur: f32, seed: u32| {
+        let p = light + d.normalize() * radius;
+        let q = ShadowLookup { p, sblur: blur, tblur: blur, bias: 0.0, seed, ..ShadowLookup::default() };
+        cache.shadow(id, &q)
+    };
+    for i in 0..3000 {
+        let r = |k| random(i, k) * 2.0 - 1.0;
+        let d = Vec3::new(r(0), r(1), r(2));
+        let radius = 1.0 + 6.0 * random(i, 3);
+        let expected = 0.5 * ((radius - 2.0) / 4.0).clamp(0.0, 1.0);
+        let got = look(d, radius, 0.0, i);
+        assert!((got - expected).abs() < 0.01, "{d} at {radius}: {got}, {expected}");
+        // Blur looks aside at the same depth along the face's axis: towards the middle that is nearer.
+        let got = look(d, radius, 0.05, i);
+        assert!((got - expected).abs() < 0.03, "{d} at {radius}, blurred: {got}, {expected}");
+    }
+    for i in 0..3000 {
+        let sign = |k| if random(i, k) < 0.5 { -1.0 } else { 1.0 };
+        let edge = Vec3::new(sign(1), sign(2), random(i, 3) * 2.0 - 1.0);
+        let aside = Vec3::new(random(i, 4) - 0.5, random(i, 5) - 0.5, random(i, 6) - 0.5) * 1e-5;
+        let jump = look(edge + aside, 4.0, 0.0, i) - look(edge - aside, 4.0, 0.0, i);
+        assert!(jump.abs() < 1e-3, "{edge}: {jump}");
+    }
+    // A face without a file is clear; faces of one depth and of volumes do not mix.
+    folder
+        .make(&["-", FACES[1], FACES[2], FACES[3], FACES[4], FACES[5]], "x.vsm", &options(Mode::ShadCube))
+        .unwrap();
+    let id = cache.find("x.vsm").unwrap();
+    let at = |x: f32| ShadowLookup { p: light + Vec3::X * x, ..ShadowLookup::default() };
+    assert_eq!(cache.shadow(id, &at(5.0)), 0.0);
+    assert!(cache.shadow(id, &at(-5.0)) > 0.3);
+    depth_picture(&folder, "px.tif", N, true, |_, _| 4.0);
+    let error = folder.make(&FACES, "y.vsm", &options(Mode::ShadCube)).unwrap_err().to_string();
+    assert!(error.contains("face nx holds a volume for a pixel, those before it one depth"), "{error}");
 }
 
 #[test]

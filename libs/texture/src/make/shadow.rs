@@ -39,13 +39,27 @@ pub(crate) fn shadow(mut input: Input, options: &MakeOptions) -> Result<Texture>
     Ok(texture(TextureKind::Shadow, Body::Flat(vec![picture]), vec!["Z".to_owned()], input))
 }
 
-/// `-shadcube`: px nx py ny pz nz; `None` stands for a face where nothing casts shadows.
+/// Whether a picture holds opacity against depth, as outputs of "volz" do: one depth has a name.
+fn is_volume(input: &Input) -> bool {
+    input.picture.channels >= 4 && !input.channels.iter().any(|c| c.eq_ignore_ascii_case("z"))
+}
+
+/// `-shadcube`: px nx py ny pz nz; `None` stands for a face where nothing casts shadows. Of volume depth maps all must be.
 pub(crate) fn cube(inputs: Vec<Option<Input>>, options: &MakeOptions) -> Result<Texture> {
     let mut known: Vec<Input> = Vec::new();
     let mut places = Vec::new();
+    let volume = inputs.iter().flatten().next().is_some_and(is_volume);
     for (face, input) in inputs.into_iter().enumerate() {
         if let Some(mut input) = input {
-            input.only_depth();
+            if volume != is_volume(&input) {
+                let (this, first) = if volume { ("one depth", "volumes") } else { ("a volume", "one depth") };
+                let what =
+                    format!("face {} holds {this} for a pixel, those before it {first}", FACE_NAMES[face]);
+                return Err(TextureError::Malformed { path: input.path.clone(), what });
+            }
+            if !volume {
+                input.only_depth();
+            }
             places.push(face);
             known.push(input);
         }
@@ -54,13 +68,11 @@ pub(crate) fn cube(inputs: Vec<Option<Input>>, options: &MakeOptions) -> Result<
         return Err(TextureError::Misuse { what: "all six faces are empty".to_owned() });
     }
     let n = check_faces(&known, &places)?;
-    let mut faces: Vec<Picture> = (0..FACE_NAMES.len())
-        .map(|_| {
-            let mut empty = Picture::new(n, n, 1);
-            empty.data.fill(EMPTY);
-            empty
-        })
-        .collect();
+    let mut nothing = Picture::new(n, n, known[0].picture.channels);
+    for texel in nothing.data.chunks_exact_mut(nothing.channels) {
+        volume::store(EMPTY, &[], texel);
+    }
+    let mut faces = vec![nothing; FACE_NAMES.len()];
     for (face, input) in places.iter().zip(&mut known) {
         faces[*face] = std::mem::replace(&mut input.picture, Picture::new(0, 0, 1));
     }
@@ -75,8 +87,28 @@ pub(crate) fn cube(inputs: Vec<Option<Input>>, options: &MakeOptions) -> Result<
     check_matrices(&main, options)?;
     let faces = <[Picture; 6]>::try_from(faces)
         .map_err(|_| TextureError::Misuse { what: "a cube has six faces".to_owned() })?;
-    let body = Body::Cube(vec![faces]);
-    Ok(Texture { notes, ..texture(TextureKind::CubeFaceShadow, body, vec!["Z".to_owned()], main) })
+    if !volume {
+        let body = Body::Cube(vec![faces]);
+        return Ok(Texture {
+            notes,
+            ..texture(TextureKind::CubeFaceShadow, body, main.channels.clone(), main)
+        });
+    }
+    let mut levels = vec![faces];
+    while let Some(last) = levels.last().filter(|faces| faces[0].width > 1) {
+        let next = std::array::from_fn(|face| halved(&last[face], options.opaque_width));
+        levels.push(next);
+    }
+    Ok(Texture { notes, ..volumes(TextureKind::CubeFaceVolumeShadow, Body::Cube(levels), main, options) })
+}
+
+/// A map of opacity against depth, which says how wide an opaque surface is.
+fn volumes(kind: TextureKind, body: Body, mut input: Input, options: &MakeOptions) -> Texture {
+    let ty = ParamType::of(BaseType::Float);
+    let data = ParamData::from(options.opaque_width);
+    input.attributes.set(Param { name: "opaquewidth".into(), ty, data });
+    let channels = input.channels.clone();
+    texture(kind, body, channels, input)
 }
 
 /// `-volshad`: channels z_opaque, alpha_trans, z_0 ... z_1 (reference 9.2.4).
@@ -93,11 +125,7 @@ pub(crate) fn volume(mut input: Input, options: &MakeOptions) -> Result<Texture>
         let next = halved(last, options.opaque_width);
         levels.push(next);
     }
-    let ty = ParamType::of(BaseType::Float);
-    let data = ParamData::from(options.opaque_width);
-    input.attributes.set(Param { name: "opaquewidth".into(), ty, data });
-    let channels = input.channels.clone();
-    Ok(texture(TextureKind::VolumeShadow, Body::Flat(levels), channels, input))
+    Ok(volumes(TextureKind::VolumeShadow, Body::Flat(levels), input, options))
 }
 
 /// The next level of a volume map.
