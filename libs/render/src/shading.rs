@@ -235,6 +235,7 @@ impl ShadingContext {
             texture_files: t.files,
             texture_automipmaps: t.automipmaps,
             texture_lookups: t.lookups,
+            texture_tile_requests: t.tile_requests,
             texture_tiles_read: t.tiles_read,
             texture_bytes_read: t.tile_bytes,
             texture_bytes_peak: t.peak_bytes,

@@ -131,6 +131,9 @@ pub struct ShadingStatistics {
     /// Files that were no MIP maps.
     pub texture_automipmaps: u64,
     pub texture_lookups: u64,
+    /// Times a thread asked the cache for a tile that it did not have at hand.
+    pub texture_tile_requests: u64,
+    /// Of them, those for tiles that the cache did not have either.
     pub texture_tiles_read: u64,
     pub texture_bytes_read: u64,
     /// Most bytes of tiles held at once.
@@ -139,7 +142,7 @@ pub struct ShadingStatistics {
 
 impl ShadingStatistics {
     /// All counts by the names of the fields, for machines.
-    pub fn counts(&self) -> [(&'static str, u64); 19] {
+    pub fn counts(&self) -> [(&'static str, u64); 20] {
         [
             ("rays", self.rays),
             ("shadow_rays", self.shadow_rays),
@@ -157,6 +160,7 @@ impl ShadingStatistics {
             ("texture_files", self.texture_files),
             ("texture_automipmaps", self.texture_automipmaps),
             ("texture_lookups", self.texture_lookups),
+            ("texture_tile_requests", self.texture_tile_requests),
             ("texture_tiles_read", self.texture_tiles_read),
             ("texture_bytes_read", self.texture_bytes_read),
             ("texture_bytes_peak", self.texture_bytes_peak),
@@ -202,9 +206,10 @@ impl ShadingStatistics {
             ),
             ("  lookups", self.texture_lookups.to_string()),
             (
-                "  tiles read",
+                "  tiles asked for",
                 format!(
-                    "{} ({} KB, at most {} KB at once)",
+                    "{}, {} not there and read ({} KB, at most {} KB at once)",
+                    self.texture_tile_requests,
                     self.texture_tiles_read,
                     kb(self.texture_bytes_read),
                     kb(self.texture_bytes_peak)

@@ -42,7 +42,7 @@ pub(crate) enum Source {
         stamp: AtomicU64,
     },
     /// In memory, made from the whole file when first looked at: one block per level.
-    Memory(OnceLock<Vec<Arc<Cell>>>),
+    Memory(Lack, OnceLock<Vec<Arc<Cell>>>),
     /// Nowhere: there is no file, tiles are made when they are looked at.
     Made,
 }
@@ -51,7 +51,7 @@ impl std::fmt::Debug for Source {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::Tiles { .. } => "Tiles",
-            Self::Memory(_) => "Memory",
+            Self::Memory(..) => "Memory",
             Self::Made => "Made",
         })
     }
@@ -171,6 +171,16 @@ pub(crate) enum Lack {
     Levels,
 }
 
+impl Lack {
+    /// What to say of the file.
+    pub(crate) fn words(self) -> &'static str {
+        match self {
+            Self::Tiles => "is not tiled",
+            Self::Levels => "has no MIP levels",
+        }
+    }
+}
+
 impl TextureFile {
     /// Reads what the file says of itself. Also what it lacks for direct use; then its source is memory.
     pub(crate) fn open(
@@ -246,7 +256,7 @@ impl TextureFile {
             slices: OnceLock::new(),
             path,
             source: match lack {
-                Some(_) => Source::Memory(OnceLock::new()),
+                Some(lack) => Source::Memory(lack, OnceLock::new()),
                 None => {
                     Source::Tiles { handle: Mutex::new(Some(Arc::from(input))), stamp: AtomicU64::new(0) }
                 }

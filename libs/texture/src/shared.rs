@@ -1,6 +1,6 @@
 //! What all lookups of a cache share: files, tiles, open handles, counters.
 
-use crate::file::{Handle, Lack, MadeShadow, Source, TextureFile, TileMaker};
+use crate::file::{Handle, MadeShadow, Source, TextureFile, TileMaker};
 use crate::files::Files;
 use crate::statistics::{Counters, add};
 use crate::tiles::{Cell, Tile, TileCache, TileKey};
@@ -66,7 +66,7 @@ impl Drop for Leave<'_> {
 fn handle(file: &TextureFile) -> Option<(&Handle, &AtomicU64)> {
     match &file.source {
         Source::Tiles { handle, stamp } => Some((handle, stamp)),
-        Source::Memory(_) | Source::Made => None,
+        Source::Memory(..) | Source::Made => None,
     }
 }
 
@@ -191,19 +191,10 @@ impl Shared {
             Ok(opened) => opened,
             Err(what) => return refuse(Severity::Warning, format!("texture \"{name}\": {what}")),
         };
-        let what = match lack {
-            Some(Lack::Tiles) => "is not tiled",
-            Some(Lack::Levels) => "has no MIP levels",
-            None => "",
-        };
-        if lack.is_some() && !self.options.automipmap {
+        if let Some(lack) = lack.filter(|_| !self.options.automipmap) {
+            let what = lack.words();
             let text = format!("texture \"{name}\" {what} and is not used (texture:automipmap is 0)");
             return refuse(Severity::Error, text);
-        }
-        if lack.is_some() {
-            let text =
-                format!("texture \"{name}\" {what}: made in memory, maketx would save time and memory");
-            self.reporter.say(Severity::Warning, &Location::default(), text);
         }
         add(&self.counters.files, 1);
         Some(file)
@@ -212,7 +203,7 @@ impl Shared {
     /// The tile of this key, of `file`; made by `maker` where there is no file, and empty without one.
     pub(crate) fn tile(&self, file: &TextureFile, key: TileKey, maker: Option<&dyn TileMaker>) -> Arc<Cell> {
         match &file.source {
-            Source::Memory(made) => {
+            Source::Memory(_, made) => {
                 let levels = made.get_or_init(|| self.make_levels(file));
                 levels[key.level as usize].clone()
             }
@@ -241,6 +232,10 @@ impl Shared {
     }
 
     fn make_levels(&self, file: &TextureFile) -> Vec<Arc<Cell>> {
+        if let Source::Memory(lack, _) = &file.source {
+            let what = lack.words();
+            self.warn_once(file, &format!("{what}: made in memory, maketx would save time and memory"));
+        }
         let _leave = self.leave();
         let made = self.registry.open(&file.path).and_then(|input| {
             add(&self.counters.files_opened, 1);

@@ -88,6 +88,37 @@ fn directions_are_found() {
     }
 }
 
+/// "width" multiplies the footprint, one way or both, and nothing else.
+#[test]
+fn widths_scale_the_footprint() {
+    let folder = Folder::new();
+    cube_of(&folder, 64, &options(Mode::EnvCube), sky);
+    latlong_of(&folder, (256, 128), sky);
+    for name in ["cube.env", "ll.env"] {
+        let (cache, id) = folder.open(name);
+        for d in [Vec3::new(0.3, 0.5, -0.2), Vec3::X, Vec3::new(-1.0, 0.9, 0.1)] {
+            // Around the axis of the map, and towards its poles.
+            let axis = if name == "cube.env" { Vec3::Y } else { Vec3::Z };
+            let east = axis.cross(d).normalize() * 0.2;
+            let north = d.normalize().cross(east);
+            let at = |x: f32, y: f32, s: f32, t: f32| {
+                let q = EnvLookup { drdx: east * x, drdy: north * y, swidth: s, twidth: t, ..toward(d) };
+                look(&cache, id, &q)
+            };
+            assert_eq!(at(1.0, 1.0, 0.0, 0.0), look(&cache, id, &toward(d)), "{name} {d}");
+            for ((x, y), (s, t)) in
+                [((2.0, 2.0), (2.0, 2.0)), ((2.0, 1.0), (2.0, 1.0)), ((0.0, 1.0), (0.0, 1.0))]
+            {
+                let (scaled, wide) = (at(1.0, 1.0, s, t), at(x, y, 1.0, 1.0));
+                for c in 0..3 {
+                    assert!((scaled[c] - wide[c]).abs() < 1e-4, "{name} {d} {s} {t}: {scaled:?} {wide:?}");
+                }
+            }
+            assert_ne!(at(1.0, 1.0, 4.0, 4.0), at(1.0, 1.0, 1.0, 1.0));
+        }
+    }
+}
+
 /// Blurred over everything, both maps come near the mean of the sky; a wide cone at +x sees more of +x.
 #[test]
 fn blur_is_an_angle() {

@@ -235,7 +235,7 @@ fn automipmap_is_maketx_without_resizing() {
         assert_eq!(bits(&a), bits(&b), "{lookup:?}");
     }
     assert_eq!(auto.statistics().automipmaps, 1);
-    assert!(folder.texts().iter().any(|t| t.contains("\"a.tif\" is not tiled")));
+    assert!(folder.texts().iter().any(|t| t.contains("a.tif is not tiled")));
     // Switched off, the file is refused.
     let strict = folder.cache(CacheOptions { automipmap: false, ..CacheOptions::default() });
     assert!(strict.find("a.tif").is_none() && strict.find("a.tx").is_some());
