@@ -131,7 +131,7 @@ impl Sampler<'_> {
     }
 
     #[inline]
-    fn mean_of(&self, sums: &Sums) -> Option<[f32; 4]> {
+    pub(crate) fn mean_of(&self, sums: &Sums) -> Option<[f32; 4]> {
         sums.mean().map(|raw| raw.map(|v| self.file.number(v)))
     }
 }

@@ -6,7 +6,7 @@ use crate::file::{Level, TextureFile, TileMaker};
 use crate::footprint::mix;
 use crate::gaussian::Gaussian;
 use crate::shared::Shared;
-use crate::simd::{Row, Sums};
+use crate::simd::{LANES, Row, Sums};
 use crate::tiles::{Cell, Tile, TileKey};
 use granita_base::Vec3;
 use std::sync::Arc;
@@ -151,6 +151,27 @@ impl<'a> Sampler<'a> {
         let count = most.min(tile_width - x as u32);
         tile.add_run((x, y), channels, count as usize, row, sums);
         count
+    }
+
+    /// Adds texels from (x, y), inside, to the right with the weights of lanes `from .. to`; all lie inside of the level.
+    #[inline]
+    pub(crate) fn add_weighted(
+        &mut self,
+        level: usize,
+        (mut x, y): (u32, u32),
+        weights: &[f32; LANES],
+        (mut from, to): (usize, usize),
+        sums: &mut Sums,
+    ) {
+        let channels = (self.first, self.channels);
+        let tile_width = self.file.levels[level].tile_width;
+        while from < to {
+            let (tile, tx, ty) = self.tile_of(level, x, y);
+            let count = (to - from).min(tile_width as usize - tx);
+            tile.add_weighted((tx, ty), channels, weights, (from, from + count), sums);
+            from += count;
+            x += count as u32;
+        }
     }
 
     /// Adds all texels under a Gaussian of this centre, which covers nothing outside columns `x.0 ..= x.1` and rows

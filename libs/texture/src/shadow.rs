@@ -18,16 +18,14 @@ fn pattern(q: &ShadowLookup) -> impl Iterator<Item = ([f32; 2], [f32; 2])> + use
     let sharp = still(q.dpdx) && still(q.dpdy) && q.sblur == 0.0 && q.tblur == 0.0;
     // Without any extent all samples would be alike.
     let count = if sharp { 1 } else { q.samples.clamp(SAMPLES.0, SAMPLES.1) };
-    let seed = q.seed;
+    let blurred = q.sblur != 0.0 || q.tblur != 0.0;
+    let seeds = [0, 1].map(|which| hash::words(&[q.seed, which]));
     (0..count).map(move |i| {
-        if sharp {
-            return ([0.0; 2], [0.0; 2]);
-        }
-        let centred = |seed| {
-            let (u, v) = sample::square(i, seed);
+        let centred = |which: usize| {
+            let (u, v) = sample::square(i, seeds[which]);
             [u - 0.5, v - 0.5]
         };
-        (centred(hash::words(&[seed, 0])), centred(hash::words(&[seed, 1])))
+        (if sharp { [0.0; 2] } else { centred(0) }, if blurred { centred(1) } else { [0.0; 2] })
     })
 }
 

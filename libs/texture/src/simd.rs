@@ -121,6 +121,8 @@ pub(crate) trait Simd: Copy {
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;
+    fn div(self, a: Self::F, b: Self::F) -> Self::F;
+    fn sqrt(self, x: Self::F) -> Self::F;
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
     fn max(self, a: Self::F, b: Self::F) -> Self::F;
     /// 2 to the power of the whole number that stands in the lowest bits of each.
@@ -172,6 +174,14 @@ impl Simd for Portable {
     #[inline(always)]
     fn mul(self, a: Self::F, b: Self::F) -> Self::F {
         each(a, b, |a, b| a * b)
+    }
+    #[inline(always)]
+    fn div(self, a: Self::F, b: Self::F) -> Self::F {
+        each(a, b, |a, b| a / b)
+    }
+    #[inline(always)]
+    fn sqrt(self, x: Self::F) -> Self::F {
+        x.map(f32::sqrt)
     }
     #[inline(always)]
     fn min(self, a: Self::F, b: Self::F) -> Self::F {
@@ -229,6 +239,8 @@ impl Simd for Avx2 {
         add(a: Self::F, b: Self::F) -> Self::F { _mm256_add_ps(a, b) }
         sub(a: Self::F, b: Self::F) -> Self::F { _mm256_sub_ps(a, b) }
         mul(a: Self::F, b: Self::F) -> Self::F { _mm256_mul_ps(a, b) }
+        div(a: Self::F, b: Self::F) -> Self::F { _mm256_div_ps(a, b) }
+        sqrt(x: Self::F) -> Self::F { _mm256_sqrt_ps(x) }
         min(a: Self::F, b: Self::F) -> Self::F { _mm256_min_ps(a, b) }
         max(a: Self::F, b: Self::F) -> Self::F { _mm256_max_ps(a, b) }
         power(x: Self::F) -> Self::F {
@@ -481,12 +493,120 @@ impl Sums {
         rows_any::<_, T, N>(Portable, self, g, rows);
     }
 
+    /// Weights of eight directions under a lobe.
+    #[inline]
+    pub(crate) fn weights(&self, dome: &Dome, line: &Line) -> [f32; LANES] {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.avx2 {
+            // SAFETY: an `Avx2` is made where the machine has AVX2.
+            return unsafe { dome_avx2(simd, dome, line) };
+        }
+        dome_any(Portable, dome, line)
+    }
+
+    /// Adds texels side by side, those of lanes `from .. to` of eight with these weights: that of lane `from`, channel c,
+    /// is `values[at + c * plane]`, and `N` channels count. The sums have begun.
+    #[inline]
+    pub(crate) fn weighted<T: Texel, const N: usize>(
+        &mut self,
+        weights: &[f32; LANES],
+        (from, to): (usize, usize),
+        (values, at, plane): (&[T], usize, usize),
+    ) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.avx2 {
+            // SAFETY: an `Avx2` is made where the machine has AVX2.
+            return unsafe { weighted_avx2::<T, N>(simd, self, weights, (from, to), (values, at, plane)) };
+        }
+        weighted_any::<_, T, N>(Portable, self, weights, (from, to), (values, at, plane));
+    }
+
     /// The mean; `None` where no weight was.
     pub(crate) fn mean(&self) -> Option<[f32; 4]> {
         let total = |v: &[f32; LANES]| ((v[0] + v[4]) + (v[1] + v[5])) + ((v[2] + v[6]) + (v[3] + v[7]));
         let weight = total(&self.weight);
         (weight > 0.0).then(|| std::array::from_fn(|c| self.base[c] + total(&self.above[c]) / weight))
     }
+}
+
+/// A Gaussian on the sphere: factors to the squares of Lambert's coordinates along its two axes, for the exponent of 2.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Dome {
+    pub(crate) scale: [f32; 2],
+}
+
+/// Eight directions on a line of a map of all directions, in the frame of a lobe: component q (0 along the lobe's centre, 1
+/// and 2 along its axes) of direction k is `at[q] + x[k] across[0][q] + y[k] across[1][q]`. Their squared lengths are
+/// `squared + x[k]^2` if these are given, else 1; weights count `factor` times, by the solid angle of the texel.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Line {
+    pub(crate) at: [f32; 3],
+    pub(crate) across: [[f32; 3]; 2],
+    pub(crate) x: [f32; LANES],
+    pub(crate) y: [f32; LANES],
+    pub(crate) squared: Option<f32>,
+    pub(crate) factor: f32,
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn dome_avx2(simd: Avx2, dome: &Dome, line: &Line) -> [f32; LANES] {
+    dome_any(simd, dome, line)
+}
+
+#[inline(always)]
+fn dome_any<S: Simd>(simd: S, dome: &Dome, line: &Line) -> [f32; LANES] {
+    let one = simd.splat(1.0);
+    let (x, y) = (simd.load(&line.x), simd.load(&line.y));
+    let component = |q: usize| {
+        let sum = simd.add(simd.splat(line.at[q]), simd.mul(x, simd.splat(line.across[0][q])));
+        simd.add(sum, simd.mul(y, simd.splat(line.across[1][q])))
+    };
+    let mut q = [component(0), component(1), component(2)];
+    let mut factor = simd.splat(line.factor);
+    if let Some(squared) = line.squared {
+        let length = simd.sqrt(simd.add(simd.splat(squared), simd.mul(x, x)));
+        let inverse = simd.div(one, length);
+        q = q.map(|q| simd.mul(q, inverse));
+        factor = simd.mul(factor, simd.mul(inverse, simd.mul(inverse, inverse)));
+    }
+    let square = |q: S::F, scale: f32| simd.mul(simd.mul(q, q), simd.splat(scale));
+    let sum = simd.add(square(q[1], dome.scale[0]), square(q[2], dome.scale[1]));
+    let below = simd.max(simd.add(one, q[0]), simd.splat(1e-6));
+    let exponent = simd.div(simd.mul(sum, simd.splat(2.0)), below);
+    let weight = simd.max(simd.sub(exp2(simd, exponent), simd.splat(FLOOR)), simd.splat(0.0));
+    simd.store(simd.mul(weight, factor))
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn weighted_avx2<T: Texel, const N: usize>(
+    simd: Avx2,
+    sums: &mut Sums,
+    weights: &[f32; LANES],
+    lanes: (usize, usize),
+    texels: (&[T], usize, usize),
+) {
+    weighted_any::<_, T, N>(simd, sums, weights, lanes, texels);
+}
+
+#[inline(always)]
+fn weighted_any<S: Simd, T: Texel, const N: usize>(
+    simd: S,
+    sums: &mut Sums,
+    weights: &[f32; LANES],
+    (from, to): (usize, usize),
+    (values, at, plane): (&[T], usize, usize),
+) {
+    let mut taken = Taken::<S, N>::of(simd, sums);
+    let weight = simd.only(simd.load(weights), from, to);
+    taken.total = simd.add(taken.total, weight);
+    for c in 0..N {
+        let first = (at + c * plane) as isize - from as isize;
+        let above = simd.sub(eight(simd, values, first, from, to), taken.base[c]);
+        taken.above[c] = simd.add(taken.above[c], simd.mul(weight, above));
+    }
+    taken.put(sums);
 }
 
 /// Texels of a row that lie side by side, see [`Sums::run`].
@@ -690,6 +810,39 @@ mod tests {
         same([0_u32, 1, 1 << 24, (1 << 24) + 1, u32::MAX, 5, 6, 7]);
         same([0.0_f32, -0.0, 1e30, -1e30, 1e-40, 0.1, 0.2, 0.3]);
         same([0_u16, 1, 0x3ff, 0x400, 0x3c00, 0x7bff, 0xfbff, 0x8001].map(f16::from_bits));
+    }
+
+    #[test]
+    fn lobes_are_the_same_on_all_machines() {
+        let sums = Sums::new(0.0, false);
+        #[cfg(target_arch = "x86_64")]
+        let portable = Sums { avx2: None, ..sums };
+        #[cfg(not(target_arch = "x86_64"))]
+        let portable = sums;
+        for i in 0..200 {
+            let r = |k: u32| 2.0 * noise(i * 64 + k) - 1.0;
+            let line = Line {
+                at: [r(0), r(1), r(2)],
+                across: [[r(3), r(4), r(5)], [r(6), r(7), r(8)]],
+                x: std::array::from_fn(|k| r(10 + k as u32)),
+                y: std::array::from_fn(|k| r(20 + k as u32)),
+                squared: (i % 2 == 0).then_some(1.0 + r(9) * r(9)),
+                factor: 0.5,
+            };
+            let dome = Dome { scale: [-10.0 * noise(i), -3.0] };
+            let got = sums.weights(&dome, &line);
+            assert_eq!(got.map(f32::to_bits), portable.weights(&dome, &line).map(f32::to_bits));
+            // By the formula: Lambert's coordinates of the direction.
+            let k = (i % 8) as usize;
+            let q =
+                [0, 1, 2].map(|q| line.at[q] + line.x[k] * line.across[0][q] + line.y[k] * line.across[1][q]);
+            let length = line.squared.map_or(1.0, |squared| (squared + line.x[k] * line.x[k]).sqrt());
+            let q = q.map(|q| q / length);
+            let exponent =
+                2.0 * (dome.scale[0] * q[1] * q[1] + dome.scale[1] * q[2] * q[2]) / (1.0 + q[0]).max(1e-6);
+            let expected = (exponent.exp2() - FLOOR).max(0.0) * 0.5 / length.powi(3);
+            assert!((got[k] - expected).abs() < 1e-5, "{line:?}: {} {expected}", got[k]);
+        }
     }
 
     /// However a row is cut into runs, and whatever the machine has, the sums are the same to the bit.

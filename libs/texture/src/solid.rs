@@ -10,7 +10,7 @@ use crate::cube::CubeLayout;
 use crate::footprint::Spread;
 use crate::gaussian::{CUT, KEPT};
 use crate::sampler::Sampler;
-use crate::simd::{FLOOR, exp2_of};
+use crate::simd::{Dome, LANES, Line, Sums};
 use granita_base::Vec3;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::RangeInclusive;
@@ -28,36 +28,13 @@ pub(crate) struct Lobe {
     /// Unit vectors: the centre, and the axes of the ellipse.
     centre: Vec3,
     axes: [Vec3; 2],
-    /// Factors to squares along the axes, for the exponent of 2.
-    scale: [f32; 2],
+    dome: Dome,
+    /// The three of them.
+    frame: [[f64; 3]; 3],
     /// Angles from the centre at which it ends, along the axes.
     ends: [f64; 2],
     /// The same along the axes of the sphere: squared full widths, east and north of the centre.
     spread: Spread,
-}
-
-/// Weighted sums, taken relative to the first value: the mean of values that are all alike is that value, exactly.
-#[derive(Default)]
-struct Total {
-    base: Option<[f32; 4]>,
-    above: [f32; 4],
-    weight: f32,
-}
-
-impl Total {
-    #[inline]
-    fn add(&mut self, value: [f32; 4], weight: f32) {
-        let base = *self.base.get_or_insert(value);
-        for c in 0..4 {
-            self.above[c] += weight * (value[c] - base[c]);
-        }
-        self.weight += weight;
-    }
-
-    fn mean(&self) -> Option<[f32; 4]> {
-        let base = self.base.filter(|_| self.weight > 0.0)?;
-        Some(std::array::from_fn(|c| base[c] + self.above[c] / self.weight))
-    }
 }
 
 /// From where to where `a x^2 + 2 b x + c` is not negative, when that is an interval; all of `whole` otherwise, `None`
@@ -94,23 +71,52 @@ impl Lobe {
         let deviations = [0.5 * e.a, 0.5 * e.b.max(0.1 * texel.0.min(texel.1))];
         let end = |deviation: f64| 2.0 * (0.5 * f64::from(CUT) * deviation).min(1.0).asin();
         let scale = |deviation: f64| (-0.5 * std::f64::consts::LOG2_E / (deviation * deviation)) as f32;
+        let axes = [long, centre.cross(long)];
+        let frame = [centre, axes[0], axes[1]].map(|v| [f64::from(v.x), f64::from(v.y), f64::from(v.z)]);
         Self {
             centre,
-            axes: [long, centre.cross(long)],
-            scale: deviations.map(scale),
+            axes,
+            frame,
+            dome: Dome { scale: deviations.map(scale) },
             ends: deviations.map(end),
             spread: inner,
         }
     }
 
-    /// Weight of a direction of length 1.
+    /// Components of a vector along the centre and the axes.
     #[inline]
-    fn weight(&self, d: Vec3) -> f32 {
-        let (z, x, y) = (d.dot(self.centre), d.dot(self.axes[0]), d.dot(self.axes[1]));
-        let exponent = (x * x * self.scale[0] + y * y * self.scale[1]) * 2.0 / (1.0 + z).max(1e-6);
-        // Nearly all that is outside needs no exponential.
-        if exponent < -6.5 { 0.0 } else { (exp2_of(exponent) - FLOOR).max(0.0) }
+    fn in_frame(&self, x: f64, y: f64, z: f64) -> [f32; 3] {
+        let [a, b, c] = &self.frame;
+        let dot = |q: &[f64; 3]| (q[0] * x + q[1] * y + q[2] * z) as f32;
+        [dot(a), dot(b), dot(c)]
     }
+}
+
+/// An angle by its cosine and sine.
+#[derive(Clone, Copy)]
+struct Turn {
+    cos: f64,
+    sin: f64,
+}
+
+impl Turn {
+    fn by(angle: f64) -> Self {
+        let (sin, cos) = angle.sin_cos();
+        Self { cos, sin }
+    }
+
+    #[inline]
+    fn then(self, other: Self) -> Self {
+        Self {
+            cos: self.cos * other.cos - self.sin * other.sin,
+            sin: self.sin * other.cos + self.cos * other.sin,
+        }
+    }
+}
+
+/// Nearly all that is outside has no weight.
+fn any(weights: &[f32; LANES]) -> bool {
+    weights.iter().any(|w| *w > 0.0)
 }
 
 impl Sampler<'_> {
@@ -118,7 +124,7 @@ impl Sampler<'_> {
     pub(crate) fn cube_mean(&mut self, level: usize, lobe: &Lobe) -> Option<[f32; 4]> {
         let layout: CubeLayout = self.file.layout;
         let n = self.level(level).face_width;
-        let mut total = Total::default();
+        let mut sums = Sums::new(0.0, false);
         for (face, f) in layout.faces().iter().enumerate() {
             let in_face = |v: Vec3| [v.dot(f.forward), v.dot(f.right), v.dot(f.up)].map(f64::from);
             let r = in_face(lobe.centre);
@@ -152,20 +158,41 @@ impl Sampler<'_> {
                 let y = 1.0 - (2.0 * f64::from(j) + 1.0) / f64::from(n);
                 let (b, c) = (m[0][1] + m[1][2] * y, m[0][0] + (2.0 * m[0][2] + m[2][2] * y) * y);
                 let Some(columns) = interval(if narrow { m[1][1] } else { 1.0 }, b, c, all) else { continue };
-                let start = f.forward + f.up * y as f32;
-                for i in cells(columns, n) {
-                    let x = (2.0 * f64::from(i) + 1.0) / f64::from(n) - 1.0;
-                    let d = start + f.right * x as f32;
-                    let inverse = d.length_recip();
-                    let weight = lobe.weight(d * inverse);
-                    if weight > 0.0 {
-                        let value = self.face_texel(level, face, i as u32, j as u32);
-                        total.add(value, weight * inverse * inverse * inverse);
+                let columns = cells(columns, n);
+                let (left, top) = self.file.face_origin(self.level(level), face);
+                let at = {
+                    let d = f.forward.as_dvec3() + f.up.as_dvec3() * y;
+                    lobe.in_frame(d.x, d.y, d.z)
+                };
+                let right = {
+                    let d = f.right.as_dvec3();
+                    lobe.in_frame(d.x, d.y, d.z)
+                };
+                for i in columns.clone().step_by(LANES) {
+                    let x = |k: usize| ((2.0 * f64::from(i + k as i32) + 1.0) / f64::from(n) - 1.0) as f32;
+                    let line = Line {
+                        at,
+                        across: [right, [0.0; 3]],
+                        x: std::array::from_fn(x),
+                        y: [0.0; LANES],
+                        squared: Some((1.0 + y * y) as f32),
+                        factor: 1.0,
+                    };
+                    let weights = sums.weights(&lobe.dome, &line);
+                    if any(&weights) {
+                        let lanes = (0, LANES.min((columns.end() + 1 - i) as usize));
+                        self.add_weighted(
+                            level,
+                            (left + i as u32, top + j as u32),
+                            &weights,
+                            lanes,
+                            &mut sums,
+                        );
                     }
                 }
             }
         }
-        total.mean()
+        self.mean_of(&sums)
     }
 
     /// Mean of a level of a panorama, in whose frame (x to the centre of the picture, y to the right of it, z to its upper
@@ -182,29 +209,48 @@ impl Sampler<'_> {
         let row_of = |angle: f64| angle / per_row - 0.5;
         let (first, last) =
             (row_of(polar - end).ceil().max(0.0), row_of(polar + end).floor().min(f64::from(height) - 1.0));
-        let (step_sin, step_cos) = per_column.sin_cos();
-        let mut total = Total::default();
+        // Columns to the right of one are its direction, turned.
+        let (next_row, next_column) = (Turn::by(per_row), Turn::by(per_column));
+        let (mut x, mut y, mut eight) = ([0.0; LANES], [0.0; LANES], Turn::by(0.0));
+        for k in 0..LANES {
+            (x[k], y[k]) = (eight.cos as f32, eight.sin as f32);
+            eight = eight.then(next_column);
+        }
+        let mut row = Turn::by((first + 0.5) * per_row);
+        let mut sums = Sums::new(0.0, false);
         for j in first as i32..=last as i32 {
             let angle = (f64::from(j) + 0.5) * per_row;
-            let (sin, cos) = angle.sin_cos();
-            let Some(half) = outline.half_circle(sin, cos, r.z, around) else { continue };
-            let (from, to) = outline.columns(polar - angle, sin, half);
+            let Turn { cos, sin } = row;
+            row = row.then(next_row);
+            let Some((from, to)) = outline.columns(polar - angle, (sin, cos), (around, r.z)) else {
+                continue;
+            };
             // The middle of column i is at azimuth (i + 1/2) per_column - pi.
             let column = |v: f64| (v + azimuth + PI) / per_column - 0.5;
-            let (i, end) = (column(from).ceil(), column(to).floor());
-            let count = ((end - i) as i64 + 1).clamp(0, i64::from(width));
-            let (mut y, mut x) = ((i + 0.5) * per_column - PI).sin_cos();
-            for k in 0..count {
-                let d = Vec3::new((x * sin) as f32, (y * sin) as f32, cos as f32);
-                let weight = lobe.weight(d);
-                if weight > 0.0 {
-                    let column = (i as i64 + k).rem_euclid(i64::from(width)) as u32;
-                    total.add(self.texel(level, column, j as u32), weight * sin as f32);
+            let (begin, end) = (column(from).ceil(), column(to).floor());
+            let count = ((end - begin) as i64 + 1).clamp(0, i64::from(width)) as usize;
+            let mut direction = Turn::by((begin + 0.5) * per_column - PI);
+            let at = lobe.in_frame(0.0, 0.0, cos);
+            for k in (0..count).step_by(LANES) {
+                let (east, north) = (direction.cos * sin, direction.sin * sin);
+                direction = direction.then(eight);
+                let across = [lobe.in_frame(east, north, 0.0), lobe.in_frame(-north, east, 0.0)];
+                let line = Line { at, across, x, y, squared: None, factor: sin as f32 };
+                let weights = sums.weights(&lobe.dome, &line);
+                if !any(&weights) {
+                    continue;
                 }
-                (x, y) = (x * step_cos - y * step_sin, y * step_cos + x * step_sin);
+                // Over the seam the row begins anew.
+                let (mut lane, lanes) = (0, LANES.min(count - k));
+                while lane < lanes {
+                    let column = (begin as i64 + (k + lane) as i64).rem_euclid(i64::from(width)) as u32;
+                    let end = lanes.min(lane + (width - column) as usize);
+                    self.add_weighted(level, (column, j as u32), &weights, (lane, end), &mut sums);
+                    lane = end;
+                }
             }
         }
-        total.mean()
+        self.mean_of(&sums)
     }
 }
 
@@ -233,30 +279,26 @@ impl Outline {
         Self { cos_end, xx: s.xx * squared + more, xy: s.xy * squared, yy: s.yy * squared + more }
     }
 
-    /// Half the azimuths of the row of this polar angle that lie in the cap; `None` for none.
-    fn half_circle(&self, sin: f64, cos: f64, centre_cos: f64, centre_sin: f64) -> Option<f64> {
-        let (rest, most) = (self.cos_end - cos * centre_cos, sin * centre_sin);
-        match () {
-            () if rest <= -most => Some(PI),
-            () if rest > most => None,
-            () => Some((rest / most).acos()),
+    /// From where to where, in azimuth from the centre, of a row `north` of it, both with the sine and the cosine of their
+    /// polar angle; `None` for a row beyond the cap.
+    fn columns(&self, north: f64, (sin, cos): (f64, f64), centre: (f64, f64)) -> Option<(f64, f64)> {
+        let (rest, most) = (self.cos_end - cos * centre.1, sin * centre.0);
+        if rest > most {
+            return None;
         }
-    }
-
-    /// From where to where, in azimuth from the centre, of a row `north` of it.
-    fn columns(&self, north: f64, sin: f64, half: f64) -> (f64, f64) {
         let (middle, squared) = (
             self.xy / self.yy * north,
             (self.xx - self.xy * self.xy / self.yy) * (1.0 - north * north / self.yy),
         );
         let reach = squared.max(0.0).sqrt();
-        let most = reach + middle.abs();
-        if !most.is_finite() || most > half * sin || most > 0.8 * sin {
-            return (-half, half);
+        let extent = reach + middle.abs();
+        if extent.is_finite() && extent <= 0.8 * sin {
+            // An arc is longer than its chord.
+            let longer = |v: f64| v / sin * (1.0 + 0.5 * v * v / (sin * sin));
+            return Some((longer(middle - reach), longer(middle + reach)));
         }
-        // An arc is longer than its chord; where it is much longer, the cap is as good.
-        let longer = |v: f64| v / sin * (1.0 + 0.5 * v * v / (sin * sin));
-        ((longer(middle - reach)).max(-half), (longer(middle + reach)).min(half))
+        let half = if rest <= -most { PI } else { (rest / most).acos() };
+        Some((-half, half))
     }
 }
 

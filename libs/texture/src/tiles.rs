@@ -1,7 +1,7 @@
 //! The tile cache: sharded, bounded in memory, each tile read once however many threads want it.
 
 use crate::gaussian::Gaussian;
-use crate::simd::{Row, Rows, Run, Sums, Texel};
+use crate::simd::{LANES, Row, Rows, Run, Sums, Texel};
 use crate::statistics::{Counters, add as count};
 use granita_base::hash;
 use granita_image::{PixelType, Pixels};
@@ -145,6 +145,34 @@ impl Tile {
         }
     }
 
+    /// Adds texels from (x, y) to the right with the weights of lanes `from .. to`, as [`Sums::weighted`] does.
+    #[inline]
+    pub(crate) fn add_weighted(
+        &self,
+        (x, y): (usize, usize),
+        (first, n): (usize, usize),
+        weights: &[f32; LANES],
+        lanes: (usize, usize),
+        sums: &mut Sums,
+    ) {
+        sums.begin(|| self.raw(x, y, first, n));
+        if self.layout == Layout::Texels && self.channels > 1 {
+            for (x, lane) in (x..).zip(lanes.0..lanes.1) {
+                let value = self.raw(x, y, first, n);
+                sums.weighted::<f32, 4>(weights, (lane, lane + 1), (&value, 0, 1));
+            }
+            return;
+        }
+        let (at, plane) = self.place(x, y, first);
+        match &self.pixels {
+            Pixels::U8(v) => weighted(v, (at, plane, n), weights, lanes, sums),
+            Pixels::U16(v) => weighted(v, (at, plane, n), weights, lanes, sums),
+            Pixels::U32(v) => weighted(v, (at, plane, n), weights, lanes, sums),
+            Pixels::Half(v) => weighted(v, (at, plane, n), weights, lanes, sums),
+            Pixels::Float(v) => weighted(v, (at, plane, n), weights, lanes, sums),
+        }
+    }
+
     /// Adds the texels of rows that lie under a Gaussian; `(centre, corner, y)` as in [`Rows`]. Not if the tile lies texel
     /// by texel; whether it did.
     #[inline]
@@ -209,6 +237,23 @@ fn add<T: Texel>(
         2 => sums.run::<T, 2>(row, run),
         3 => sums.run::<T, 3>(row, run),
         _ => sums.run::<T, 4>(row, run),
+    }
+}
+
+/// See [`Tile::add_weighted`].
+#[inline]
+fn weighted<T: Texel>(
+    values: &[T],
+    (at, plane, n): (usize, usize, usize),
+    weights: &[f32; LANES],
+    lanes: (usize, usize),
+    sums: &mut Sums,
+) {
+    match n {
+        1 => sums.weighted::<T, 1>(weights, lanes, (values, at, plane)),
+        2 => sums.weighted::<T, 2>(weights, lanes, (values, at, plane)),
+        3 => sums.weighted::<T, 3>(weights, lanes, (values, at, plane)),
+        _ => sums.weighted::<T, 4>(weights, lanes, (values, at, plane)),
     }
 }
 
