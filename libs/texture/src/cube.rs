@@ -1,13 +1,18 @@
 //! Six faces of a cube: directions, mosaics, and texels across edges.
 
+use crate::file::{cube_level, is_openexr};
 use granita_base::Vec3;
+use granita_image::ImageSpec;
 
-/// How one face looks: from the centre of the cube.
+/// How one face looks: from the centre of the cube. Unit vectors along the axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Face {
-    pub(crate) forward: Vec3,
-    pub(crate) up: Vec3,
-    pub(crate) right: Vec3,
+pub struct Face {
+    /// To the centre of the face.
+    pub forward: Vec3,
+    /// From there to its upper edge.
+    pub up: Vec3,
+    /// From there to its right edge.
+    pub right: Vec3,
 }
 
 const fn face(forward: [f32; 3], up: [f32; 3], right: [f32; 3]) -> Face {
@@ -15,7 +20,7 @@ const fn face(forward: [f32; 3], up: [f32; 3], right: [f32; 3]) -> Face {
 }
 
 /// The names of the faces, in the order of command lines and of [`CubeLayout::faces`].
-pub(crate) const FACE_NAMES: [&str; 6] = ["px", "nx", "py", "ny", "pz", "nz"];
+pub const FACE_NAMES: [&str; 6] = ["px", "nx", "py", "ny", "pz", "nz"];
 
 /// Faces px nx py ny pz nz of reference 9.3: left handed.
 const LEFT_HANDED: [Face; 6] = [
@@ -39,7 +44,7 @@ const RIGHT_HANDED: [Face; 6] = [
 
 /// How six faces are laid out in one picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum CubeLayout {
+pub enum CubeLayout {
     /// 3 x 2: px py pz over nx ny nz, left handed (reference 9.2.5).
     Mosaic,
     /// 1 x 6: px nx py ny pz nz from the top, right handed (reference 9.2.8).
@@ -48,7 +53,7 @@ pub(crate) enum CubeLayout {
 
 impl CubeLayout {
     /// In the order of [`FACE_NAMES`].
-    pub(crate) fn faces(self) -> &'static [Face; 6] {
+    pub fn faces(self) -> &'static [Face; 6] {
         match self {
             Self::Mosaic => &LEFT_HANDED,
             Self::Column => &RIGHT_HANDED,
@@ -56,7 +61,7 @@ impl CubeLayout {
     }
 
     /// Column and row of a face in the mosaic.
-    pub(crate) fn cell(self, face: usize) -> (u32, u32) {
+    pub fn cell(self, face: usize) -> (u32, u32) {
         match self {
             Self::Mosaic => ((face / 2) as u32, (face % 2) as u32),
             Self::Column => (0, face as u32),
@@ -64,23 +69,41 @@ impl CubeLayout {
     }
 
     /// Columns and rows of the mosaic.
-    pub(crate) fn cells(self) -> (u32, u32) {
+    pub fn cells(self) -> (u32, u32) {
         match self {
             Self::Mosaic => (3, 2),
             Self::Column => (1, 6),
         }
     }
+
+    /// That of files of a format, by the format's name.
+    pub fn of_format(format: &str) -> Self {
+        if is_openexr(format) { Self::Column } else { Self::Mosaic }
+    }
+
+    /// Size of a face, and the step between faces, of a level that holds a cube; `None` when it cannot hold one.
+    pub fn face_size(self, spec: &ImageSpec) -> Option<(u32, (u32, u32))> {
+        let level = cube_level(self, spec, (spec.width, spec.height))?;
+        Some((level.face_width, (level.step_x, level.step_y)))
+    }
+
+    /// Where `d` (finite, not 0) meets the cube.
+    pub fn point(self, d: Vec3) -> CubePoint {
+        project(self, d)
+    }
 }
 
 /// Where a direction meets the cube.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct CubePoint {
-    pub(crate) face: usize,
-    /// Fractions of the face, from its upper left corner.
-    pub(crate) s: f32,
-    pub(crate) t: f32,
+pub struct CubePoint {
+    /// Its number among [`FACE_NAMES`].
+    pub face: usize,
+    /// Fraction of the face from its left edge.
+    pub s: f32,
+    /// Fraction of the face from its upper edge.
+    pub t: f32,
     /// Length of the direction over its component along the face's axis, 1 to sqrt 3.
-    pub(crate) stretch: f32,
+    pub stretch: f32,
 }
 
 /// The face whose axis is nearest to `d`, which is finite and not 0.

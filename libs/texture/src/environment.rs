@@ -30,10 +30,7 @@ const MAX_ROW: u32 = 32;
 /// A unit direction in the frame of a latitude-longitude map: x to its centre, y to the right of it, z
 /// to its upper edge.
 pub(crate) fn to_map(r: Vec3, up: Up) -> Vec3 {
-    match up {
-        Up::Z => r,
-        Up::Y => Vec3::new(r.z, -r.x, r.y),
-    }
+    up.to_map(r)
 }
 
 /// See [`crate::TextureCache::environment`].

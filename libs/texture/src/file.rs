@@ -82,30 +82,13 @@ pub(crate) struct TextureFile {
     pub(crate) slices: OnceLock<Vec<Block>>,
 }
 
-/// Whether the file follows OpenEXR's conventions for environment maps.
-fn is_openexr(input: &dyn ImageInput) -> bool {
-    matches!(input.format_name().to_ascii_lowercase().as_str(), "exr" | "openexr")
-}
-
-/// The kind a file says it is; a single-channel float picture with both matrices is a depth map even if
-/// it does not say so.
-fn kind_of(spec: &ImageSpec) -> TextureKind {
-    if let Some(kind) = spec.string("textureformat").and_then(TextureKind::from_word) {
-        return kind;
-    }
-    match spec.string("envmap").map(str::to_ascii_lowercase).as_deref() {
-        Some("latlong" | "latitude-longitude" | "latitude-longitude map") => {
-            return TextureKind::LatLongEnvironment;
-        }
-        Some("cube" | "cube-face" | "cube-face map") => return TextureKind::CubeFaceEnvironment,
-        _ => {}
-    }
-    let matrices = spec.matrix("worldtocamera").is_some() && spec.matrix("worldtoscreen").is_some();
-    if matrices && spec.nchannels() == 1 { TextureKind::Shadow } else { TextureKind::Plain }
+/// Whether files of a format follow OpenEXR's conventions for environment maps.
+pub(crate) fn is_openexr(format: &str) -> bool {
+    matches!(format.to_ascii_lowercase().as_str(), "exr" | "openexr")
 }
 
 /// The size of a face, and the step between faces, of a level that holds a cube.
-fn cube_level(layout: CubeLayout, spec: &ImageSpec, whole: (u32, u32)) -> Option<Level> {
+pub(crate) fn cube_level(layout: CubeLayout, spec: &ImageSpec, whole: (u32, u32)) -> Option<Level> {
     let (columns, rows) = layout.cells();
     let (step_x, step_y) = (whole.0 / columns, whole.1 / rows);
     let (face_width, face_height) = match layout {
@@ -191,8 +174,8 @@ impl TextureFile {
         let Some(spec) = input.spec(0, 0).filter(|s| s.width > 0 && s.height > 0 && s.nchannels() > 0) else {
             return Err("it has no pixels".to_owned());
         };
-        let mut kind = kind_of(spec);
-        let openexr = is_openexr(&*input);
+        let mut kind = TextureKind::of(spec);
+        let openexr = is_openexr(input.format_name());
         let layout = if openexr { CubeLayout::Column } else { CubeLayout::Mosaic };
         let mut levels = Vec::new();
         for level in 0..input.levels(0) {

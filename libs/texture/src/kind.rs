@@ -1,5 +1,7 @@
 //! The kinds of texture file.
 
+use granita_image::ImageSpec;
+
 /// What a texture file is for: its `textureformat` attribute (reference 9.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TextureKind {
@@ -51,6 +53,23 @@ impl TextureKind {
     /// By the value of the attribute, upper and lower case alike.
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|k| k.word().eq_ignore_ascii_case(word.trim()))
+    }
+
+    /// The kind a file says it is; a single-channel float picture with both matrices is a depth map even if
+    /// it does not say so.
+    pub fn of(spec: &ImageSpec) -> Self {
+        if let Some(kind) = spec.string("textureformat").and_then(Self::from_word) {
+            return kind;
+        }
+        match spec.string("envmap").map(str::to_ascii_lowercase).as_deref() {
+            Some("latlong" | "latitude-longitude" | "latitude-longitude map") => {
+                return Self::LatLongEnvironment;
+            }
+            Some("cube" | "cube-face" | "cube-face map") => return Self::CubeFaceEnvironment,
+            _ => {}
+        }
+        let matrices = spec.matrix("worldtocamera").is_some() && spec.matrix("worldtoscreen").is_some();
+        if matrices && spec.nchannels() == 1 { Self::Shadow } else { Self::Plain }
     }
 
     /// The coarser name that `gettextureinfo` gives for "type" (reference table 5.5).

@@ -86,6 +86,7 @@ mod volume;
 mod wrap;
 
 pub use cache::{CacheOptions, TextureCache, TextureId, Use};
+pub use cube::{CubeLayout, CubePoint, FACE_NAMES, Face};
 pub use error::{Result, TextureError};
 pub use file::{MadeShadow, TileMaker};
 pub use kind::TextureKind;

@@ -120,6 +120,14 @@ pub enum Up {
 }
 
 impl Up {
+    /// A direction in the frame of a latitude-longitude map: x to its centre, y to the right of it, z to its upper edge.
+    pub fn to_map(self, r: Vec3) -> Vec3 {
+        match self {
+            Self::Z => r,
+            Self::Y => Vec3::new(r.z, -r.x, r.y),
+        }
+    }
+
     /// "y" or "z"; `None` for anything else: the map decides.
     pub fn from_word(word: &str) -> Option<Self> {
         match word {

@@ -2,13 +2,47 @@
 //!
 //! No window, no socket and no format is known here: files are opened through the registry that the caller
 //! brings, and what a display shows are plain bytes that the caller puts on a screen, in a terminal or in a file.
+//!
+//! A [`Picture`] is an open file: pages with layers of channels. Each page has a [`Pyramid`] of levels, those of the file
+//! and further ones that are made, cut into tiles that are read when they are asked for and kept in a [`TileStore`] of
+//! bounded size. A [`Sheet`] lays a page out (as it is stored, as a cross, one face), a [`View`] says which part of it is
+//! on screen, a [`Display`] how values become colours, and [`draw`] makes the bytes.
+//!
+//! Invariants:
+//! - what is drawn from complete tiles depends on files, view and display alone, to the bit, for any number of threads;
+//! - values are never changed on their way to statistics and read-outs: what is not a number stays so;
+//! - a file that is damaged or unfinished shows what is there.
 
 #![forbid(unsafe_code)]
 
+mod display;
+mod draw;
 mod error;
+mod grid;
+mod layers;
 mod live;
+mod maps;
+mod picture;
+mod pyramid;
 mod rect;
+mod sheet;
+mod source;
+mod store;
+mod tile;
+mod view;
 
+pub use display::{Background, Channels, Display, FalseColor, Marks, Prepared, luminance};
+pub use draw::{BESIDE, Canvas, Mix, Shown, draw, draw_into};
 pub use error::{Result, ViewError};
+pub use grid::{Needs, needs};
+pub use layers::{Layer, Meaning};
 pub use live::{CommandSender, Live, LiveInfo, LiveLimits, LiveWishes, ViewCommand};
+pub use maps::ColorMap;
+pub use picture::{Page, Picture, Stamp};
+pub use pyramid::{Level, Pyramid};
 pub use rect::Rect;
+pub use sheet::{Arrangement, Patch, Sheet};
+pub use source::{Access, Source};
+pub use store::{StoreLimits, TileKey, TileStore};
+pub use tile::{Pick, Reduce, TILE, Tile};
+pub use view::{Around, View};

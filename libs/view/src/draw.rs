@@ -1,0 +1,395 @@
+//! Drawing: a view of one page, or of two against each other, as bytes for a screen.
+
+use crate::display::{Display, Prepared};
+use crate::grid::{Eye, Grid, Needs, Scratch, needs};
+use crate::picture::Page;
+use crate::sheet::Sheet;
+use crate::view::View;
+use crate::{Result, ViewError};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+/// A page as it is shown.
+#[derive(Clone, Copy, Debug)]
+pub struct Shown<'a> {
+    /// The page.
+    pub page: &'a Page,
+    /// How it is laid out.
+    pub sheet: &'a Sheet,
+    /// Which of its layers.
+    pub layer: usize,
+    /// How values become colours.
+    pub display: &'a Display,
+}
+
+/// What is seen of two pages.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Mix {
+    /// The first only.
+    #[default]
+    First,
+    /// The second only.
+    Second,
+    /// The first up to this share of the screen, then the second; `down` from above rather than from the left.
+    Wipe {
+        /// 0 to 1.
+        at: f32,
+        /// Whether the edge lies across.
+        down: bool,
+    },
+    /// The magnitude of the difference, this many times.
+    Difference {
+        /// Factor.
+        gain: f32,
+    },
+    /// The first over the second, by the alpha of the first.
+    Over,
+}
+
+/// A picture for a screen: rows from the top, 4 bytes a pixel, red, green, blue and alpha, which is 255.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Canvas {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// `4 * width * height` bytes.
+    pub bytes: Vec<u8>,
+    /// Whether all tiles were there.
+    pub complete: bool,
+}
+
+impl Canvas {
+    /// Red, green and blue of a pixel.
+    pub fn at(&self, x: u32, y: u32) -> [u8; 3] {
+        let at = 4 * (y as usize * self.width as usize + x as usize);
+        [self.bytes[at], self.bytes[at + 1], self.bytes[at + 2]]
+    }
+}
+
+/// What is beside a picture.
+pub const BESIDE: [u8; 4] = [34, 34, 36, 255];
+
+/// Rows of the screen that one thread draws at a time.
+const ROWS: usize = 16;
+
+impl Shown<'_> {
+    /// The tiles that a view needs.
+    pub fn needs(&self, view: &View) -> Needs {
+        needs(self.page, self.sheet, view)
+    }
+
+    /// Reads what a view needs, with several threads.
+    ///
+    /// # Errors
+    /// The first when nothing at all of it can be read.
+    pub fn load(&self, view: &View) -> Result<()> {
+        load_tiles(self.page, &self.needs(view))
+    }
+
+    fn prepared(&self) -> Prepared {
+        let spec = self.page.spec();
+        let unassociated = spec.attributes.int("unassociatedalpha") == Some(1);
+        let layer = &self.page.layers[self.layer.min(self.page.layers.len() - 1)];
+        Prepared::new(self.display, layer.meaning, self.page.encoded, unassociated)
+    }
+}
+
+/// Reads tiles, with several threads of its own: those that read wait for each other where a file gives all or nothing,
+/// and must not be ones that the reading itself uses.
+pub(crate) fn load_tiles(page: &Page, needs: &Needs) -> Result<()> {
+    let missing: Vec<(u32, u32)> =
+        needs.tiles.iter().copied().filter(|t| !page.pyramid.has(needs.level, t.0, t.1)).collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let (next, failed) = (AtomicUsize::new(0), Mutex::new((0, None)));
+    let work = || {
+        while let Some((tx, ty)) = missing.get(next.fetch_add(1, Ordering::Relaxed)) {
+            if let Err(error) = page.pyramid.tile(needs.level, *tx, *ty) {
+                let mut failed = failed.lock().unwrap_or_else(PoisonError::into_inner);
+                failed.0 += 1;
+                failed.1.get_or_insert(error);
+            }
+        }
+    };
+    let threads = rayon::current_num_threads().clamp(1, missing.len());
+    std::thread::scope(|scope| {
+        (1..threads).for_each(|_| drop(scope.spawn(work)));
+        work();
+    });
+    let (count, error) = failed.into_inner().unwrap_or_else(PoisonError::into_inner);
+    match error {
+        Some(error) if count == missing.len() => Err(error),
+        _ => Ok(()),
+    }
+}
+
+/// One page while it is drawn.
+struct Side<'a> {
+    shown: Shown<'a>,
+    grid: Grid<'a>,
+    eye: Option<Eye<'a>>,
+    ready: Prepared,
+}
+
+/// A row of the screen, and where there is something on it.
+#[derive(Default)]
+struct Row {
+    pixels: Vec<[f32; 4]>,
+    covered: Vec<bool>,
+    scratch: Scratch,
+    upper: Vec<[f32; 4]>,
+    lower: Vec<[f32; 4]>,
+}
+
+impl<'a> Side<'a> {
+    fn new(shown: Shown<'a>, view: &View) -> Self {
+        let needs = shown.needs(view);
+        let layer = &shown.page.layers[shown.layer.min(shown.page.layers.len() - 1)];
+        let grid = Grid::collect(&shown.page.pyramid, &needs, shown.display.pick(layer));
+        let around = view.around.filter(|_| shown.page.is_panorama());
+        let eye = around.map(|a| Eye::new(shown.page, shown.sheet, view, &a));
+        Self { shown, grid, eye, ready: shown.prepared() }
+    }
+
+    /// Samples one row of the screen.
+    fn row(&self, view: &View, y: u32, row: &mut Row) {
+        let width = view.width as usize;
+        row.pixels.clear();
+        row.pixels.resize(width, [0.0; 4]);
+        row.covered.clear();
+        row.covered.resize(width, false);
+        if let Some(eye) = &self.eye {
+            self.row_around(eye, y, row);
+            return;
+        }
+        let level = self.grid.level;
+        let scale = self.shown.page.pyramid.levels()[level].scale;
+        // Pixels are squares where they are as large as those of the screen, or where no finer ones are wanted.
+        let squares = level == self.shown.sheet.level && scale.0.min(scale.1) * view.zoom > 0.999;
+        for patch in &self.shown.sheet.patches {
+            let (_, sy) = view.to_sheet(0.0, f64::from(y) + 0.5);
+            let [left, top, w, h] = patch.place;
+            if sy < top || sy >= top + h {
+                continue;
+            }
+            // The columns whose middle is on the patch.
+            let column = |x: f64| (view.to_screen(x, 0.0).0 - 0.5).ceil().clamp(0.0, width as f64) as usize;
+            let (first, last) = (column(left), column(left + w));
+            if first >= last {
+                continue;
+            }
+            let sheet_x = |x: usize| view.to_sheet(x as f64 + 0.5, 0.0).0;
+            let (u0, v) = patch.source_at(sheet_x(first), sy, level);
+            let step = (patch.source_at(sheet_x(first) + 1.0, sy, level).0 - u0) / view.zoom;
+            let [x, y, w, h] = patch.source[level];
+            let source = (bounds(x, w), bounds(y, h));
+            let place = Place { first, last, u0, v, step, source };
+            if squares { self.squares(&place, row) } else { self.between(&place, row) }
+        }
+    }
+
+    /// The pixel under each.
+    fn squares(&self, place: &Place, row: &mut Row) {
+        let ((x0, x1), (y0, y1)) = place.source;
+        let v = (place.v.floor() as i64).clamp(y0, y1) as u32;
+        let at = |i: usize| ((place.u0 + place.step * i as f64).floor() as i64).clamp(x0, x1) as u32;
+        let n = place.last - place.first;
+        let (a, b) = (at(0).min(at(n - 1)), at(0).max(at(n - 1)));
+        self.grid.row(v, a, b + 1, &mut row.scratch, &mut row.upper);
+        for i in 0..n {
+            row.pixels[place.first + i] = row.upper[(at(i) - a) as usize];
+            row.covered[place.first + i] = true;
+        }
+    }
+
+    /// Between the four nearest ones.
+    fn between(&self, place: &Place, row: &mut Row) {
+        let ((x0, x1), (y0, y1)) = place.source;
+        let (v, fv) = cell(place.v);
+        let (v0, v1) = (v.clamp(y0, y1) as u32, (v + 1).clamp(y0, y1) as u32);
+        let at = |i: usize| {
+            let (u, f) = cell(place.u0 + place.step * i as f64);
+            (u.clamp(x0, x1) as u32, (u + 1).clamp(x0, x1) as u32, f)
+        };
+        let n = place.last - place.first;
+        let (p, q) = (at(0), at(n - 1));
+        let (a, b) = (p.0.min(q.0), p.1.max(q.1));
+        self.grid.row(v0, a, b + 1, &mut row.scratch, &mut row.upper);
+        if fv > 0.0 && v1 != v0 {
+            self.grid.row(v1, a, b + 1, &mut row.scratch, &mut row.lower);
+            for (upper, lower) in row.upper.iter_mut().zip(&row.lower) {
+                *upper = mix(*upper, *lower, fv);
+            }
+        }
+        for i in 0..n {
+            let (left, right, f) = at(i);
+            let (l, r) = (row.upper[(left - a) as usize], row.upper[(right - a) as usize]);
+            row.pixels[place.first + i] = mix(l, r, f);
+            row.covered[place.first + i] = true;
+        }
+    }
+
+    fn row_around(&self, eye: &Eye<'_>, y: u32, row: &mut Row) {
+        for x in 0..row.pixels.len() {
+            let (u, v) = eye.at(x as f64 + 0.5, f64::from(y) + 0.5);
+            let near = self.grid.pixel(u as u32, v as u32);
+            let Some(near) = near else { continue };
+            row.covered[x] = true;
+            row.pixels[x] = near;
+            if eye.enlarged >= 2.0 {
+                continue;
+            }
+            let ((x0, fx), (y0, fy)) = (cell(u), cell(v));
+            let get = |i: i64, j: i64| {
+                let place = |v: i64| u32::try_from(v).ok();
+                place(x0 + i).zip(place(y0 + j)).and_then(|(x, y)| self.grid.pixel(x, y)).unwrap_or(near)
+            };
+            row.pixels[x] = mix(mix(get(0, 0), get(1, 0), fx), mix(get(0, 1), get(1, 1), fx), fy);
+        }
+    }
+}
+
+/// A run of the screen on one patch.
+struct Place {
+    first: usize,
+    last: usize,
+    /// Coordinates in the level of the first pixel, and what is added for the next.
+    u0: f64,
+    v: f64,
+    step: f64,
+    /// First and last column and row of the level that belong to the patch.
+    source: ((i64, i64), (i64, i64)),
+}
+
+/// First and last pixel of a span.
+fn bounds(from: f64, size: f64) -> (i64, i64) {
+    let first = from.floor() as i64;
+    (first, ((from + size).ceil() as i64 - 1).max(first))
+}
+
+/// The pixel whose centre is at or before a coordinate, and how far that is on to the next one.
+fn cell(v: f64) -> (i64, f32) {
+    let v = v - 0.5;
+    (v.floor() as i64, (v - v.floor()) as f32)
+}
+
+/// `f` of the way; at the ends exactly what is there, whatever the other is.
+fn mix(a: [f32; 4], b: [f32; 4], f: f32) -> [f32; 4] {
+    if f < 1e-4 || a == b {
+        return a;
+    }
+    [0, 1, 2, 3].map(|c| a[c] + (b[c] - a[c]) * f)
+}
+
+/// Draws what is in memory; what is not is drawn coarser, or black. With [`Mix::First`], `second` is not looked at.
+///
+/// # Errors
+/// When the screen has too many pixels.
+pub fn draw(first: Shown<'_>, second: Option<Shown<'_>>, how: Mix, view: &View) -> Result<Canvas> {
+    let mut canvas = Canvas { width: view.width, height: view.height, bytes: Vec::new(), complete: true };
+    draw_into(first, second, how, view, &mut canvas)?;
+    Ok(canvas)
+}
+
+/// As [`draw`], into a canvas that was drawn before.
+///
+/// # Errors
+/// As [`draw`].
+pub fn draw_into(
+    first: Shown<'_>,
+    second: Option<Shown<'_>>,
+    how: Mix,
+    view: &View,
+    canvas: &mut Canvas,
+) -> Result<()> {
+    let pixels = u64::from(view.width) * u64::from(view.height);
+    if pixels > 1 << 28 {
+        return Err(ViewError::Limit { what: "number of pixels on the screen", asked: pixels, max: 1 << 28 });
+    }
+    let how = if second.is_some() { how } else { Mix::First };
+    let (first, second) = match (how, second) {
+        (Mix::First, _) => (first, None),
+        (Mix::Second, Some(second)) => (second, None),
+        (_, second) => (first, second),
+    };
+    let a = Side::new(first, view);
+    let b = second.map(|shown| Side::new(shown, view));
+    canvas.complete = a.grid.complete && b.as_ref().is_none_or(|b| b.grid.complete);
+    (canvas.width, canvas.height) = (view.width, view.height);
+    canvas.bytes.resize(4 * pixels as usize, 0);
+    let alike = b.as_ref().is_none_or(|b| a.ready.is_encoded() == b.ready.is_encoded());
+    let linear = (!alike || how == Mix::Over).then(|| a.ready.for_linear());
+    let row_bytes = 4 * view.width as usize;
+    if row_bytes == 0 {
+        return Ok(());
+    }
+    canvas.bytes.par_chunks_mut(ROWS * row_bytes).enumerate().for_each(|(chunk, bytes)| {
+        let (mut one, mut two) = (Row::default(), Row::default());
+        for (y, out) in (chunk * ROWS..).zip(bytes.chunks_exact_mut(row_bytes)) {
+            let y = y as u32;
+            a.row(view, y, &mut one);
+            let Some(b) = &b else {
+                for ((x, out), (pixel, covered)) in
+                    (0..).zip(out.chunks_exact_mut(4)).zip(one.pixels.iter().zip(&one.covered))
+                {
+                    out.copy_from_slice(&if *covered { a.ready.show(*pixel, x, y) } else { BESIDE });
+                }
+                continue;
+            };
+            b.row(view, y, &mut two);
+            for (x, out) in (0..).zip(out.chunks_exact_mut(4)) {
+                let i = x as usize;
+                let (p, q) = (one.pixels[i], two.pixels[i]);
+                let covered = (one.covered[i], two.covered[i]);
+                let shown = blend(how, (&a.ready, p), (&b.ready, q), covered, linear.as_ref(), view, x, y);
+                out.copy_from_slice(&shown);
+            }
+        }
+    });
+    Ok(())
+}
+
+/// One pixel of two pictures.
+#[expect(clippy::too_many_arguments, reason = "the innermost step of one loop")]
+fn blend(
+    how: Mix,
+    (a, p): (&Prepared, [f32; 4]),
+    (b, q): (&Prepared, [f32; 4]),
+    (covered_a, covered_b): (bool, bool),
+    linear: Option<&Prepared>,
+    view: &View,
+    x: u32,
+    y: u32,
+) -> [u8; 4] {
+    let one = || if covered_a { a.show(p, x, y) } else { BESIDE };
+    let two = || if covered_b { b.show(q, x, y) } else { BESIDE };
+    match how {
+        Mix::First => one(),
+        Mix::Second => two(),
+        Mix::Wipe { at, down } => {
+            let (place, side) = if down { (y, view.height) } else { (x, view.width) };
+            if (place as f32) < at * side as f32 { one() } else { two() }
+        }
+        Mix::Difference { gain } => match linear {
+            _ if !covered_a || !covered_b => BESIDE,
+            None => {
+                let d = [0, 1, 2].map(|c| (p[c] - q[c]).abs() * gain);
+                a.show([d[0], d[1], d[2], 1.0], x, y)
+            }
+            Some(linear) => {
+                let d = [0, 1, 2].map(|c| (a.linear(p[c]) - b.linear(q[c])).abs() * gain);
+                linear.show([d[0], d[1], d[2], 1.0], x, y)
+            }
+        },
+        Mix::Over => {
+            let Some(linear) = linear.filter(|_| covered_a) else { return two() };
+            let p = a.premultiplied(p);
+            let q = if covered_b { b.premultiplied(q) } else { [0.0; 4] };
+            let behind = 1.0 - p[3].clamp(0.0, 1.0);
+            linear.show([0, 1, 2, 3].map(|c| p[c] + behind * q[c]), x, y)
+        }
+    }
+}

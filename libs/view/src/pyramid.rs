@@ -1,0 +1,292 @@
+//! A page in levels: those of its source, and below them ones that are made here, tile by tile.
+
+use crate::Result;
+use crate::source::{Access, Source, tile_size};
+use crate::store::{TileKey, TileStore};
+use crate::tile::{Reduce, TILE, Tile};
+use granita_image::PixelType;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// One level of a page.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Level {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// Pixels of level 0 that one pixel stands for, across and down.
+    pub scale: (f64, f64),
+    /// Whether the source has it; otherwise it is made of the one before.
+    pub stored: bool,
+}
+
+impl Level {
+    /// Tiles across and down.
+    pub fn tiles(&self) -> (u32, u32) {
+        (self.width.div_ceil(TILE), self.height.div_ceil(TILE))
+    }
+}
+
+/// The levels of one page and the way to their tiles, from any thread.
+pub struct Pyramid {
+    source: Arc<dyn Source>,
+    store: TileStore,
+    page: u64,
+    /// Where all but the first of the made levels are kept, of a picture that is too large to be kept itself.
+    upper: Option<u64>,
+    levels: Vec<Level>,
+    reduce: Vec<Reduce>,
+    /// One reads at a time, where a read gives much more than one tile.
+    reading: Mutex<()>,
+}
+
+impl Drop for Pyramid {
+    fn drop(&mut self) {
+        self.store.drop_page(self.page);
+        if let Some(upper) = self.upper {
+            self.store.drop_page(upper);
+        }
+    }
+}
+
+impl std::fmt::Debug for Pyramid {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Pyramid(page {}, {} levels)", self.page, self.levels.len())
+    }
+}
+
+impl Pyramid {
+    /// `reduce` says for each channel what a texel of a made level is.
+    pub fn new(source: Arc<dyn Source>, store: &TileStore, reduce: Vec<Reduce>) -> Self {
+        let (width, height) = source.size(0);
+        let mut levels = Vec::new();
+        for level in 0..source.levels().max(1) {
+            let (w, h) = source.size(level);
+            let scale = (f64::from(width) / f64::from(w.max(1)), f64::from(height) / f64::from(h.max(1)));
+            levels.push(Level { width: w, height: h, scale, stored: true });
+        }
+        while let Some(last) = levels.last().filter(|l| l.width.max(l.height) > TILE) {
+            let next = Level {
+                width: last.width.div_ceil(2),
+                height: last.height.div_ceil(2),
+                scale: (last.scale.0 * 2.0, last.scale.1 * 2.0),
+                stored: false,
+            };
+            levels.push(next);
+        }
+        let page = store.new_page(source.access() == Access::Whole);
+        let upper = (source.access() == Access::Bands).then(|| store.new_page(true));
+        Self { source, store: store.clone(), page, upper, levels, reduce, reading: Mutex::default() }
+    }
+
+    /// Where its pixels come from.
+    pub fn source(&self) -> &dyn Source {
+        &*self.source
+    }
+
+    /// All levels, the largest first.
+    pub fn levels(&self) -> &[Level] {
+        &self.levels
+    }
+
+    /// Number of levels that the source itself has.
+    pub fn stored_levels(&self) -> usize {
+        self.levels.iter().filter(|l| l.stored).count()
+    }
+
+    /// Its numbers in the store, each with what is visible of it: `level` is looked at, `tiles` tiles of it.
+    pub fn in_sight(&self, level: usize, tiles: u64) -> Vec<(u64, u64)> {
+        // A band is read as a whole.
+        let across = self.levels.first().map_or(0, |l| u64::from(l.tiles().0));
+        let tiles = if self.source.access() == Access::Bands { tiles.max(4 * across) } else { tiles };
+        let bytes = tiles * u64::from(TILE * TILE) * self.pixel_bytes();
+        let upper = self.upper.map(|page| (page, 0));
+        // While smaller levels are made the finer ones come and go; four of them are always wanted.
+        let made = self.levels.get(level).is_some_and(|l| !l.stored);
+        let made = if made { 4 * u64::from(TILE * TILE) * self.pixel_bytes() } else { 0 };
+        [Some((self.page, bytes + made)), upper].into_iter().flatten().collect()
+    }
+
+    /// Bytes of one pixel.
+    pub fn pixel_bytes(&self) -> u64 {
+        (self.source.channels() * self.source.pixel_type().bytes()) as u64
+    }
+
+    fn key(&self, level: usize, tx: u32, ty: u32) -> TileKey {
+        let page = self.upper.filter(|_| level > self.stored_levels()).unwrap_or(self.page);
+        TileKey { page, level: level as u32, tx, ty }
+    }
+
+    /// Goes through a picture that is read in bands, once, and makes all levels but the first that has to be made.
+    fn make_upper(&self) {
+        let base = self.stored_levels() - 1;
+        let mut pending: Vec<Vec<Arc<Tile>>> = vec![Vec::new(); self.levels.len()];
+        let (across, down) = self.levels[base].tiles();
+        for ty in 0..down {
+            let size = (self.levels[base].width, self.levels[base].height);
+            let (n, pixel_type) = (self.source.channels(), self.source.pixel_type());
+            let row: Vec<Arc<Tile>> = match self.source.read(base, 0, ty) {
+                Ok(tiles) => tiles.into_iter().map(|(_, tile)| Arc::new(tile)).collect(),
+                Err(_) => (0..across)
+                    .map(|tx| {
+                        let (w, h) = tile_size(size, tx, ty);
+                        Arc::new(Tile { whole: false, ..Tile::zeros(w, h, n, pixel_type) })
+                    })
+                    .collect(),
+            };
+            self.push_row(base, ty, row, &mut pending);
+        }
+    }
+
+    /// One row of tiles of a level is complete: with the one above it, it makes one of the next level.
+    fn push_row(&self, level: usize, ty: u32, row: Vec<Arc<Tile>>, pending: &mut [Vec<Arc<Tile>>]) {
+        if level > self.stored_levels() {
+            let keyed = row.iter().zip(0..).map(|(tile, tx)| (self.key(level, tx, ty), tile.clone()));
+            self.store.insert(keyed);
+        }
+        let Some(next) = self.levels.get(level + 1) else { return };
+        let last = ty + 1 == self.levels[level].tiles().1;
+        if ty % 2 == 0 && !last {
+            pending[level] = row;
+            return;
+        }
+        let (above, below) =
+            if ty % 2 == 0 { (row, Vec::new()) } else { (std::mem::take(&mut pending[level]), row) };
+        let made = (0..next.tiles().0)
+            .map(|tx| {
+                let at = |row: &[Arc<Tile>], i: u32| row.get((2 * tx + i) as usize).cloned();
+                let four = [at(&above, 0), at(&above, 1), at(&below, 0), at(&below, 1)];
+                let (w, h) = tile_size((next.width, next.height), tx, ty / 2);
+                Arc::new(Tile::reduced(four.each_ref().map(|t| t.as_deref()), w, h, &self.reduce))
+            })
+            .collect();
+        self.push_row(level + 1, ty / 2, made, pending);
+    }
+
+    /// A tile that is in memory.
+    pub fn held(&self, level: usize, tx: u32, ty: u32) -> Option<Arc<Tile>> {
+        self.store.get(self.key(level, tx, ty))
+    }
+
+    /// Whether a tile is in memory.
+    pub fn has(&self, level: usize, tx: u32, ty: u32) -> bool {
+        self.store.has(self.key(level, tx, ty))
+    }
+
+    /// A tile that exists: from memory, or read, or made of finer ones.
+    ///
+    /// # Errors
+    /// When nothing of it can be read.
+    pub fn tile(&self, level: usize, tx: u32, ty: u32) -> Result<Arc<Tile>> {
+        if let Some(tile) = self.held(level, tx, ty) {
+            return Ok(tile);
+        }
+        let Some(l) = self.levels.get(level) else {
+            return Err(crate::ViewError::Misuse { what: format!("there is no level {level}") });
+        };
+        if l.stored {
+            return self.read(level, tx, ty);
+        }
+        if self.upper.is_some() && level > self.stored_levels() {
+            let _one = self.reading.lock().unwrap_or_else(PoisonError::into_inner);
+            if !self.has(level, tx, ty) {
+                self.make_upper();
+            }
+            return self.held(level, tx, ty).ok_or_else(|| crate::ViewError::Misuse {
+                what: format!("there is no tile ({tx}, {ty}) of level {level}"),
+            });
+        }
+        let finer = |i: u32, j: u32| {
+            let (x, y) = (2 * tx + i, 2 * ty + j);
+            let (across, down) = self.levels[level - 1].tiles();
+            if x < across && y < down { self.tile(level - 1, x, y).map(Some) } else { Ok(None) }
+        };
+        // Where one of four cannot be read, the other three are still worth showing.
+        let tiles = [finer(0, 0), finer(1, 0), finer(0, 1), finer(1, 1)];
+        let mut error = None;
+        let (mut found, mut missing) = (false, false);
+        let size = (self.levels[level - 1].width, self.levels[level - 1].height);
+        let tiles: Vec<Option<Arc<Tile>>> = (tiles.into_iter().enumerate())
+            .map(|(i, tile)| match tile {
+                Ok(tile) => {
+                    found |= tile.is_some();
+                    tile
+                }
+                Err(e) => {
+                    error = Some(e);
+                    missing = true;
+                    let (w, h) = tile_size(size, 2 * tx + i as u32 % 2, 2 * ty + i as u32 / 2);
+                    let (n, pixel_type) = (self.source.channels(), self.source.pixel_type());
+                    Some(Arc::new(Tile { whole: false, ..Tile::zeros(w, h, n, pixel_type) }))
+                }
+            })
+            .collect();
+        if let Some(error) = error.filter(|_| !found) {
+            return Err(error);
+        }
+        let (w, h) = tile_size((l.width, l.height), tx, ty);
+        let four = [0, 1, 2, 3].map(|i| tiles[i].as_deref());
+        let mut tile = Tile::reduced(four, w, h, &self.reduce);
+        tile.whole &= !missing;
+        let tile = Arc::new(tile);
+        self.store.insert([(self.key(level, tx, ty), tile.clone())]);
+        Ok(tile)
+    }
+
+    fn read(&self, level: usize, tx: u32, ty: u32) -> Result<Arc<Tile>> {
+        let one = match self.source.access() {
+            Access::Tiles => None,
+            Access::Whole | Access::Bands => {
+                Some(self.reading.lock().unwrap_or_else(PoisonError::into_inner))
+            }
+        };
+        // Another thread may have brought it meanwhile.
+        if one.is_some()
+            && let Some(tile) = self.held(level, tx, ty)
+        {
+            return Ok(tile);
+        }
+        let mut wanted = None;
+        let tiles = self.source.read(level, tx, ty)?.into_iter().map(|((x, y), tile)| {
+            let tile = Arc::new(tile);
+            if (x, y) == (tx, ty) {
+                wanted = Some(tile.clone());
+            }
+            (self.key(level, x, y), tile)
+        });
+        let tiles: Vec<_> = tiles.collect();
+        self.store.insert(tiles);
+        wanted.ok_or_else(|| crate::ViewError::Misuse { what: format!("no tile ({tx}, {ty}) came") })
+    }
+
+    /// Forgets what covers a rectangle of level 0, `x0..x1` times `y0..y1`: its pixels changed.
+    pub fn forget(&self, (x0, y0, x1, y1): (u32, u32, u32, u32)) {
+        let levels = self.levels.clone();
+        self.store.forget(self.page, move |level, tx, ty| {
+            let Some(l) = levels.get(level as usize) else { return true };
+            let span = |t: u32, scale: f64| (f64::from(t * TILE) * scale, f64::from((t + 1) * TILE) * scale);
+            let (left, right) = span(tx, l.scale.0);
+            let (top, bottom) = span(ty, l.scale.1);
+            left < f64::from(x1) && right > f64::from(x0) && top < f64::from(y1) && bottom > f64::from(y0)
+        });
+    }
+
+    /// All channels of pixel (x, y) of a level, in their stored type; `None` outside.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn pixel(&self, level: usize, x: u32, y: u32) -> Result<Option<granita_image::Pixels>> {
+        let Some(l) = self.levels.get(level).filter(|l| x < l.width && y < l.height) else { return Ok(None) };
+        let _ = l;
+        let tile = self.tile(level, x / TILE, y / TILE)?;
+        let at = ((y % TILE) * tile.width + x % TILE) as usize * tile.channels;
+        let mut out = granita_image::Pixels::zeros(tile.pixels.pixel_type(), tile.channels);
+        out.copy_from(0, &tile.pixels, at, tile.channels);
+        Ok(Some(out))
+    }
+
+    /// Type of all values.
+    pub fn pixel_type(&self) -> PixelType {
+        self.source.pixel_type()
+    }
+}

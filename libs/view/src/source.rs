@@ -1,0 +1,276 @@
+//! Where tiles come from: a file, or whatever else has pixels.
+
+use crate::tile::{TILE, Tile};
+use crate::{Result, ViewError};
+use granita_image::{BlockCopy, ImageError, ImageInput, ImageSpec, PixelType, Pixels};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A level stored in rows is read as a whole up to this many bytes, else in bands.
+const WHOLE_BYTES: u64 = 512 << 20;
+
+/// How pieces of a source are had.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// Any tile by itself.
+    Tiles,
+    /// Only all of it at once.
+    Whole,
+    /// Bands of rows.
+    Bands,
+}
+
+/// Pixels in levels, read tile by tile from any thread.
+pub trait Source: Send + Sync {
+    /// Number of levels, at least 1.
+    fn levels(&self) -> usize;
+
+    /// Width and height of a level that exists.
+    fn size(&self, level: usize) -> (u32, u32);
+
+    /// Values per pixel.
+    fn channels(&self) -> usize;
+
+    /// Type of all values.
+    fn pixel_type(&self) -> PixelType;
+
+    /// How its pieces are had.
+    fn access(&self) -> Access;
+
+    /// Tile `(tx, ty)` of a level, and any others that came along with it.
+    ///
+    /// # Errors
+    /// When nothing of it can be read. What can be read only in part comes as far as it goes.
+    fn read(&self, level: usize, tx: u32, ty: u32) -> Result<Vec<((u32, u32), Tile)>>;
+
+    /// What could not be read so far, if anything.
+    fn fault(&self) -> Option<String> {
+        None
+    }
+}
+
+/// One image of a file.
+pub(crate) struct FilePage {
+    input: Arc<dyn ImageInput>,
+    image: usize,
+    levels: Vec<ImageSpec>,
+    access: Access,
+    fault: Mutex<Option<String>>,
+}
+
+/// Whether any rows of such files are found by their place.
+fn by_position(format: &str) -> bool {
+    matches!(format, "tiff" | "shadow" | "exr" | "sgi" | "iff" | "dds" | "pfm" | "pnm")
+}
+
+impl FilePage {
+    /// `None` when the file has no such image.
+    pub(crate) fn new(input: Arc<dyn ImageInput>, image: usize) -> Option<Self> {
+        let first = input.spec(image, 0)?.clone();
+        let mut levels = vec![first];
+        for level in 1..input.levels(image) {
+            let spec = input.spec(image, level)?;
+            let (first, last) = (&levels[0], &levels[levels.len() - 1]);
+            // What is no smaller level of the same picture ends the pyramid.
+            let follows = spec.width <= last.width && spec.height <= last.height;
+            if !follows || spec.nchannels() != first.nchannels() || spec.pixel_type != first.pixel_type {
+                break;
+            }
+            levels.push(spec.clone());
+        }
+        let access = match levels[0].bytes() {
+            _ if levels[0].is_tiled() => Access::Tiles,
+            Some(bytes) if bytes <= WHOLE_BYTES => Access::Whole,
+            _ => Access::Bands,
+        };
+        Some(Self { input, image, levels, access, fault: Mutex::default() })
+    }
+
+    pub(crate) fn spec(&self, level: usize) -> Option<&ImageSpec> {
+        self.levels.get(level)
+    }
+
+    fn note(&self, error: &ImageError) {
+        let mut fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
+        fault.get_or_insert_with(|| error.to_string());
+    }
+
+    /// Rows `y0..y1`; those that cannot be read are 0. Also whether all could be.
+    fn rows(&self, level: usize, y0: u32, y1: u32) -> Result<(Pixels, bool)> {
+        let first = match self.input.read_rows(self.image, level, y0, y1) {
+            Ok(pixels) => return Ok((pixels, true)),
+            Err(error) => error,
+        };
+        self.note(&first);
+        let spec = &self.levels[level];
+        let row = spec.width as usize * spec.nchannels();
+        let limit = (y1 - y0) as usize * row * spec.pixel_type.bytes();
+        if limit as u64 > WHOLE_BYTES {
+            return Err(first.into());
+        }
+        let mut out = Pixels::zeros(spec.pixel_type, (y1 - y0) as usize * row);
+        let mut found = false;
+        let mut take = |a: u32, b: u32| match self.input.read_rows(self.image, level, a, b) {
+            Ok(rows) => {
+                out.copy_from((a - y0) as usize * row, &rows, 0, rows.len());
+                true
+            }
+            Err(_) => false,
+        };
+        if by_position(self.input.format_name()) {
+            // Anything may be missing: files are written from several threads, or were damaged.
+            for a in (y0..y1).step_by(16) {
+                let b = (a + 16).min(y1);
+                found |= take(a, b) || (a..b).fold(false, |any, y| take(y, y + 1) || any);
+            }
+        } else {
+            // The file ends early: everything up to some row is there.
+            let (mut good, mut bad) = (y0, y1);
+            while good + 1 < bad {
+                let middle = good + (bad - good) / 2;
+                if take(y0, middle) {
+                    (good, found) = (middle, true);
+                } else {
+                    bad = middle;
+                }
+            }
+        }
+        if found { Ok((out, false)) } else { Err(first.into()) }
+    }
+
+    /// Cuts rows from `y0` on into tiles.
+    fn cut(&self, level: usize, y0: u32, pixels: &Pixels, whole: bool) -> Vec<((u32, u32), Tile)> {
+        let spec = &self.levels[level];
+        let n = spec.nchannels();
+        let rows = (pixels.len() / (spec.width as usize * n)) as u32;
+        let mut tiles = Vec::new();
+        for ty in y0 / TILE..(y0 + rows).div_ceil(TILE) {
+            for tx in 0..spec.width.div_ceil(TILE) {
+                let (width, height) = tile_size((spec.width, spec.height), tx, ty);
+                let mut tile = Tile::zeros(width, height, n, spec.pixel_type);
+                tile.whole = whole;
+                let copy = BlockCopy {
+                    from_width: spec.width as usize,
+                    from: ((tx * TILE) as usize, (ty * TILE - y0) as usize),
+                    to_width: width as usize,
+                    to: (0, 0),
+                    size: (width as usize, height as usize),
+                    nchannels: n,
+                };
+                copy.run(pixels, &mut tile.pixels);
+                tiles.push(((tx, ty), tile));
+            }
+        }
+        tiles
+    }
+
+    /// All tiles that the file's own tiles under tile (tx, ty) cover completely.
+    fn read_tiles(&self, level: usize, tx: u32, ty: u32) -> Result<Vec<((u32, u32), Tile)>> {
+        let spec = &self.levels[level];
+        let (n, tw, th) = (spec.nchannels(), spec.tile_width, spec.tile_height);
+        let (width, height) = tile_size((spec.width, spec.height), tx, ty);
+        // In tiles of the file, from the first to after the last.
+        let (cx0, cx1) = (tx * TILE / tw, (tx * TILE + width).div_ceil(tw));
+        let (cy0, cy1) = (ty * TILE / th, (ty * TILE + height).div_ceil(th));
+        // In tiles of ours: those inside of the file's, and the one that was asked for.
+        let inside = |first: u32, last: u32, file: u32, side: u32, asked: u32| {
+            let first = (first * file).div_ceil(TILE).min(asked);
+            let end = last.saturating_mul(file);
+            let last = if end >= side { side.div_ceil(TILE) } else { end / TILE };
+            first..last.max(asked + 1)
+        };
+        let (across, down) = (inside(cx0, cx1, tw, spec.width, tx), inside(cy0, cy1, th, spec.height, ty));
+        let mut tiles = Vec::new();
+        for y in down {
+            for x in across.clone() {
+                let (w, h) = tile_size((spec.width, spec.height), x, y);
+                tiles.push(((x, y), Tile::zeros(w, h, n, spec.pixel_type)));
+            }
+        }
+        let (mut first_error, mut found) = (None, false);
+        for (cx, cy) in (cy0..cy1).flat_map(|cy| (cx0..cx1).map(move |cx| (cx, cy))) {
+            let stored = self.input.read_tile(self.image, level, cx, cy);
+            if let Err(error) = &stored {
+                self.note(error);
+            }
+            for ((x, y), tile) in &mut tiles {
+                let (left, top) = ((*x * TILE).max(cx * tw), (*y * TILE).max(cy * th));
+                let right = (*x * TILE + tile.width).min((cx + 1).saturating_mul(tw));
+                let bottom = (*y * TILE + tile.height).min((cy + 1).saturating_mul(th));
+                if left >= right || top >= bottom {
+                    continue;
+                }
+                let Ok(stored) = &stored else {
+                    tile.whole = false;
+                    continue;
+                };
+                let copy = BlockCopy {
+                    from_width: tw as usize,
+                    from: ((left - cx * tw) as usize, (top - cy * th) as usize),
+                    to_width: tile.width as usize,
+                    to: ((left - *x * TILE) as usize, (top - *y * TILE) as usize),
+                    size: ((right - left) as usize, (bottom - top) as usize),
+                    nchannels: n,
+                };
+                copy.run(stored, &mut tile.pixels);
+            }
+            match stored {
+                Ok(_) => found = true,
+                Err(error) => first_error = first_error.or(Some(error)),
+            }
+        }
+        match first_error {
+            Some(error) if !found => Err(error.into()),
+            _ => Ok(tiles),
+        }
+    }
+}
+
+/// Width and height of tile (tx, ty) of a level of this size.
+pub(crate) fn tile_size(size: (u32, u32), tx: u32, ty: u32) -> (u32, u32) {
+    (size.0.saturating_sub(tx * TILE).min(TILE), size.1.saturating_sub(ty * TILE).min(TILE))
+}
+
+impl Source for FilePage {
+    fn levels(&self) -> usize {
+        self.levels.len()
+    }
+
+    fn size(&self, level: usize) -> (u32, u32) {
+        self.levels.get(level).map_or((0, 0), |s| (s.width, s.height))
+    }
+
+    fn channels(&self) -> usize {
+        self.levels[0].nchannels()
+    }
+
+    fn pixel_type(&self) -> PixelType {
+        self.levels[0].pixel_type
+    }
+
+    fn access(&self) -> Access {
+        self.access
+    }
+
+    fn read(&self, level: usize, tx: u32, ty: u32) -> Result<Vec<((u32, u32), Tile)>> {
+        let Some(spec) =
+            self.levels.get(level).filter(|s| tx < s.width.div_ceil(TILE) && ty < s.height.div_ceil(TILE))
+        else {
+            return Err(ViewError::Misuse {
+                what: format!("there is no tile ({tx}, {ty}) of level {level}"),
+            });
+        };
+        if spec.is_tiled() {
+            return self.read_tiles(level, tx, ty);
+        }
+        let (y0, y1) = match self.access {
+            Access::Bands => (ty * TILE, ((ty + 1) * TILE).min(spec.height)),
+            Access::Tiles | Access::Whole => (0, spec.height),
+        };
+        let (pixels, whole) = self.rows(level, y0, y1)?;
+        Ok(self.cut(level, y0, &pixels, whole))
+    }
+
+    fn fault(&self) -> Option<String> {
+        self.fault.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}

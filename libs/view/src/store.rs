@@ -1,0 +1,251 @@
+//! The tiles in memory: bounded, the ones used longest ago go first.
+
+use crate::tile::Tile;
+use std::collections::{BTreeMap, HashMap};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Which tile of which page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct TileKey {
+    /// The page, by the number that [`TileStore::new_page`] gave it.
+    pub page: u64,
+    /// The level, 0 being the largest.
+    pub level: u32,
+    /// Column.
+    pub tx: u32,
+    /// Row.
+    pub ty: u32,
+}
+
+/// How much is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StoreLimits {
+    /// Bytes of the tiles of pages that are not being looked at.
+    pub others: u64,
+    /// For each page that is stored in tiles and can be read again piece by piece: bytes beyond half as much again as
+    /// what is visible of it.
+    pub spare: u64,
+}
+
+impl Default for StoreLimits {
+    fn default() -> Self {
+        Self { others: 256 << 20, spare: 4 << 20 }
+    }
+}
+
+#[derive(Debug)]
+struct Held {
+    tile: Arc<Tile>,
+    used: u64,
+}
+
+#[derive(Debug, Default)]
+struct PageUse {
+    bytes: u64,
+    /// What the last frames looked at.
+    visible: u64,
+    /// Kept whole: reading a piece of it again is as dear as reading all.
+    keep: bool,
+    shown: bool,
+}
+
+#[derive(Debug, Default)]
+struct Inner {
+    tiles: HashMap<TileKey, Held>,
+    /// By time of last use: what goes first.
+    order: BTreeMap<u64, TileKey>,
+    pages: BTreeMap<u64, PageUse>,
+    bytes: u64,
+    clock: u64,
+    next_page: u64,
+    most: u64,
+}
+
+/// Tiles of all open pages. Cheap to clone: all clones are one store.
+#[derive(Clone, Debug)]
+pub struct TileStore {
+    limits: StoreLimits,
+    inner: Arc<Mutex<Inner>>,
+}
+
+impl Default for TileStore {
+    fn default() -> Self {
+        Self::new(StoreLimits::default())
+    }
+}
+
+impl TileStore {
+    /// An empty one.
+    pub fn new(limits: StoreLimits) -> Self {
+        Self { limits, inner: Arc::default() }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Inner> {
+        // Nothing that can panic happens while it is held.
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A number for a page. Pages that are `keep` are kept as a whole while they are looked at.
+    pub fn new_page(&self, keep: bool) -> u64 {
+        let mut inner = self.lock();
+        inner.next_page += 1;
+        let page = inner.next_page;
+        inner.pages.insert(page, PageUse { keep, ..PageUse::default() });
+        page
+    }
+
+    /// Forgets a page and its tiles.
+    pub fn drop_page(&self, page: u64) {
+        let mut inner = self.lock();
+        inner.remove_if(|key| key.page == page);
+        inner.pages.remove(&page);
+    }
+
+    /// Forgets the tiles of a page for which `stale(level, tx, ty)`.
+    pub fn forget(&self, page: u64, stale: impl Fn(u32, u32, u32) -> bool) {
+        self.lock().remove_if(|key| key.page == page && stale(key.level, key.tx, key.ty));
+    }
+
+    /// A tile, if it is there; that counts as a use.
+    pub fn get(&self, key: TileKey) -> Option<Arc<Tile>> {
+        let inner = &mut *self.lock();
+        inner.clock += 1;
+        let clock = inner.clock;
+        let held = inner.tiles.get_mut(&key)?;
+        inner.order.remove(&held.used);
+        held.used = clock;
+        inner.order.insert(clock, key);
+        Some(held.tile.clone())
+    }
+
+    /// Whether a tile is there; no use.
+    pub fn has(&self, key: TileKey) -> bool {
+        self.lock().tiles.contains_key(&key)
+    }
+
+    /// Adds tiles, and makes room for them.
+    pub fn insert(&self, tiles: impl IntoIterator<Item = (TileKey, Arc<Tile>)>) {
+        let mut inner = self.lock();
+        for (key, tile) in tiles {
+            inner.add(key, tile);
+        }
+        inner.shrink(&self.limits);
+    }
+
+    /// Says which pages are looked at, and how many bytes of tiles each has in sight. The others are kept only as far as
+    /// there is room.
+    pub fn look_at(&self, pages: &[(u64, u64)]) {
+        let mut inner = self.lock();
+        for (page, state) in &mut inner.pages {
+            let seen = pages.iter().find(|p| p.0 == *page);
+            state.shown = seen.is_some();
+            if let Some((_, visible)) = seen {
+                state.visible = *visible;
+            }
+        }
+        inner.shrink(&self.limits);
+    }
+
+    /// Bytes of all tiles, now and at most so far.
+    pub fn bytes(&self) -> (u64, u64) {
+        let inner = self.lock();
+        (inner.bytes, inner.most)
+    }
+}
+
+impl Inner {
+    fn add(&mut self, key: TileKey, tile: Arc<Tile>) {
+        self.clock += 1;
+        let (bytes, used) = (tile.bytes(), self.clock);
+        // A page that was dropped meanwhile takes nothing any more.
+        let Some(page) = self.pages.get_mut(&key.page) else { return };
+        page.bytes += bytes;
+        self.bytes += bytes;
+        if let Some(old) = self.tiles.insert(key, Held { tile, used }) {
+            self.order.remove(&old.used);
+            page.bytes -= old.tile.bytes();
+            self.bytes -= old.tile.bytes();
+        }
+        self.order.insert(used, key);
+        self.most = self.most.max(self.bytes);
+    }
+
+    fn remove(&mut self, key: TileKey) {
+        let Some(old) = self.tiles.remove(&key) else { return };
+        self.order.remove(&old.used);
+        self.bytes -= old.tile.bytes();
+        if let Some(page) = self.pages.get_mut(&key.page) {
+            page.bytes -= old.tile.bytes();
+        }
+    }
+
+    fn remove_if(&mut self, gone: impl Fn(&TileKey) -> bool) {
+        let list: Vec<TileKey> = self.order.values().copied().filter(|key| gone(key)).collect();
+        list.into_iter().for_each(|key| self.remove(key));
+    }
+
+    /// Brings every page that is looked at, and all others together, down to what they may take.
+    fn shrink(&mut self, limits: &StoreLimits) {
+        let shown: Vec<(u64, u64)> = (self.pages.iter())
+            .filter(|(_, p)| p.shown && !p.keep)
+            .map(|(page, p)| (*page, p.visible + (p.visible / 2).min(limits.spare.max(p.visible / 3))))
+            .collect();
+        for (page, most) in shown {
+            while self.pages.get(&page).is_some_and(|p| p.bytes > most) {
+                let Some(oldest) = self.order.values().copied().find(|key| key.page == page) else { break };
+                self.remove(oldest);
+            }
+        }
+        let others = |inner: &Self| inner.pages.values().filter(|p| !p.shown).map(|p| p.bytes).sum::<u64>();
+        while others(self) > limits.others {
+            let hidden = |key: &TileKey| self.pages.get(&key.page).is_none_or(|p| !p.shown);
+            let Some(oldest) = self.order.values().copied().find(hidden) else { break };
+            self.remove(oldest);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use granita_image::PixelType;
+
+    fn tile() -> Arc<Tile> {
+        Arc::new(Tile::zeros(16, 16, 4, PixelType::Float))
+    }
+
+    const BYTES: u64 = 4096;
+
+    fn key(page: u64, tx: u32) -> TileKey {
+        TileKey { page, level: 0, tx, ty: 0 }
+    }
+
+    #[test]
+    fn what_is_looked_at_stays_and_the_rest_goes() {
+        let store = TileStore::new(StoreLimits { others: 4 * BYTES, spare: BYTES });
+        let (a, b) = (store.new_page(false), store.new_page(false));
+        store.look_at(&[(a, 6 * BYTES)]);
+        store.insert((0..20).map(|i| (key(a, i), tile())));
+        assert!(store.bytes().0 <= 9 * BYTES, "{:?}", store.bytes());
+        assert!(store.get(key(a, 19)).is_some() && store.get(key(a, 0)).is_none());
+        store.look_at(&[(b, 2 * BYTES)]);
+        assert!(store.bytes().0 <= 4 * BYTES, "those of a are now others");
+        store.drop_page(a);
+        assert_eq!(store.bytes().0, 0);
+        store.insert([(key(a, 0), tile())]);
+        assert_eq!(store.bytes().0, 0, "nobody wants them any more");
+    }
+
+    #[test]
+    fn kept_pages_are_kept_while_in_sight() {
+        let store = TileStore::new(StoreLimits { others: 0, spare: 0 });
+        let a = store.new_page(true);
+        store.look_at(&[(a, BYTES)]);
+        store.insert((0..20).map(|i| (key(a, i), tile())));
+        assert_eq!(store.bytes().0, 20 * BYTES);
+        store.forget(a, |_, tx, _| tx < 5);
+        assert_eq!(store.bytes().0, 15 * BYTES);
+        store.look_at(&[]);
+        assert_eq!(store.bytes().0, 0);
+    }
+}

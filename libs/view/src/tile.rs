@@ -1,0 +1,187 @@
+//! A square block of a picture: the unit in which pictures are read, kept and drawn.
+
+use granita_image::{PixelType, Pixels};
+use half::slice::HalfFloatSliceExt;
+
+/// Width and height of a tile in pixels; tiles at the right and lower edges are cut.
+pub const TILE: u32 = 128;
+
+/// Pixels of a block in their stored type, row by row, channels interleaved.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tile {
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Values per pixel.
+    pub channels: usize,
+    /// `width * height * channels` values.
+    pub pixels: Pixels,
+    /// Whether all of it could be read: what could not is 0.
+    pub whole: bool,
+}
+
+/// What one texel of a level stands for, among those of the finer level that it covers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reduce {
+    /// Their mean; what is not a number stays visible.
+    Mean,
+    /// The least: depths, of which those where nothing is are huge.
+    Least,
+    /// The first: numbers of objects, of which there is no mean.
+    First,
+}
+
+/// Where the values of four channels to be shown come from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Pick {
+    /// This channel of the picture.
+    Channel(usize),
+    /// This value everywhere.
+    Value(f32),
+}
+
+impl Tile {
+    /// Black.
+    pub fn zeros(width: u32, height: u32, channels: usize, pixel_type: PixelType) -> Self {
+        let n = width as usize * height as usize * channels;
+        Self { width, height, channels, pixels: Pixels::zeros(pixel_type, n), whole: true }
+    }
+
+    /// Memory it takes.
+    pub fn bytes(&self) -> u64 {
+        (self.pixels.len() * self.pixels.pixel_type().bytes()) as u64
+    }
+
+    /// Appends the pixels `x0..x1` of row `y`, four picked values each; `scratch` is room to work in.
+    pub(crate) fn append_row(
+        &self,
+        (x0, x1, y): (u32, u32, u32),
+        pick: &[Pick; 4],
+        scratch: &mut Vec<f32>,
+        out: &mut Vec<[f32; 4]>,
+    ) {
+        let n = self.channels;
+        let from = (y as usize * self.width as usize + x0 as usize) * n;
+        let to = from + (x1 - x0) as usize * n;
+        let values: &[f32] = match &self.pixels {
+            Pixels::Float(v) => &v[from..to],
+            Pixels::Half(v) => {
+                scratch.resize(to - from, 0.0);
+                v[from..to].convert_to_f32_slice(scratch);
+                scratch
+            }
+            Pixels::U8(v) => {
+                scratch.clear();
+                scratch.extend(v[from..to].iter().map(|v| f32::from(*v) / 255.0));
+                scratch
+            }
+            Pixels::U16(v) => {
+                scratch.clear();
+                scratch.extend(v[from..to].iter().map(|v| f32::from(*v) / 65535.0));
+                scratch
+            }
+            Pixels::U32(v) => {
+                scratch.clear();
+                scratch.extend(v[from..to].iter().map(|v| *v as f32));
+                scratch
+            }
+        };
+        if let [Pick::Channel(r), Pick::Channel(g), Pick::Channel(b), a] = *pick {
+            match a {
+                Pick::Channel(a) => out.extend(values.chunks_exact(n).map(|p| [p[r], p[g], p[b], p[a]])),
+                Pick::Value(a) => out.extend(values.chunks_exact(n).map(|p| [p[r], p[g], p[b], a])),
+            }
+            return;
+        }
+        out.extend(values.chunks_exact(n).map(|p| {
+            pick.map(|pick| match pick {
+                Pick::Channel(c) => p[c],
+                Pick::Value(v) => v,
+            })
+        }));
+    }
+
+    /// All channels of pixel (x, y), as floats.
+    pub fn pixel(&self, x: u32, y: u32) -> Vec<f32> {
+        let at = (y as usize * self.width as usize + x as usize) * self.channels;
+        (at..at + self.channels).map(|i| self.pixels.get(i)).collect()
+    }
+
+    /// One tile of half the size made of up to four: `finer` holds those at (0, 0), (1, 0), (0, 1), (1, 1), of which the
+    /// first is always there. `width` and `height` are those of the result.
+    pub(crate) fn reduced(finer: [Option<&Self>; 4], width: u32, height: u32, reduce: &[Reduce]) -> Self {
+        let first = finer[0].expect("invariant: a texel covers at least one finer one");
+        let (n, pixel_type) = (first.channels, first.pixels.pixel_type());
+        let mut values = vec![0.0_f32; width as usize * height as usize * n];
+        let rows: [Option<Vec<f32>>; 4] = finer.map(|t| t.map(|t| t.pixels.to_floats()));
+        let find = |x: u32, y: u32, c: usize| -> Option<f32> {
+            let quadrant = (y / TILE * 2 + x / TILE) as usize;
+            let (tile, values) = (finer[quadrant]?, rows[quadrant].as_ref()?);
+            let (x, y) = (x % TILE, y % TILE);
+            let inside = x < tile.width && y < tile.height;
+            inside.then(|| values[(y as usize * tile.width as usize + x as usize) * n + c])
+        };
+        for y in 0..height {
+            for x in 0..width {
+                let at = (y as usize * width as usize + x as usize) * n;
+                for (c, out) in values[at..at + n].iter_mut().enumerate() {
+                    let covered =
+                        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| find(2 * x + i, 2 * y + j, c));
+                    let mut found = covered.into_iter().flatten();
+                    *out = match reduce.get(c).copied().unwrap_or(Reduce::Mean) {
+                        Reduce::First => found.next().unwrap_or(0.0),
+                        Reduce::Least => found.fold(f32::INFINITY, f32::min),
+                        Reduce::Mean => {
+                            let (sum, count) = found.fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
+                            sum / count
+                        }
+                    };
+                }
+            }
+        }
+        let whole = finer.into_iter().flatten().all(|t| t.whole);
+        Self { width, height, channels: n, pixels: Pixels::from_floats(pixel_type, &values), whole }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tile(width: u32, height: u32, values: Vec<f32>) -> Tile {
+        let channels = values.len() / (width * height) as usize;
+        Tile { width, height, channels, pixels: Pixels::Float(values), whole: true }
+    }
+
+    #[test]
+    fn reductions() {
+        let a = tile(3, 2, vec![1.0, 2.0, 9.0, 3.0, 4.0, f32::NAN]);
+        let one = |r| match Tile::reduced([Some(&a), None, None, None], 2, 1, &[r]).pixels {
+            Pixels::Float(v) => v,
+            _ => panic!(),
+        };
+        assert_eq!(one(Reduce::Mean)[0], 2.5);
+        assert!(one(Reduce::Mean)[1].is_nan(), "what is no number stays visible");
+        assert_eq!(one(Reduce::Least), [1.0, 9.0]);
+        assert_eq!(one(Reduce::First), [1.0, 9.0]);
+    }
+
+    #[test]
+    fn four_tiles_become_one() {
+        let t = |v: f32| tile(TILE, TILE, vec![v; (TILE * TILE) as usize]);
+        let (a, b, c, d) = (t(1.0), t(2.0), t(3.0), t(4.0));
+        let r = Tile::reduced([Some(&a), Some(&b), Some(&c), Some(&d)], TILE, TILE, &[Reduce::Mean]);
+        assert_eq!([r.pixel(0, 0)[0], r.pixel(TILE - 1, 0)[0]], [1.0, 2.0]);
+        assert_eq!([r.pixel(0, TILE - 1)[0], r.pixel(TILE / 2, TILE / 2)[0]], [3.0, 4.0]);
+    }
+
+    #[test]
+    fn picks() {
+        let mut out = Vec::new();
+        let t = tile(2, 1, vec![0.1, 0.2, 0.3, 0.4]);
+        let pick = [Pick::Channel(1), Pick::Channel(1), Pick::Value(0.5), Pick::Value(1.0)];
+        t.append_row((0, 2, 0), &pick, &mut Vec::new(), &mut out);
+        assert_eq!(out, [[0.2, 0.2, 0.5, 1.0], [0.4, 0.4, 0.5, 1.0]]);
+    }
+}
