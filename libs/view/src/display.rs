@@ -3,6 +3,7 @@
 use crate::layers::{Layer, Meaning};
 use crate::maps::ColorMap;
 use crate::tile::Pick;
+use granita_base::hash;
 use granita_texture::make::ColorSpace;
 
 /// Which channels of a layer are seen.
@@ -168,6 +169,8 @@ pub struct Prepared {
     unassociated: bool,
     /// Distances: infinite ones are nothing special.
     depth: bool,
+    /// Numbers of things: each has a colour of its own.
+    number: bool,
     gain: f32,
 }
 
@@ -190,6 +193,7 @@ impl Prepared {
             encoded,
             unassociated,
             depth: meaning == Meaning::Depth,
+            number: meaning == Meaning::Number,
             gain: display.exposure.exp2(),
         };
         ready.shown = Table::new(|v| ready.screen(ready.exposed(v)));
@@ -258,6 +262,10 @@ impl Prepared {
         }
         if self.display.channels == Channels::Luminance || self.display.false_color.is_some() {
             return self.show_one([r, g, b]);
+        }
+        if self.number {
+            let [r, g, b, _] = hash::words(&[r.to_bits()]).to_le_bytes();
+            return [r, g, b, 255];
         }
         if let Some(range) = self.display.range {
             let [r, g, b] = [r, g, b].map(|v| {

@@ -72,7 +72,8 @@ impl Layer {
     /// a volume shadow map.
     pub fn of(spec: &ImageSpec, kind: TextureKind) -> Vec<Self> {
         let names = &spec.channels;
-        if kind == TextureKind::VolumeShadow && names.len() >= 4 {
+        let volume = matches!(kind, TextureKind::VolumeShadow | TextureKind::CubeFaceVolumeShadow);
+        if volume && names.len() >= 4 {
             return Self::of_volume_shadow(names);
         }
         let mut groups: Vec<(String, Vec<usize>)> = Vec::new();

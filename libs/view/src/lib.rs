@@ -15,34 +15,46 @@
 
 #![forbid(unsafe_code)]
 
+mod album;
+mod compare;
 mod display;
 mod draw;
 mod error;
+mod flip;
 mod grid;
 mod layers;
 mod live;
+mod live_page;
 mod maps;
 mod picture;
 mod pyramid;
 mod rect;
 mod sheet;
 mod source;
+mod statistics;
+mod still;
 mod store;
 mod tile;
 mod view;
 
+pub use album::{Group, expand, groups, in_order};
+pub use compare::{ChannelDifference, CompareOptions, Comparison, compare};
 pub use display::{Background, Channels, Display, FalseColor, Marks, Prepared, luminance};
 pub use draw::{BESIDE, Canvas, Mix, Shown, draw, draw_into};
 pub use error::{Result, ViewError};
+pub use flip::PIXELS_PER_DEGREE;
 pub use grid::{Needs, needs};
 pub use layers::{Layer, Meaning};
 pub use live::{CommandSender, Live, LiveInfo, LiveLimits, LiveWishes, ViewCommand};
+pub use live_page::LivePage;
 pub use maps::ColorMap;
 pub use picture::{Page, Picture, Stamp};
 pub use pyramid::{Level, Pyramid};
 pub use rect::Rect;
 pub use sheet::{Arrangement, Patch, Sheet};
 pub use source::{Access, Source};
+pub use statistics::{Histogram, Statistics, depth_range, statistics};
+pub use still::{ascii, save_canvas, save_pixels, suited, thumbnail};
 pub use store::{StoreLimits, TileKey, TileStore};
 pub use tile::{Pick, Reduce, TILE, Tile};
 pub use view::{Around, View};

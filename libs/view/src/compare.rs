@@ -1,0 +1,254 @@
+//! How two pictures differ, in numbers.
+
+use crate::picture::Page;
+use crate::tile::{TILE, Tile};
+use crate::{Result, ViewError, flip};
+use granita_texture::make::ColorSpace;
+
+/// Largest number of pixels that are compared by how they look.
+const FLIP_PIXELS: u64 = 1 << 26;
+
+/// How pictures are compared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CompareOptions {
+    /// Values that differ by no more than this are alike.
+    pub tolerance: f32,
+    /// What the signal-to-noise ratio refers to.
+    pub peak: f32,
+    /// Whether it is also computed how different they look.
+    pub flip: bool,
+    /// Stops by which both are exposed for that.
+    pub exposure: f32,
+    /// Pixels of the screen per degree of sight, for that.
+    pub pixels_per_degree: f32,
+}
+
+impl Default for CompareOptions {
+    fn default() -> Self {
+        Self {
+            tolerance: 0.0,
+            peak: 1.0,
+            flip: true,
+            exposure: 0.0,
+            pixels_per_degree: flip::PIXELS_PER_DEGREE,
+        }
+    }
+}
+
+/// What differs in one channel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChannelDifference {
+    /// Its name.
+    pub name: String,
+    /// Values that were compared: both are finite.
+    pub count: u64,
+    /// Mean of the magnitudes.
+    pub mean: f64,
+    /// Mean of `a - b`: what one is lighter.
+    pub bias: f64,
+    /// Root of the mean square.
+    pub rms: f64,
+    /// The largest magnitude.
+    pub max: f32,
+    /// Where that is, in pixels of the data window.
+    pub max_at: (u32, u32),
+    /// Values that differ by more than the tolerance, or of which one is no finite number and the other another one.
+    pub beyond: u64,
+    /// Of these, those of which one is no finite number.
+    pub broken: u64,
+}
+
+/// What differs in two pictures.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Comparison {
+    /// Pixels across and down.
+    pub size: (u32, u32),
+    /// The channels that both have, in the order of the first.
+    pub channels: Vec<ChannelDifference>,
+    /// The channels that only one has.
+    pub single: Vec<String>,
+    /// Pixels of which any value is beyond the tolerance.
+    pub pixels_beyond: u64,
+    /// Of all channels together.
+    pub rms: f64,
+    /// In decibels, of all channels together; infinite when they are alike.
+    pub psnr: f64,
+    /// The largest magnitude.
+    pub max: f32,
+    /// Mean and largest of how different they look ("FLIP"), 0 to 1.
+    pub flip: Option<(f64, f32)>,
+    /// Whether one of them was decoded: it stores what screens take, the other is in proportion to light.
+    pub decoded: bool,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    count: u64,
+    magnitude: f64,
+    signed: f64,
+    squares: f64,
+    max: f32,
+    at: (u32, u32),
+    beyond: u64,
+    broken: u64,
+}
+
+/// Compares the largest levels of two pages.
+///
+/// Channels are paired by name. Integers are fractions of their range; where one page has integers of colours as screens
+/// take them and the other has floats, the integers are decoded. What is no finite number is alike only to the same.
+///
+/// # Errors
+/// When sizes differ, no channel is common to both, or one cannot be read.
+pub fn compare(a: &Page, b: &Page, options: &CompareOptions) -> Result<Comparison> {
+    let (sa, sb) = (a.spec(), b.spec());
+    let size = (sa.width, sa.height);
+    if size != (sb.width, sb.height) {
+        return Err(ViewError::Misuse {
+            what: format!(
+                "{} x {} pixels cannot be compared with {} x {}",
+                size.0, size.1, sb.width, sb.height
+            ),
+        });
+    }
+    let mut pairs = Vec::new();
+    let mut single = Vec::new();
+    for (i, name) in sa.channels.iter().enumerate() {
+        match sb.channels.iter().position(|n| n == name) {
+            Some(j) => pairs.push((i, j)),
+            None => single.push(name.clone()),
+        }
+    }
+    single.extend(sb.channels.iter().filter(|n| !sa.channels.contains(n)).cloned());
+    // Grey and colours, or names that only one of the formats can hold: by number then.
+    if pairs.is_empty() && sa.nchannels() == sb.nchannels() {
+        pairs = (0..sa.nchannels()).map(|c| (c, c)).collect();
+        single.clear();
+    }
+    if pairs.is_empty() {
+        let what =
+            format!("no channel is common to both: {} and {}", sa.channels.join(" "), sb.channels.join(" "));
+        return Err(ViewError::Misuse { what });
+    }
+    let decoded = a.encoded != b.encoded;
+    let alpha = |name: &str| name == "A" || name.eq_ignore_ascii_case("alpha");
+    let convert = |page: &Page, channel: usize, v: f32| {
+        let decode = decoded && page.encoded && !alpha(&page.spec().channels[channel]);
+        if decode { ColorSpace::Srgb.decode(v) } else { v }
+    };
+    let mut sums = vec![Sums::default(); pairs.len()];
+    let mut pixels_beyond = 0;
+    // Tile by tile and in order, so that the sums are always the same.
+    for (ty, tx) in
+        (0..size.1.div_ceil(TILE)).flat_map(|ty| (0..size.0.div_ceil(TILE)).map(move |tx| (ty, tx)))
+    {
+        let (p, q) = (a.pyramid.tile(0, tx, ty)?, b.pyramid.tile(0, tx, ty)?);
+        for (y, x) in (0..p.height).flat_map(|y| (0..p.width).map(move |x| (y, x))) {
+            let pixel = (y * p.width + x) as usize;
+            let mut any = false;
+            for ((i, j), sums) in pairs.iter().zip(&mut sums) {
+                let u = convert(a, *i, p.pixels.get(pixel * p.channels + i));
+                let v = convert(b, *j, q.pixels.get(pixel * q.channels + j));
+                any |= sums.add(u, v, (tx * TILE + x, ty * TILE + y), options.tolerance);
+            }
+            pixels_beyond += u64::from(any);
+        }
+    }
+    let channels: Vec<ChannelDifference> =
+        pairs.iter().zip(&sums).map(|((i, _), s)| s.finish(&sa.channels[*i])).collect();
+    let count: u64 = sums.iter().map(|s| s.count).sum();
+    let rms = (sums.iter().map(|s| s.squares).sum::<f64>() / count.max(1) as f64).sqrt();
+    let pixels = u64::from(size.0) * u64::from(size.1);
+    let flip = match options.flip && pixels <= FLIP_PIXELS {
+        true => flip_of(a, b, options)?,
+        false => None,
+    };
+    Ok(Comparison {
+        size,
+        max: channels.iter().map(|c| c.max).fold(0.0, f32::max),
+        channels,
+        single,
+        pixels_beyond,
+        rms,
+        psnr: 20.0 * (f64::from(options.peak) / rms).log10(),
+        flip,
+        decoded,
+    })
+}
+
+impl Sums {
+    /// Adds a pair of values; whether they are not alike.
+    fn add(&mut self, u: f32, v: f32, at: (u32, u32), tolerance: f32) -> bool {
+        if !u.is_finite() || !v.is_finite() {
+            let alike = u == v || u.is_nan() && v.is_nan();
+            self.broken += u64::from(!alike);
+            self.beyond += u64::from(!alike);
+            return !alike;
+        }
+        let d = f64::from(u) - f64::from(v);
+        let size = d.abs() as f32;
+        self.count += 1;
+        self.magnitude += d.abs();
+        self.signed += d;
+        self.squares += d * d;
+        if size > self.max {
+            (self.max, self.at) = (size, at);
+        }
+        let beyond = size > tolerance;
+        self.beyond += u64::from(beyond);
+        beyond
+    }
+
+    fn finish(&self, name: &str) -> ChannelDifference {
+        let n = self.count.max(1) as f64;
+        ChannelDifference {
+            name: name.to_owned(),
+            count: self.count,
+            mean: self.magnitude / n,
+            bias: self.signed / n,
+            rms: (self.squares / n).sqrt(),
+            max: self.max,
+            max_at: self.at,
+            beyond: self.beyond,
+            broken: self.broken,
+        }
+    }
+}
+
+/// How different the first layers look; `None` when they are no colours.
+fn flip_of(a: &Page, b: &Page, options: &CompareOptions) -> Result<Option<(f64, f32)>> {
+    let color = |page: &Page| page.layers[0].meaning == crate::Meaning::Color;
+    if !color(a) || !color(b) {
+        return Ok(None);
+    }
+    let (one, two) = (linear_colors(a, options.exposure)?, linear_colors(b, options.exposure)?);
+    let map = flip::flip(&one, &two, a.spec().width as usize, options.pixels_per_degree);
+    let mean = map.iter().map(|v| f64::from(*v)).sum::<f64>() / map.len() as f64;
+    Ok(Some((mean, map.iter().copied().fold(0.0, f32::max))))
+}
+
+/// The colours of the first layer in proportion to light, exposed, within 0 to 1; what is not a number is 0.
+fn linear_colors(page: &Page, exposure: f32) -> Result<Vec<[f32; 3]>> {
+    let (width, height) = (page.spec().width, page.spec().height);
+    let mut out = vec![[0.0; 3]; width as usize * height as usize];
+    let pick = crate::Display::default().pick(&page.layers[0]);
+    let gain = exposure.exp2();
+    let (mut scratch, mut row) = (Vec::new(), Vec::new());
+    for (ty, tx) in
+        (0..height.div_ceil(TILE)).flat_map(|ty| (0..width.div_ceil(TILE)).map(move |tx| (ty, tx)))
+    {
+        let tile: &Tile = &*page.pyramid.tile(0, tx, ty)?;
+        for y in 0..tile.height {
+            row.clear();
+            tile.append_row((0, tile.width, y), &pick, &mut scratch, &mut row);
+            let at = (ty * TILE + y) as usize * width as usize + (tx * TILE) as usize;
+            for (out, [r, g, b, _]) in out[at..].iter_mut().zip(&row) {
+                *out = [*r, *g, *b].map(|v| {
+                    let v = if page.encoded { ColorSpace::Srgb.decode(v) } else { v } * gain;
+                    if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.0) }
+                });
+            }
+        }
+    }
+    Ok(out)
+}
