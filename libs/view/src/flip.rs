@@ -8,7 +8,7 @@
 use rayon::prelude::*;
 
 /// Pixels of the screen per degree of sight: a screen of 0.7 m and 3840 pixels, seen from 0.7 m.
-pub const PIXELS_PER_DEGREE: f32 = 67.0;
+pub const PIXELS_PER_DEGREE: f32 = 67.020_64;
 
 /// Sensitivity to contrast: a1, b1, a2, b2 of the two Gaussians for lightness, red-green and blue-yellow.
 const SENSITIVITY: [[f32; 4]; 3] =

@@ -1,9 +1,12 @@
 //! The options.
 
 use clap::Parser;
+use granita_view::{Background, Channels, ColorMap, CompareOptions, Display, FalseColor};
 use std::path::PathBuf;
 
-/// Shows pictures of every format of the suite.
+/// Shows pictures of every format of the suite, in a window or as text.
+///
+/// FILE#2 is the third image of a file.
 #[derive(Parser, Debug)]
 #[command(name = "iv")]
 pub(crate) struct Args {
@@ -11,7 +14,229 @@ pub(crate) struct Args {
     #[arg(value_name = "FILE")]
     pub(crate) files: Vec<PathBuf>,
 
-    /// Say what is in the files, without a window
-    #[arg(long)]
+    /// Say what is in the files
+    #[arg(long, help_heading = "Without a window", group = "still")]
     pub(crate) info: bool,
+
+    /// Say what the values of each channel are: least, largest, mean, deviation, how many are no numbers
+    #[arg(long, help_heading = "Without a window", group = "still")]
+    pub(crate) stats: bool,
+
+    /// Say how two files differ; exit status 0: not beyond the limits given (without any: not at all), 1: beyond, 2: they
+    /// cannot be compared
+    #[arg(long, help_heading = "Without a window", group = "still")]
+    pub(crate) compare: bool,
+
+    /// Write a small picture, in the format of its extension; of several files, into the folder of that name
+    #[arg(long, value_name = "FILE", help_heading = "Without a window", group = "still")]
+    pub(crate) thumbnail: Option<PathBuf>,
+
+    /// Print the picture as characters
+    #[arg(long, help_heading = "Without a window", group = "still")]
+    pub(crate) ascii: bool,
+
+    /// Longest side of -thumbnail in pixels
+    #[arg(long, default_value_t = 256, value_name = "N", help_heading = "Without a window",
+          value_parser = clap::value_parser!(u32).range(1..=16384))]
+    pub(crate) size: u32,
+
+    /// Width of -ascii in characters [default: COLUMNS, or 80]
+    #[arg(long, value_name = "N", help_heading = "Without a window",
+          value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub(crate) width: Option<u32>,
+
+    /// -ascii in colours
+    #[arg(long, help_heading = "Without a window")]
+    pub(crate) color: bool,
+
+    #[command(flatten)]
+    pub(crate) limits: CompareArgs,
+
+    #[command(flatten)]
+    pub(crate) look: LookArgs,
+
+    #[command(flatten)]
+    pub(crate) window: WindowArgs,
+}
+
+/// When two pictures are alike.
+#[derive(clap::Args, Debug)]
+pub(crate) struct CompareArgs {
+    /// Values may differ by this much
+    #[arg(long, value_name = "D", help_heading = "Comparing", allow_negative_numbers = true)]
+    pub(crate) fail: Option<f32>,
+
+    /// This share of the pixels may differ by more than -fail, in percent
+    #[arg(long, value_name = "P", help_heading = "Comparing")]
+    pub(crate) failpercent: Option<f64>,
+
+    /// Largest root mean square of the differences
+    #[arg(long, value_name = "R", help_heading = "Comparing")]
+    pub(crate) maxrms: Option<f64>,
+
+    /// Least ratio of signal to noise, in decibels
+    #[arg(long, value_name = "DB", help_heading = "Comparing", allow_negative_numbers = true)]
+    pub(crate) minpsnr: Option<f64>,
+
+    /// Largest mean of how different they look (FLIP), 0 to 1
+    #[arg(long, value_name = "F", help_heading = "Comparing")]
+    pub(crate) maxflip: Option<f64>,
+
+    /// The signal that -minpsnr refers to
+    #[arg(long, default_value_t = 1.0, value_name = "V", help_heading = "Comparing")]
+    pub(crate) peak: f32,
+}
+
+/// How values become colours.
+#[derive(clap::Args, Debug)]
+pub(crate) struct LookArgs {
+    /// Stops by which the picture is made brighter
+    #[arg(
+        long,
+        default_value_t = 0.0,
+        value_name = "E",
+        help_heading = "Looks",
+        allow_negative_numbers = true
+    )]
+    pub(crate) exposure: f32,
+
+    /// Exposed values are raised to the power 1/G
+    #[arg(long, default_value_t = 1.0, value_name = "G", help_heading = "Looks")]
+    pub(crate) gamma: f32,
+
+    /// Show values in proportion, not encoded for an sRGB screen
+    #[arg(long, help_heading = "Looks")]
+    pub(crate) linear: bool,
+
+    /// Which channels: color, r, g, b, a, luminance, or the name of one
+    #[arg(long, default_value = "color", value_name = "NAME", help_heading = "Looks")]
+    pub(crate) channel: String,
+
+    /// Which image of the file, counted from 0
+    #[arg(long, default_value_t = 0, value_name = "N", help_heading = "Looks")]
+    pub(crate) page: usize,
+
+    /// Which layer: its name, or its number counted from 0
+    #[arg(long, value_name = "NAME", help_heading = "Looks")]
+    pub(crate) layer: Option<String>,
+
+    /// One value in colours: helix, spectrum, heat, signed or grey
+    #[arg(long, value_name = "MAP", value_parser = map, help_heading = "Looks")]
+    pub(crate) falsecolor: Option<ColorMap>,
+
+    /// What the ends of -falsecolor stand for, or black and white
+    #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], help_heading = "Looks", allow_negative_numbers = true)]
+    pub(crate) range: Vec<f32>,
+
+    /// What is seen through a picture with alpha: none, black, grey, white or checker
+    #[arg(long, default_value = "none", value_name = "NAME", value_parser = background, help_heading = "Looks")]
+    pub(crate) background: Background,
+}
+
+/// What only the window needs.
+#[derive(clap::Args, Debug)]
+pub(crate) struct WindowArgs {
+    /// Fill the screen
+    #[arg(long, help_heading = "Window")]
+    pub(crate) fullscreen: bool,
+
+    /// Size of the window
+    #[arg(long, num_args = 2, value_names = ["W", "H"], help_heading = "Window",
+          value_parser = clap::value_parser!(u32).range(64..=16384))]
+    pub(crate) window: Vec<u32>,
+
+    /// Memory for tiles of pictures that are not on screen, in MiB
+    #[arg(long, default_value_t = 256, value_name = "MB", help_heading = "Window")]
+    pub(crate) memory: u64,
+
+    /// How the window is drawn: auto, vulkan, gl
+    #[arg(long, default_value = "auto", value_name = "NAME", help_heading = "Window",
+          value_parser = ["auto", "vulkan", "gl"])]
+    pub(crate) renderer: String,
+
+    /// Do what a file says, line by line, and tell on standard output
+    #[arg(long, value_name = "FILE", hide = true)]
+    pub(crate) script: Option<PathBuf>,
+}
+
+fn map(text: &str) -> Result<ColorMap, String> {
+    ColorMap::from_word(text)
+        .ok_or_else(|| format!("a map is one of {}", ColorMap::ALL.map(ColorMap::word).join(", ")))
+}
+
+fn background(text: &str) -> Result<Background, String> {
+    Ok(match text.to_ascii_lowercase().as_str() {
+        "none" => Background::Ignored,
+        "black" => Background::Black,
+        "grey" | "gray" => Background::Grey,
+        "white" => Background::White,
+        "checker" => Background::Checker,
+        _ => return Err("a background is none, black, grey, white or checker".to_owned()),
+    })
+}
+
+impl LookArgs {
+    /// As a display, for a picture with channels of these names.
+    ///
+    /// # Errors
+    /// When a number is of no use or there is no such channel.
+    pub(crate) fn display(&self, names: &[String]) -> Result<Display, String> {
+        if !(self.gamma.is_finite() && self.gamma > 0.0) {
+            return Err(format!("-gamma is {}, it must be above 0", self.gamma));
+        }
+        if !self.exposure.is_finite() {
+            return Err(format!("-exposure is {}", self.exposure));
+        }
+        let channels = match self.channel.to_ascii_lowercase().as_str() {
+            "color" | "colour" => Channels::Color,
+            "luminance" => Channels::Luminance,
+            lower => match names.iter().position(|n| *n == self.channel) {
+                Some(c) => Channels::One(c),
+                None => match lower {
+                    "r" => Channels::Red,
+                    "g" => Channels::Green,
+                    "b" => Channels::Blue,
+                    "a" => Channels::Alpha,
+                    _ => {
+                        return Err(format!(
+                            "there is no channel \"{}\", only {}",
+                            self.channel,
+                            names.join(" ")
+                        ));
+                    }
+                },
+            },
+        };
+        let range = match self.range[..] {
+            [low, high] if low == high || !low.is_finite() || !high.is_finite() => {
+                return Err(format!("-range {low} {high} is none"));
+            }
+            [low, high] => Some((low, high)),
+            _ => None,
+        };
+        let (low, high) = range.unwrap_or((0.0, 1.0));
+        let false_color = self.falsecolor.map(|map| FalseColor { map, low, high, log: false });
+        Ok(Display {
+            exposure: self.exposure,
+            gamma: self.gamma,
+            srgb: !self.linear,
+            channels,
+            false_color,
+            range: range.filter(|_| false_color.is_none()),
+            background: self.background,
+            ..Display::default()
+        })
+    }
+}
+
+impl CompareArgs {
+    /// As options of the library; `exposure` in stops.
+    pub(crate) fn options(&self, exposure: f32) -> CompareOptions {
+        CompareOptions {
+            tolerance: self.fail.unwrap_or(0.0),
+            peak: self.peak,
+            exposure,
+            ..CompareOptions::default()
+        }
+    }
 }

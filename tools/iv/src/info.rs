@@ -1,28 +1,99 @@
 //! What is in a file, as text.
 
-use granita_base::{Location, Reporter, Severity};
-use granita_cli::Status;
-use granita_image::FormatRegistry;
-use std::path::PathBuf;
+use granita_base::{Param, ParamData};
+use granita_image::{ImageSpec, PixelType};
+use granita_texture::TextureKind;
+use granita_view::{Page, Picture};
+use std::fmt::Write;
 
-/// `-info`: one block of lines for each file.
-pub(crate) fn run(files: &[PathBuf], formats: &FormatRegistry, reporter: &Reporter) -> Status {
-    let mut done = 0;
-    for file in files {
-        match formats.open(file) {
-            Ok(input) => {
-                let spec = input.spec(0, 0);
-                let (width, height) = spec.map_or((0, 0), |s| (s.width, s.height));
-                let text = format!("{}: {}, {width} x {height}\n", file.display(), input.format_name());
-                reporter.say(Severity::Message, &Location::default(), text);
-                done += 1;
+/// The name of a type.
+pub(crate) fn type_word(pixel_type: PixelType) -> &'static str {
+    match pixel_type {
+        PixelType::U8 => "uint8",
+        PixelType::U16 => "uint16",
+        PixelType::U32 => "uint32",
+        PixelType::Half => "half",
+        PixelType::Float => "float",
+    }
+}
+
+/// A value as one word or line.
+fn value(param: &Param) -> String {
+    match &param.data {
+        ParamData::Float(v) => v.iter().map(|v| v.to_string()).collect::<Vec<_>>().join(" "),
+        ParamData::Int(v) => v.iter().map(|v| v.to_string()).collect::<Vec<_>>().join(" "),
+        ParamData::String(v) => {
+            let text = v.iter().map(|v| format!("\"{}\"", v.escape_debug())).collect::<Vec<_>>().join(" ");
+            match text.char_indices().nth(200) {
+                Some((at, _)) => format!("{}... ({} characters)", &text[..at], text.chars().count()),
+                None => text,
             }
-            Err(error) => reporter.error(error.to_string()),
         }
     }
-    match files.len() - done {
-        0 => Status::Done,
-        _ if done == 0 => Status::Failed,
-        _ => Status::WithErrors,
+}
+
+/// Size, channels and storage of a level, on one line.
+pub(crate) fn summary(spec: &ImageSpec) -> String {
+    let names = match spec.nchannels() {
+        0..=8 => spec.channels.join(" "),
+        _ => format!("{} ... {}", spec.channels[..7].join(" "), spec.channels[spec.nchannels() - 1]),
+    };
+    let n = spec.nchannels();
+    let s = if n == 1 { "" } else { "s" };
+    format!("{} x {}, {n} channel{s} ({names}) of {}", spec.width, spec.height, type_word(spec.pixel_type))
+}
+
+fn page_text(page: &Page) -> String {
+    let spec = page.spec();
+    let mut text = format!("  {}\n", summary(spec));
+    // Writing to a string cannot fail.
+    let mut line = |what: &str, value: String| {
+        let _ = writeln!(text, "    {what:<16} {value}");
+    };
+    if spec.is_tiled() {
+        line("tiles", format!("{} x {}", spec.tile_width, spec.tile_height));
     }
+    if page.specs.len() > 1 {
+        let sizes: Vec<String> = page.specs.iter().map(|s| format!("{}x{}", s.width, s.height)).collect();
+        line("levels", format!("{}: {}", sizes.len(), sizes.join(" ")));
+    }
+    if (spec.x, spec.y) != (0, 0) {
+        line("position", format!("{} {}", spec.x, spec.y));
+    }
+    let full = (spec.full_x, spec.full_y, spec.full_width, spec.full_height);
+    if full != (spec.x, spec.y, spec.width, spec.height) && page.layout.is_none() {
+        line("display window", format!("{} x {} at {} {}", full.2, full.3, full.0, full.1));
+    }
+    if page.kind != TextureKind::Plain {
+        line("kind", page.kind.word().to_owned());
+    }
+    if let Some((size, _)) = page.layout.and_then(|l| l.face_size(spec)) {
+        line("faces", format!("6 of {size} x {size}"));
+    }
+    if page.layers.len() > 1 {
+        let names: Vec<String> = page.layers.iter().map(|l| l.title(&spec.channels)).collect();
+        line("layers", names.join(", "));
+    }
+    for param in spec.attributes.iter().filter(|p| &*p.name != "name") {
+        line(&param.name, value(param));
+    }
+    text
+}
+
+/// Everything about a file but its pixels: a line for the file, a block for each image.
+pub(crate) fn text(picture: &Picture) -> String {
+    let n = picture.pages.len();
+    let mut text = format!("{}: {}", picture.path.display(), picture.format);
+    if n > 1 {
+        let _ = write!(text, ", {n} images");
+    }
+    text.push('\n');
+    for (i, page) in picture.pages.iter().enumerate() {
+        if n > 1 {
+            let name = if page.name.is_empty() { String::new() } else { format!(" \"{}\"", page.name) };
+            let _ = writeln!(text, "  image {i}{name}");
+        }
+        text.push_str(&page_text(page));
+    }
+    text
 }

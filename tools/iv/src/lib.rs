@@ -1,11 +1,13 @@
 //! `iv`: the image viewer.
 //!
-//! All that is known about pictures is in [`granita_view`]; here options become values, and values become text.
+//! All that is known about pictures is in [`granita_view`]; here options become values, values become text, and the window
+//! (with the feature `window`, as by default) puts on the screen what that library draws.
 
 #![forbid(unsafe_code)]
 
 mod args;
 mod info;
+mod still;
 
 use args::Args;
 use granita_base::Reporter;
@@ -15,8 +17,9 @@ use std::ffi::OsString;
 
 fn run(args: &Args, reporter: &Reporter) -> Status {
     let formats = granita_plugin::bundled_formats(Limits::default());
-    if args.info {
-        return info::run(&args.files, &formats, reporter);
+    let still = still::Still { args, formats: &formats, reporter };
+    if let Some(status) = still.run() {
+        return status;
     }
     reporter.error("there is no window in this build: choose what to do without one (-help lists it)");
     Status::Failed

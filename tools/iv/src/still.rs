@@ -1,0 +1,336 @@
+//! What `iv` does without a window.
+
+use crate::args::Args;
+use crate::info;
+use granita_base::{Location, Reporter, Severity};
+use granita_cli::Status;
+use granita_image::FormatRegistry;
+use granita_view::{
+    Comparison, Display, Page, Picture, Rect, TileStore, ascii, compare, expand, save_canvas, statistics,
+    suited, thumbnail,
+};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// What all of these work with.
+pub(crate) struct Still<'a> {
+    pub(crate) args: &'a Args,
+    pub(crate) formats: &'a FormatRegistry,
+    pub(crate) reporter: &'a Reporter,
+}
+
+impl Still<'_> {
+    fn say(&self, text: String) {
+        self.reporter.say(Severity::Message, &Location::default(), text);
+    }
+
+    /// Runs what was asked for; `None` when that is the window.
+    pub(crate) fn run(&self) -> Option<Status> {
+        let args = self.args;
+        let files = expand(&args.files, self.formats);
+        let wanted = args.info || args.stats || args.compare || args.ascii || args.thumbnail.is_some();
+        if !wanted {
+            return None;
+        }
+        if files.is_empty() {
+            self.reporter.error("no files are given");
+            return Some(Status::Failed);
+        }
+        Some(if args.compare {
+            self.compare(&files)
+        } else {
+            let done = files.iter().filter(|file| match self.one(file, files.len()) {
+                Ok(()) => true,
+                Err(what) => {
+                    self.reporter.error(what);
+                    false
+                }
+            });
+            match files.len() - done.count() {
+                0 => Status::Done,
+                failed if failed == files.len() => Status::Failed,
+                _ => Status::WithErrors,
+            }
+        })
+    }
+
+    fn open(&self, file: &Path) -> Result<Picture, String> {
+        Picture::open(file, self.formats, &TileStore::default()).map_err(|e| e.to_string())
+    }
+
+    /// The page and the layer that the options mean, and how they are to look.
+    fn chosen<'p>(&self, picture: &'p Picture) -> Result<(&'p Page, usize, Display), String> {
+        let look = &self.args.look;
+        let name = picture.path.display();
+        let page = picture.pages.get(look.page).ok_or_else(|| {
+            format!(
+                "{name}: there is no image {}, the file has {}, counted from 0",
+                look.page,
+                picture.pages.len()
+            )
+        })?;
+        let layer = layer_of(page, look.layer.as_deref()).map_err(|e| format!("{name}: {e}"))?;
+        let display = look.display(&page.spec().channels).map_err(|e| format!("{name}: {e}"))?;
+        let display = suited(page, layer, &display).map_err(|e| e.to_string())?;
+        Ok((page, layer, display))
+    }
+
+    fn one(&self, file: &Path, files: usize) -> Result<(), String> {
+        let args = self.args;
+        let picture = self.open(file)?;
+        if args.info {
+            self.say(info::text(&picture));
+        } else if args.stats {
+            self.say(stats_text(&picture)?);
+        } else if args.ascii {
+            let (page, layer, display) = self.chosen(&picture)?;
+            let environment = granita_cli::environment();
+            let columns = environment.get("COLUMNS").and_then(|c| c.parse().ok());
+            let columns = args.width.or(columns).unwrap_or(80);
+            let text = ascii(page, layer, &display, columns, args.color).map_err(|e| e.to_string())?;
+            if files > 1 {
+                self.say(format!("{}\n", file.display()));
+            }
+            self.say(text);
+        } else if let Some(out) = &args.thumbnail {
+            let (page, layer, display) = self.chosen(&picture)?;
+            let canvas = thumbnail(page, layer, &display, args.size).map_err(|e| e.to_string())?;
+            let out = match files > 1 || out.is_dir() {
+                true => {
+                    let mut name = file.file_name().unwrap_or_default().to_owned();
+                    name.push(".png");
+                    out.join(name)
+                }
+                false => out.clone(),
+            };
+            save_canvas(&canvas, &out, self.formats).map_err(|e| e.to_string())?;
+            self.reporter.info(format!("wrote {}: {} x {}", out.display(), canvas.width, canvas.height));
+        }
+        for (i, page) in picture.pages.iter().enumerate() {
+            if let Some(fault) = page.fault() {
+                self.reporter.warning(format!("image {i} could not be read completely: {fault}"));
+            }
+        }
+        Ok(())
+    }
+
+    fn compare(&self, files: &[PathBuf]) -> Status {
+        let [a, b] = files else {
+            self.reporter.error(format!("-compare takes two files, not {}", files.len()));
+            return Status::Failed;
+        };
+        match self.compare_two(a, b) {
+            Ok(true) => Status::Done,
+            Ok(false) => Status::WithErrors,
+            Err(what) => {
+                self.reporter.error(what);
+                Status::Failed
+            }
+        }
+    }
+
+    /// Whether two files are alike, as far as they have to be.
+    fn compare_two(&self, a: &Path, b: &Path) -> Result<bool, String> {
+        let (one, two) = (self.open(a)?, self.open(b)?);
+        let pair = format!("{} and {}", a.display(), b.display());
+        if one.pages.len() != two.pages.len() {
+            return Err(format!("{pair}: {} images against {}", one.pages.len(), two.pages.len()));
+        }
+        let limits = &self.args.limits;
+        let options = limits.options(self.args.look.exposure);
+        let mut alike = true;
+        for (i, (p, q)) in one.pages.iter().zip(&two.pages).enumerate() {
+            let found = compare(p, q, &options).map_err(|e| format!("{pair}: {e}"))?;
+            for (file, page) in [(a, p), (b, q)] {
+                // What is missing must not count as black.
+                if let Some(fault) = page.fault() {
+                    return Err(format!("{}: not all of it can be read: {fault}", file.display()));
+                }
+            }
+            if one.pages.len() > 1 {
+                self.say(format!("image {i}\n"));
+            }
+            let faults = self.beyond(&found);
+            self.say(comparison_text(&found));
+            faults.iter().for_each(|fault| self.say(format!("  beyond: {fault}\n")));
+            alike &= faults.is_empty();
+        }
+        self.say(if alike { "alike\n".to_owned() } else { "different\n".to_owned() });
+        Ok(alike)
+    }
+
+    /// What is beyond the limits.
+    fn beyond(&self, found: &Comparison) -> Vec<String> {
+        let limits = &self.args.limits;
+        let mut faults = Vec::new();
+        let others = limits.maxrms.is_some() || limits.minpsnr.is_some() || limits.maxflip.is_some();
+        let pixels = f64::from(found.size.0) * f64::from(found.size.1);
+        let percent = 100.0 * found.pixels_beyond as f64 / pixels;
+        let broken: u64 = found.channels.iter().map(|c| c.broken).sum();
+        if limits.fail.is_some() || limits.failpercent.is_some() || !others {
+            let most = limits.failpercent.unwrap_or(0.0);
+            if percent > most {
+                let by = limits.fail.unwrap_or(0.0);
+                faults.push(format!("{percent:.4} % of the pixels differ by more than {by}, {most} % may"));
+            }
+        } else if broken > 0 {
+            faults.push(format!("{broken} values are no finite numbers in one of them only"));
+        }
+        if limits.maxrms.is_some_and(|most| found.rms > most) {
+            faults.push(format!(
+                "root mean square {:.6} exceeds {}",
+                found.rms,
+                limits.maxrms.unwrap_or(0.0)
+            ));
+        }
+        if limits.minpsnr.is_some_and(|least| found.psnr < least) {
+            faults.push(format!("{:.3} dB are less than {}", found.psnr, limits.minpsnr.unwrap_or(0.0)));
+        }
+        if let Some(most) = limits.maxflip {
+            match found.flip {
+                Some((mean, _)) if mean > most => faults.push(format!("FLIP {mean:.6} exceeds {most}")),
+                Some(_) => {}
+                None => faults.push("FLIP is only known of colours, of at most 64 Mi pixels".to_owned()),
+            }
+        }
+        if !found.single.is_empty() {
+            faults.push(format!("only one of them has {}", found.single.join(" ")));
+        }
+        faults
+    }
+}
+
+/// The layer of a name or number; the first without one.
+pub(crate) fn layer_of(page: &Page, name: Option<&str>) -> Result<usize, String> {
+    let Some(name) = name else { return Ok(0) };
+    let names: Vec<String> = page.layers.iter().map(|l| l.title(&page.spec().channels)).collect();
+    let by_name = names.iter().position(|n| n == name);
+    let by_number = || name.parse().ok().filter(|n| *n < names.len());
+    by_name
+        .or_else(by_number)
+        .ok_or_else(|| format!("there is no layer \"{name}\", only {}", names.join(", ")))
+}
+
+/// A number in about seven places, without needless ones.
+pub(crate) fn number(v: f64) -> String {
+    if v == 0.0 || !v.is_finite() {
+        return v.to_string();
+    }
+    let text = match v.abs() {
+        1e-4..1e7 => format!("{v:.*}", (6 - v.abs().log10().floor() as i32).clamp(0, 10) as usize),
+        _ => return format!("{v:.6e}"),
+    };
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+/// Lines of columns of equal width; the first column is to the left, the others to the right.
+pub(crate) fn table(rows: &[Vec<String>]) -> String {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..columns)
+        .map(|c| rows.iter().filter_map(|r| r.get(c)).map(|t| t.chars().count()).max().unwrap_or(0))
+        .collect();
+    let mut text = String::new();
+    for row in rows {
+        text.push_str("  ");
+        for (c, (cell, width)) in row.iter().zip(&widths).enumerate() {
+            // Writing to a string cannot fail.
+            let _ = if c == 0 { write!(text, "{cell:<width$}") } else { write!(text, "  {cell:>width$}") };
+        }
+        text.truncate(text.trim_end().len());
+        text.push('\n');
+    }
+    text
+}
+
+fn stats_text(picture: &Picture) -> Result<String, String> {
+    let mut text = String::new();
+    for (i, page) in picture.pages.iter().enumerate() {
+        let spec = page.spec();
+        let name = picture.path.display();
+        let _ = match picture.pages.len() {
+            1 => writeln!(text, "{name}: {}", info::summary(spec)),
+            _ => writeln!(text, "{name}#{i}: {}", info::summary(spec)),
+        };
+        let all = Rect::at(0, 0, spec.width, spec.height);
+        let found = statistics(page, 0, all).map_err(|e| e.to_string())?;
+        let words = ["channel", "min", "max", "mean", "deviation", "negative", "NaN", "inf"];
+        let mut rows = vec![words.map(str::to_owned).to_vec()];
+        for (name, s) in spec.channels.iter().zip(found) {
+            let value = |v: f64| if s.count > 0 { number(v) } else { "-".to_owned() };
+            rows.push(vec![
+                name.clone(),
+                value(f64::from(s.min)),
+                value(f64::from(s.max)),
+                value(s.mean),
+                value(s.deviation()),
+                s.negative.to_string(),
+                s.nan.to_string(),
+                s.infinite.to_string(),
+            ]);
+        }
+        text.push_str(&table(&rows));
+    }
+    Ok(text)
+}
+
+/// How two pages differ.
+fn comparison_text(found: &Comparison) -> String {
+    let words = ["channel", "mean", "bias", "rms", "max", "at", "beyond"];
+    let mut rows = vec![words.map(str::to_owned).to_vec()];
+    for c in &found.channels {
+        rows.push(vec![
+            c.name.clone(),
+            number(c.mean),
+            number(c.bias),
+            number(c.rms),
+            number(f64::from(c.max)),
+            if c.max > 0.0 { format!("{},{}", c.max_at.0, c.max_at.1) } else { "-".to_owned() },
+            c.beyond.to_string(),
+        ]);
+    }
+    let mut text = format!("{} x {} pixels\n{}", found.size.0, found.size.1, table(&rows));
+    let flip = match found.flip {
+        Some((mean, max)) => format!(", FLIP {} (largest {})", number(mean), number(f64::from(max))),
+        None => String::new(),
+    };
+    let psnr = if found.psnr.is_finite() { format!("{:.3} dB", found.psnr) } else { "infinite".to_owned() };
+    let _ = writeln!(
+        text,
+        "  rms {}, PSNR {psnr}, max {}{flip}",
+        number(found.rms),
+        number(f64::from(found.max))
+    );
+    if found.decoded {
+        text.push_str("  one stores colours for a screen and was decoded\n");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        for (v, text) in [
+            (0.0, "0"),
+            (1.0, "1"),
+            (0.5, "0.5"),
+            (1.0 / 3.0, "0.3333333"),
+            (-1234.5678, "-1234.568"),
+            (1e30, "1.000000e30"),
+            (1e-9, "1.000000e-9"),
+            (1e6, "1000000"),
+            (f64::INFINITY, "inf"),
+            (f64::NAN, "NaN"),
+        ] {
+            assert_eq!(number(v), text);
+        }
+    }
+
+    #[test]
+    fn tables_line_up() {
+        let rows = [vec!["a".to_owned(), "10".to_owned()], vec!["bcd".to_owned(), "2".to_owned()]];
+        assert_eq!(table(&rows), "  a    10\n  bcd   2\n");
+    }
+}
