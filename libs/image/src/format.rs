@@ -141,8 +141,68 @@ pub trait ImageOutput: Send {
         Err(ImageError::Misuse { path: std::path::PathBuf::new(), what })
     }
 
+    /// Pixels of `area`, whose values do not change any more: in formats that support "rectangles", in any order and
+    /// instead of rows or tiles. Never waits for whoever takes them.
+    ///
+    /// # Errors
+    /// When nobody takes them any more, and in other formats.
+    fn write_rectangle(&mut self, area: &Area, pixels: &Pixels) -> Result<()> {
+        let _ = (area, pixels);
+        let what = "the format takes no rectangles".to_owned();
+        Err(ImageError::Misuse { path: std::path::PathBuf::new(), what })
+    }
+
+    /// Somebody begins to work on these pixels.
+    fn begin_rectangle(&mut self, area: &Area) {
+        let _ = area;
+    }
+
+    /// What whoever looks at the picture asked for since the last call.
+    fn requests(&mut self) -> Vec<Request> {
+        Vec::new()
+    }
+
     /// Completes the file and puts it under its final name.
     fn close(self: Box<Self>) -> Result<()>;
+}
+
+/// Pixels of a picture: `width x height` of them from (`x`, `y`), where (0, 0) is the upper left pixel of the data window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Area {
+    /// First column.
+    pub x: u32,
+    /// First row.
+    pub y: u32,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+/// What somebody who looks at a picture asks of whoever makes it; pixels are those of the data window, and may lie
+/// outside of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Request {
+    /// Go on around this pixel.
+    Center {
+        /// Column.
+        x: i32,
+        /// Row.
+        y: i32,
+    },
+    /// Pixels from (`x0`, `y0`) up to and without (`x1`, `y1`) first.
+    Rectangle {
+        /// First column.
+        x0: i32,
+        /// First row.
+        y0: i32,
+        /// One past the last column.
+        x1: i32,
+        /// One past the last row.
+        y1: i32,
+    },
+    /// Make no more of it.
+    Stop,
 }
 
 /// How to create a file.
@@ -184,7 +244,7 @@ pub trait Format: Send + Sync {
     }
 
     /// Whether it can write: "tiles", "levels", "half", "float", "u16", "channels" (more than 4), "alpha"
-    /// (without it, a fourth channel is left out), "write".
+    /// (without it, a fourth channel is left out), "rectangles" (it shows pixels as they come), "write".
     fn supports(&self, feature: &str) -> bool;
 
     /// The type in which it stores a rendered output whose quantization asks for `quantized` (8 or 16

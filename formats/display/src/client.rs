@@ -1,0 +1,242 @@
+//! The image format "iv" (reference 7.4.3).
+
+use crate::link::{Link, Patience};
+use crate::packet::{Area as PacketArea, Channel, Wishes};
+use crate::{Packet, server_address};
+use granita_image::{
+    Area, CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, Pixels, Request,
+    Result,
+};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+
+/// Most values of one packet: what a viewer shows at once.
+const PACKET_VALUES: usize = 1 << 20;
+
+/// The image format "iv": pictures go to a viewer instead of a file.
+///
+/// The viewer is at the address that the attribute `display` of the picture names, `HOST[:PORT]`, by default port 14158
+/// of this machine. Pictures for one address that are sent at the same time share a connection. The attributes
+/// `fullscreen`, `zoom` (ints), `foreground` and `background` (strings) are passed on to a viewer that knows them.
+///
+/// All values are sent as floats, in the order in which they come: nothing is converted but the type. Writing fails as
+/// soon as the connection is lost, and never waits; `close` waits as long as the viewer goes on taking what was sent.
+pub struct IvFormat {
+    patience: Patience,
+    /// By address.
+    links: Mutex<Vec<(String, Weak<Link>)>>,
+}
+
+impl Default for IvFormat {
+    fn default() -> Self {
+        Self::new(Patience::default())
+    }
+}
+
+impl IvFormat {
+    /// One that bears so much.
+    pub fn new(patience: Patience) -> Self {
+        Self { patience, links: Mutex::default() }
+    }
+
+    fn link(&self, address: &str) -> std::result::Result<Arc<Link>, std::io::Error> {
+        let parts = server_address(address).map_err(|e| std::io::Error::other(e.to_string()))?;
+        let mut links = self.links.lock().unwrap_or_else(PoisonError::into_inner);
+        links.retain(|(_, link)| link.strong_count() > 0);
+        let same = links.iter().find(|(a, _)| a == address);
+        if let Some(link) = same.and_then(|(_, link)| link.upgrade()) {
+            return Ok(link);
+        }
+        let link =
+            Arc::new(Link::new(parts, self.patience).map_err(|e| std::io::Error::other(e.to_string()))?);
+        links.push((address.to_owned(), Arc::downgrade(&link)));
+        Ok(link)
+    }
+}
+
+impl Format for IvFormat {
+    fn name(&self) -> &'static str {
+        "iv"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &[]
+    }
+
+    fn recognizes(&self, _: &[u8]) -> bool {
+        false
+    }
+
+    fn open(&self, path: &Path, _: &Limits) -> Result<Box<dyn ImageInput>> {
+        let what = "pictures in a viewer cannot be read".to_owned();
+        Err(ImageError::Unsupported { path: path.to_owned(), what })
+    }
+
+    fn supports(&self, feature: &str) -> bool {
+        matches!(feature, "write" | "rectangles" | "tiles" | "float" | "half" | "u16" | "channels" | "alpha")
+    }
+
+    fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
+        let spec = options.spec;
+        let attributes = &spec.attributes;
+        let address = attributes.string("display").map_or("localhost", |a| &**a);
+        let address = if address.is_empty() { "localhost" } else { address };
+        let link = self.link(address).map_err(|source| ImageError::Io { path: address.into(), source })?;
+        let (name, focus) = link.name(&path.to_string_lossy().replace('\0', "?"));
+        let mut output =
+            IvOutput { link, address: address.into(), name, spec: spec.clone(), row: 0, closed: false };
+        output.push(Packet::CreateImage {
+            name: output.name.clone(),
+            focus,
+            width: spec.width,
+            height: spec.height,
+            channels: spec.channels.clone(),
+        })?;
+        let text = |name: &str| attributes.string(name).map(|t| t.replace('\0', "?")).unwrap_or_default();
+        let wishes = Wishes {
+            fullscreen: attributes.int("fullscreen").is_some_and(|f| f != 0),
+            zoom: u32::try_from(attributes.int("zoom").unwrap_or(0)).unwrap_or(0),
+            foreground: text("foreground"),
+            background: text("background"),
+        };
+        if wishes != Wishes::default() {
+            output.push(Packet::Wish { name: output.name.clone(), wishes })?;
+        }
+        Ok(Box::new(output))
+    }
+}
+
+/// A picture on its way to a viewer.
+struct IvOutput {
+    link: Arc<Link>,
+    /// Stands for the file in messages.
+    address: PathBuf,
+    name: String,
+    spec: ImageSpec,
+    /// The next row, for rows in order.
+    row: u32,
+    closed: bool,
+}
+
+impl IvOutput {
+    fn push(&mut self, packet: Packet) -> Result<()> {
+        let result = self.link.push(packet);
+        self.failed(result)
+    }
+
+    fn failed(&self, result: std::result::Result<(), String>) -> Result<()> {
+        result.map_err(|what| ImageError::Io {
+            path: self.address.clone(),
+            source: std::io::Error::other(what),
+        })
+    }
+
+    fn misuse(&self, what: String) -> ImageError {
+        ImageError::Misuse { path: self.name.clone().into(), what }
+    }
+
+    /// Sends `area`, some of whose rows are at most a packet.
+    fn send(&mut self, area: &Area, values: Vec<f32>) -> Result<()> {
+        let n = self.spec.nchannels();
+        let line = area.width as usize * n;
+        let channels: Vec<Channel> = (self.spec.channels.iter().enumerate())
+            .map(|(i, name)| Channel { name: name.clone(), offset: i as u64, stride: n as u64 })
+            .collect();
+        let packet = |y, rows, values| Packet::UpdateImage {
+            name: self.name.clone(),
+            focus: false,
+            channels: channels.clone(),
+            area: PacketArea { x: area.x as i32, y: y as i32, width: area.width, height: rows },
+            values,
+        };
+        if values.len() <= PACKET_VALUES {
+            let packet = packet(area.y, area.height, values);
+            return self.push(packet);
+        }
+        let rows = (PACKET_VALUES / line).max(1);
+        let packets: Vec<Packet> = values
+            .chunks(rows * line)
+            .enumerate()
+            .map(|(i, part)| packet(area.y + (i * rows) as u32, (part.len() / line) as u32, part.to_vec()))
+            .collect();
+        packets.into_iter().try_for_each(|packet| self.push(packet))
+    }
+}
+
+impl ImageOutput for IvOutput {
+    fn write_rows(&mut self, pixels: &Pixels) -> Result<()> {
+        let line = self.spec.width as usize * self.spec.nchannels();
+        let height = u32::try_from(pixels.len() / line.max(1)).unwrap_or(u32::MAX);
+        let area = Area { x: 0, y: self.row, width: self.spec.width, height };
+        self.write_rectangle(&area, pixels)?;
+        self.row += height;
+        Ok(())
+    }
+
+    fn write_tile(&mut self, tx: u32, ty: u32, pixels: &Pixels) -> Result<()> {
+        let (width, height) = (self.spec.tile_width, self.spec.tile_height);
+        let (across, down) = self.spec.tiles();
+        let n = self.spec.nchannels();
+        if tx >= across || ty >= down || pixels.len() != width as usize * height as usize * n {
+            return Err(self.misuse(format!("tile ({tx}, {ty}) of {across} x {down}")));
+        }
+        let (x, y) = (tx * width, ty * height);
+        let inside =
+            Area { x, y, width: width.min(self.spec.width - x), height: height.min(self.spec.height - y) };
+        let values = pixels.to_floats();
+        let lines = values.chunks_exact(width as usize * n).take(inside.height as usize);
+        let values = lines.flat_map(|line| &line[..inside.width as usize * n]).copied().collect();
+        self.send(&inside, values)
+    }
+
+    fn write_rectangle(&mut self, area: &Area, pixels: &Pixels) -> Result<()> {
+        let ends = [area.x.checked_add(area.width), area.y.checked_add(area.height)];
+        let inside =
+            ends[0].is_some_and(|x| x <= self.spec.width) && ends[1].is_some_and(|y| y <= self.spec.height);
+        let values = u64::from(area.width) * u64::from(area.height) * self.spec.nchannels() as u64;
+        if !inside || values != pixels.len() as u64 {
+            return Err(self.misuse(format!(
+                "{} values for {area:?} of {} x {} pixels",
+                pixels.len(),
+                self.spec.width,
+                self.spec.height
+            )));
+        }
+        if values == 0 {
+            return Ok(());
+        }
+        self.send(area, pixels.to_floats())
+    }
+
+    fn begin_rectangle(&mut self, area: &Area) {
+        let area = PacketArea { x: area.x as i32, y: area.y as i32, width: area.width, height: area.height };
+        if area.width > 0 && area.height > 0 {
+            // Whether it fails, the pixels will tell.
+            let _ = self.link.push(Packet::Mark { name: self.name.clone(), area });
+        }
+    }
+
+    fn requests(&mut self) -> Vec<Request> {
+        self.link.requests(&self.name)
+    }
+
+    fn next_level(&mut self, _: &ImageSpec) -> Result<()> {
+        Err(self.misuse("a viewer is shown one level".to_owned()))
+    }
+
+    fn close(mut self: Box<Self>) -> Result<()> {
+        self.closed = true;
+        self.push(Packet::Finished { name: self.name.clone(), complete: true })?;
+        let result = self.link.flush();
+        self.failed(result)
+    }
+}
+
+impl Drop for IvOutput {
+    fn drop(&mut self) {
+        if !self.closed {
+            let _ = self.link.push(Packet::Finished { name: self.name.clone(), complete: false });
+        }
+        self.link.forget(&self.name);
+    }
+}

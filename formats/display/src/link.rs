@@ -1,0 +1,401 @@
+//! A connection to a viewer: a queue, and threads that send and hear.
+//!
+//! Whoever makes pictures only appends to the queue. One thread connects and sends; when the viewer takes nothing for a
+//! while, or the queue grows beyond its bound, the connection is given up, with the reason kept for whoever sends next.
+//! Another thread hears what the viewer says, if it is one that says anything.
+
+use crate::packet::{GREETING, PacketLimits, VERSION, rest_of};
+use crate::{DisplayError, Packet, Result};
+use granita_image::Request;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::io::{ErrorKind, Read, Write};
+use std::net::{Shutdown, TcpStream, ToSocketAddrs};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// How much a sender bears.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Patience {
+    /// Longest time until the viewer takes the connection.
+    pub connect: Duration,
+    /// Longest time in which it takes nothing of what is sent.
+    pub stall: Duration,
+    /// How long to wait for the answer to the greeting; one that comes later counts as well, but pictures are on their
+    /// way then.
+    pub answer: Duration,
+    /// Most bytes of pixels that wait to be sent.
+    pub queue_bytes: usize,
+}
+
+impl Default for Patience {
+    /// 3 s to connect, 5 s without taking anything, 0.25 s for an answer, 256 MiB.
+    fn default() -> Self {
+        Self {
+            connect: Duration::from_secs(3),
+            stall: Duration::from_secs(5),
+            answer: Duration::from_millis(250),
+            queue_bytes: 256 << 20,
+        }
+    }
+}
+
+/// How often a thread that waits for the system looks whether it should end.
+const TICK: Duration = Duration::from_millis(50);
+/// How long a viewer has for closing its side.
+const FAREWELL: Duration = Duration::from_millis(500);
+/// Requests of one picture that wait to be fetched.
+const REQUESTS: usize = 64;
+
+#[derive(Default)]
+struct State {
+    /// What waits to be sent.
+    queue: VecDeque<Packet>,
+    bytes: usize,
+    /// A packet was taken from the queue and is not sent yet.
+    busy: bool,
+    connected: bool,
+    /// Our own packets are understood.
+    two_way: bool,
+    /// Nothing more will be queued.
+    ending: bool,
+    /// Why nothing is sent any more.
+    broken: Option<String>,
+    /// The viewer closed its side.
+    silent: bool,
+    names: BTreeSet<String>,
+    requests: BTreeMap<String, Vec<Request>>,
+}
+
+struct Shared {
+    address: (String, u16),
+    patience: Patience,
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+impl Shared {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn wait<'a>(&self, state: MutexGuard<'a, State>, longest: Duration) -> MutexGuard<'a, State> {
+        self.changed.wait_timeout(state, longest).unwrap_or_else(PoisonError::into_inner).0
+    }
+
+    /// Nothing more is sent.
+    fn give_up(&self, what: impl Into<String>) {
+        let mut state = self.state();
+        if state.broken.is_none() {
+            state.broken = Some(what.into());
+        }
+        state.queue.clear();
+        state.bytes = 0;
+        self.changed.notify_all();
+    }
+}
+
+/// A connection to a viewer. Dropped, it waits until the viewer has what was sent, if it takes it.
+pub(crate) struct Link {
+    shared: Arc<Shared>,
+    sender: Option<JoinHandle<()>>,
+}
+
+impl Link {
+    /// Begins to connect.
+    ///
+    /// # Errors
+    /// When the system gives no thread.
+    pub(crate) fn new(address: (String, u16), patience: Patience) -> Result<Self> {
+        let what = format!("{}:{}", address.0, address.1);
+        let shared = Arc::new(Shared { address, patience, state: Mutex::default(), changed: Condvar::new() });
+        let own = shared.clone();
+        let sender = std::thread::Builder::new()
+            .name("display".to_owned())
+            .spawn(move || {
+                if let Err(what) = send(&own) {
+                    own.give_up(what);
+                }
+            })
+            .map_err(|source| DisplayError::Io { what, source })?;
+        Ok(Self { shared, sender: Some(sender) })
+    }
+
+    /// A name that no other picture of this connection has; whether it is the first one.
+    pub(crate) fn name(&self, wanted: &str) -> (String, bool) {
+        let mut state = self.shared.state();
+        let mut name = wanted.to_owned();
+        let mut number = 2;
+        while !state.names.insert(name.clone()) {
+            name = format!("{wanted} ({number})");
+            number += 1;
+        }
+        let first = state.names.len() == 1;
+        (name, first)
+    }
+
+    /// Queues a packet; one of our own is left out when the viewer turns out not to know it.
+    ///
+    /// # Errors
+    /// Why nothing is sent any more.
+    pub(crate) fn push(&self, packet: Packet) -> std::result::Result<(), String> {
+        let bytes = weight(&packet);
+        let mut state = self.shared.state();
+        if let Some(what) = &state.broken {
+            return Err(what.clone());
+        }
+        if state.bytes + bytes > self.shared.patience.queue_bytes {
+            let behind = state.bytes >> 20;
+            drop(state);
+            let what = format!("the viewer is {behind} MiB behind, and is sent nothing more");
+            self.shared.give_up(what.clone());
+            return Err(what);
+        }
+        state.bytes += bytes;
+        state.queue.push_back(packet);
+        self.shared.changed.notify_all();
+        Ok(())
+    }
+
+    /// What was asked for a picture since the last call.
+    pub(crate) fn requests(&self, name: &str) -> Vec<Request> {
+        self.shared.state().requests.get_mut(name).map(std::mem::take).unwrap_or_default()
+    }
+
+    /// Waits until everything is sent; no longer than the viewer takes something now and then.
+    ///
+    /// # Errors
+    /// Why it is not.
+    pub(crate) fn flush(&self) -> std::result::Result<(), String> {
+        let begin = Instant::now();
+        let Patience { connect, stall, .. } = self.shared.patience;
+        let mut state = self.shared.state();
+        loop {
+            if let Some(what) = &state.broken {
+                return Err(what.clone());
+            }
+            if state.queue.is_empty() && !state.busy {
+                return Ok(());
+            }
+            // Looking up a name may take as long as it likes, and nobody can end it.
+            if !state.connected && begin.elapsed() > connect + stall {
+                drop(state);
+                let what = "no connection to the viewer".to_owned();
+                self.shared.give_up(what.clone());
+                return Err(what);
+            }
+            state = self.shared.wait(state, TICK);
+        }
+    }
+
+    /// A picture is done: its name is free again.
+    pub(crate) fn forget(&self, name: &str) {
+        let mut state = self.shared.state();
+        state.names.remove(name);
+        state.requests.remove(name);
+    }
+}
+
+impl Drop for Link {
+    fn drop(&mut self) {
+        self.shared.state().ending = true;
+        self.shared.changed.notify_all();
+        let _ = self.flush();
+        let connected = self.shared.state().connected;
+        // One that hangs in looking up a name ends with the process.
+        if let Some(sender) = self.sender.take()
+            && (connected || sender.is_finished())
+        {
+            let _ = sender.join();
+        }
+    }
+}
+
+/// Bytes that a packet in the queue counts for.
+fn weight(packet: &Packet) -> usize {
+    match packet {
+        Packet::UpdateImage { values, .. } => values.len() * 4 + 256,
+        _ => 256,
+    }
+}
+
+/// Whether only those take it who answered the greeting.
+fn is_ours(packet: &Packet) -> bool {
+    matches!(packet, Packet::Mark { .. } | Packet::Wish { .. } | Packet::Finished { .. })
+}
+
+/// Connects and sends until the end.
+fn send(shared: &Arc<Shared>) -> std::result::Result<(), String> {
+    let mut socket = connect(shared)?;
+    shared.state().connected = true;
+    // Tiles are many small packets, and should be seen at once.
+    let _ = socket.set_nodelay(true);
+    socket.set_write_timeout(Some(TICK)).map_err(|e| e.to_string())?;
+    let mut bytes = Vec::new();
+    let greeting = Packet::CloseImage { name: GREETING.to_owned() };
+    greeting.encode(&mut bytes).map_err(|e| e.to_string())?;
+    write(shared, &mut socket, &bytes)?;
+    let hearing = socket.try_clone().map_err(|e| e.to_string())?;
+    let own = shared.clone();
+    let hearer = std::thread::Builder::new()
+        .name("display replies".to_owned())
+        .spawn(move || hear(&own, hearing))
+        .map_err(|e| e.to_string())?;
+    let result = send_packets(shared, &mut socket, &mut bytes);
+    if result.is_ok() {
+        // With words of the viewer unread, closing would take back what it has not read.
+        let _ = socket.shutdown(Shutdown::Write);
+        let end = Instant::now() + FAREWELL;
+        let mut state = shared.state();
+        while state.two_way && !state.silent && Instant::now() < end {
+            state = shared.wait(state, TICK);
+        }
+    }
+    let _ = socket.shutdown(Shutdown::Both);
+    let _ = hearer.join();
+    result
+}
+
+fn connect(shared: &Shared) -> std::result::Result<TcpStream, String> {
+    let (host, port) = &shared.address;
+    let end = Instant::now() + shared.patience.connect;
+    let addresses = (&**host, *port).to_socket_addrs().map_err(|e| e.to_string())?;
+    let mut last = "the name has no address".to_owned();
+    for address in addresses {
+        let left = end.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            break;
+        }
+        match TcpStream::connect_timeout(&address, left) {
+            Ok(socket) => return Ok(socket),
+            Err(error) => last = error.to_string(),
+        }
+    }
+    Err(format!("no connection to the viewer: {last}"))
+}
+
+fn send_packets(
+    shared: &Shared,
+    socket: &mut TcpStream,
+    bytes: &mut Vec<u8>,
+) -> std::result::Result<(), String> {
+    let end = Instant::now() + shared.patience.answer;
+    let mut state = shared.state();
+    while !state.two_way && Instant::now() < end && state.broken.is_none() {
+        state = shared.wait(state, end.saturating_duration_since(Instant::now()));
+    }
+    drop(state);
+    loop {
+        let mut state = shared.state();
+        state.busy = false;
+        let packet = loop {
+            if let Some(what) = &state.broken {
+                return Err(what.clone());
+            }
+            if let Some(packet) = state.queue.pop_front() {
+                break packet;
+            }
+            if state.ending {
+                shared.changed.notify_all();
+                return Ok(());
+            }
+            shared.changed.notify_all();
+            state = shared.wait(state, Duration::from_secs(3600));
+        };
+        state.busy = true;
+        let two_way = state.two_way;
+        drop(state);
+        let sent = if is_ours(&packet) && !two_way {
+            Ok(())
+        } else {
+            bytes.clear();
+            packet.encode(bytes).map_err(|e| e.to_string()).and_then(|()| write(shared, socket, bytes))
+        };
+        let mut state = shared.state();
+        // Those who gave up emptied the queue and what it weighs.
+        state.bytes = state.bytes.saturating_sub(weight(&packet));
+        drop(state);
+        sent?;
+    }
+}
+
+fn write(shared: &Shared, socket: &mut TcpStream, bytes: &[u8]) -> std::result::Result<(), String> {
+    let mut rest = bytes;
+    let mut last = Instant::now();
+    while !rest.is_empty() {
+        match socket.write(rest) {
+            Ok(0) => return Err("the viewer is gone".to_owned()),
+            Ok(n) => {
+                rest = &rest[n..];
+                last = Instant::now();
+            }
+            Err(error)
+                if matches!(
+                    error.kind(),
+                    ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
+                ) =>
+            {
+                if let Some(what) = &shared.state().broken {
+                    return Err(what.clone());
+                }
+                if last.elapsed() >= shared.patience.stall {
+                    let seconds = shared.patience.stall.as_secs_f32();
+                    return Err(format!("the viewer took nothing for {seconds} s, and is sent nothing more"));
+                }
+            }
+            Err(error) => return Err(format!("the viewer is gone ({error})")),
+        }
+    }
+    Ok(())
+}
+
+/// Hears the viewer until it closes its side.
+fn hear(shared: &Shared, mut socket: TcpStream) {
+    let limits = PacketLimits { packet_bytes: 1 << 16, ..PacketLimits::default() };
+    let mut answer = || -> Option<Packet> {
+        let mut length = [0; 4];
+        socket.read_exact(&mut length).ok()?;
+        let mut bytes = length.to_vec();
+        let rest = rest_of(length, &limits).ok()?;
+        bytes.resize(4 + rest, 0);
+        socket.read_exact(&mut bytes[4..]).ok()?;
+        // What is not understood is no reason to stop.
+        Some(Packet::decode(&bytes, &limits).unwrap_or(Packet::Hello { version: 0 }))
+    };
+    while let Some(packet) = answer() {
+        let mut state = shared.state();
+        let (name, request) = match packet {
+            Packet::Hello { version } => {
+                state.two_way |= version >= VERSION;
+                shared.changed.notify_all();
+                continue;
+            }
+            Packet::Center { name, x, y } => (name, Request::Center { x, y }),
+            Packet::Priority { name, area } => {
+                let (x0, y0) = (area.x, area.y);
+                let end = |from: i32, size: u32| from.saturating_add(i32::try_from(size).unwrap_or(i32::MAX));
+                (name, Request::Rectangle { x0, y0, x1: end(x0, area.width), y1: end(y0, area.height) })
+            }
+            Packet::Abort { name } => (name, Request::Stop),
+            _ => continue,
+        };
+        if state.two_way && state.names.contains(&name) {
+            let waiting = state.requests.entry(name).or_default();
+            if waiting.len() == REQUESTS {
+                waiting.remove(0);
+            }
+            waiting.push(request);
+        }
+    }
+    // Words of something that is no viewer are taken and forgotten.
+    let mut unread = [0; 4096];
+    while matches!(socket.read(&mut unread), Ok(n) if n > 0) {}
+    let mut state = shared.state();
+    state.silent = true;
+    let ended = state.ending && state.queue.is_empty() && !state.busy;
+    drop(state);
+    shared.changed.notify_all();
+    if !ended {
+        shared.give_up("the viewer is gone");
+    }
+}

@@ -1,0 +1,684 @@
+//! Packets: what they say, and their bytes.
+//!
+//! A packet is its length in bytes (`u32`, these four included), its type (`u8`), and what belongs to the type. Numbers are
+//! little endian; a text ends with a zero byte; a flag is a byte, 1 for yes. The types up to 8 are those that `tev`
+//! established; all current senders of it write them like this:
+//!
+//! | type | packet | content |
+//! |---|---|---|
+//! | 0 | open image | flag focus, text `path:selector` (selector optional) |
+//! | 1 | reload image | flag focus, text name |
+//! | 2 | close image | text name |
+//! | 3 | update image | flag focus, text name, text channel, `i32` x, y, width, height, `f32` values |
+//! | 4 | create image | flag focus, text name, `i32` width, height, count of channels, text names |
+//! | 5 | update image, 2nd form | flag focus, text name, `i32` count, text channels, `i32` x, y, width, height, planes of `f32` |
+//! | 6 | update image, 3rd form | as the 2nd, with `i64` offsets, `i64` strides of all channels before the values |
+//! | 7 | open image, 2nd form | flag focus, text path, text selector |
+//! | 8 | vector graphics | flag focus, text name, flag append, `i32` count, commands: `i8` type, its `f32` arguments |
+//!
+//! In the 3rd form the value of channel c in pixel k (row by row) is number `offset[c] + k * stride[c]`.
+//!
+//! The types from 100 are our own. They are sent only between a client and a server that know each other to speak
+//! them (see [`GREETING`]):
+//!
+//! | type | packet | content |
+//! |---|---|---|
+//! | 100 | hello | `u32` version |
+//! | 101 | mark: somebody works on these pixels | text name, `i32` x, y, width, height |
+//! | 102 | wishes: how to show it | text name, flag fullscreen, `u32` zoom, text foreground, text background |
+//! | 103 | finished | text name, flag complete |
+//! | 110 | center (to the client) | text name, `i32` x, y |
+//! | 111 | priority (to the client) | text name, `i32` x, y, width, height |
+//! | 112 | abort (to the client) | text name |
+
+use crate::{DisplayError, Result};
+
+/// The port that viewers listen on.
+pub const DEFAULT_PORT: u16 = 14158;
+
+/// The name of a picture that nobody has. A client that would speak our own packets first asks for this picture to be
+/// closed: any server of the protocol takes that and does nothing, ours answers [`Packet::Hello`]. Before that answer a
+/// client sends packets of types up to 8 only, and a server that was not asked sends nothing at all.
+pub const GREETING: &str = "\u{1}granita hello";
+
+/// The version of our own packets.
+pub const VERSION: u32 = 1;
+
+/// What a receiver takes in. Checked before anything is allocated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PacketLimits {
+    /// Most bytes of a packet.
+    pub packet_bytes: u32,
+    /// Most pixels across or down.
+    pub dimension: u32,
+    /// Most channels.
+    pub channels: u32,
+    /// Most bytes of a text.
+    pub text_bytes: usize,
+    /// Most commands of vector graphics.
+    pub commands: u32,
+}
+
+impl Default for PacketLimits {
+    /// 256 MiB, 64 Ki pixels a side, 256 channels, 4 KiB for a text, 64 Ki commands.
+    fn default() -> Self {
+        Self {
+            packet_bytes: 256 << 20,
+            dimension: 1 << 16,
+            channels: 256,
+            text_bytes: 4096,
+            commands: 1 << 16,
+        }
+    }
+}
+
+/// Pixels of a picture: `width x height` of them from (`x`, `y`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Area {
+    /// First column.
+    pub x: i32,
+    /// First row.
+    pub y: i32,
+    /// Columns, at least 1.
+    pub width: u32,
+    /// Rows, at least 1.
+    pub height: u32,
+}
+
+impl Area {
+    fn pixels(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height)
+    }
+}
+
+/// Where the values of a channel are in a packet.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Channel {
+    /// Its name, as "R".
+    pub name: String,
+    /// Number of its first value.
+    pub offset: u64,
+    /// From the value of one pixel to that of the next.
+    pub stride: u64,
+}
+
+/// A command of vector graphics, in pixels of the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Vector {
+    /// Keeps the colours.
+    Save,
+    /// Takes the kept colours.
+    Restore,
+    /// A path goes on from here.
+    MoveTo([f32; 2]),
+    /// A line to here.
+    LineTo([f32; 2]),
+    /// What is filled from now on: red, green, blue, alpha.
+    FillColor([f32; 4]),
+    /// What is drawn from now on.
+    StrokeColor([f32; 4]),
+    /// Fills the path.
+    Fill,
+    /// Draws the path.
+    Stroke,
+    /// A new path.
+    BeginPath,
+}
+
+/// How a sender would like its picture to be shown (reference 7.4.3).
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Wishes {
+    /// On the whole screen.
+    pub fullscreen: bool,
+    /// Screen pixels for one of the picture; 0 leaves it to the viewer.
+    pub zoom: u32,
+    /// File to be laid over it; empty for none.
+    pub foreground: String,
+    /// File to be laid under it; empty for none.
+    pub background: String,
+}
+
+/// One message.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Packet {
+    /// Open a file of the viewer's machine.
+    OpenImage {
+        /// Its path.
+        path: String,
+        /// Which channels; empty for all.
+        selector: String,
+        /// Show it.
+        focus: bool,
+    },
+    /// Read a file again.
+    ReloadImage {
+        /// Name of the picture.
+        name: String,
+        /// Show it.
+        focus: bool,
+    },
+    /// Forget a picture.
+    CloseImage {
+        /// Its name.
+        name: String,
+    },
+    /// A black picture.
+    CreateImage {
+        /// Its name.
+        name: String,
+        /// Show it.
+        focus: bool,
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+        /// Names of its channels.
+        channels: Vec<String>,
+    },
+    /// New values of some pixels.
+    UpdateImage {
+        /// Name of the picture.
+        name: String,
+        /// Show it.
+        focus: bool,
+        /// The channels.
+        channels: Vec<Channel>,
+        /// The pixels.
+        area: Area,
+        /// The values; at least as many as the channels need.
+        values: Vec<f32>,
+    },
+    /// Lines over a picture.
+    VectorGraphics {
+        /// Name of the picture.
+        name: String,
+        /// Show it.
+        focus: bool,
+        /// Those that are there stay.
+        append: bool,
+        /// What to draw.
+        commands: Vec<Vector>,
+    },
+    /// Our own packets are understood.
+    Hello {
+        /// Which of them.
+        version: u32,
+    },
+    /// Somebody works on these pixels.
+    Mark {
+        /// Name of the picture.
+        name: String,
+        /// The pixels.
+        area: Area,
+    },
+    /// How to show a picture.
+    Wish {
+        /// Name of the picture.
+        name: String,
+        /// What is wished.
+        wishes: Wishes,
+    },
+    /// Nothing more comes.
+    Finished {
+        /// Name of the picture.
+        name: String,
+        /// Whether all of it came.
+        complete: bool,
+    },
+    /// Go on around a pixel.
+    Center {
+        /// Name of the picture.
+        name: String,
+        /// Column.
+        x: i32,
+        /// Row.
+        y: i32,
+    },
+    /// These pixels first.
+    Priority {
+        /// Name of the picture.
+        name: String,
+        /// The pixels.
+        area: Area,
+    },
+    /// Make no more of it.
+    Abort {
+        /// Name of the picture.
+        name: String,
+    },
+}
+
+impl Packet {
+    /// Appends the packet's bytes to `out`, in the newest form of its kind.
+    ///
+    /// # Errors
+    /// [`DisplayError::Misuse`] for what the protocol cannot hold: texts with zero bytes, sizes beyond `i32`, packets beyond
+    /// `u32`. Nothing is appended then.
+    pub fn encode(&self, out: &mut Vec<u8>) -> Result<()> {
+        let start = out.len();
+        let mut put = Put { out, start };
+        let done = put.packet(self);
+        let length = out.len() - start;
+        match (done, u32::try_from(length)) {
+            (Ok(()), Ok(length)) => {
+                out[start..start + 4].copy_from_slice(&length.to_le_bytes());
+                Ok(())
+            }
+            (done, _) => {
+                out.truncate(start);
+                done.and(Err(DisplayError::Misuse { what: format!("a packet of {length} bytes") }))
+            }
+        }
+    }
+
+    /// Reads a packet; `bytes` holds it whole, with its length. Bytes after what belongs to it are ignored, as other
+    /// receivers do.
+    ///
+    /// # Errors
+    /// [`DisplayError::Malformed`], [`DisplayError::Unsupported`], [`DisplayError::Limit`].
+    pub fn decode(bytes: &[u8], limits: &PacketLimits) -> Result<Self> {
+        let mut take = Take { bytes, at: 0, limits };
+        let length = u32::from_le_bytes(take.array("its length")?);
+        if length as usize != bytes.len() {
+            return Err(take.wrong(format!("its length is {length}, and {} bytes came", bytes.len())));
+        }
+        take.packet()
+    }
+}
+
+/// Checks the length that a packet begins with: how many bytes follow it.
+///
+/// # Errors
+/// [`DisplayError::Malformed`], [`DisplayError::Limit`]: what follows cannot be found then.
+pub fn rest_of(length: [u8; 4], limits: &PacketLimits) -> Result<usize> {
+    let length = u32::from_le_bytes(length);
+    if length < 5 {
+        return Err(DisplayError::Malformed { what: format!("its length is {length}"), at: 0 });
+    }
+    within("bytes of a packet", u64::from(length), u64::from(limits.packet_bytes))?;
+    Ok(length as usize - 4)
+}
+
+fn within(what: &'static str, asked: u64, max: u64) -> Result<()> {
+    if asked <= max { Ok(()) } else { Err(DisplayError::Limit { what, asked, max }) }
+}
+
+/// Writes parts of packets.
+struct Put<'a> {
+    out: &'a mut Vec<u8>,
+    start: usize,
+}
+
+impl Put<'_> {
+    fn kind(&mut self, kind: u8) {
+        debug_assert!(self.out.len() == self.start, "the type comes first");
+        self.out.extend_from_slice(&[0, 0, 0, 0, kind]);
+    }
+
+    fn flag(&mut self, flag: bool) {
+        self.out.push(u8::from(flag));
+    }
+
+    fn text(&mut self, text: &str) -> Result<()> {
+        if text.contains('\0') {
+            return Err(DisplayError::Misuse {
+                what: format!("a zero byte in \"{}\"", text.escape_default()),
+            });
+        }
+        self.out.extend_from_slice(text.as_bytes());
+        self.out.push(0);
+        Ok(())
+    }
+
+    fn int(&mut self, value: i32) {
+        self.out.extend_from_slice(&value.to_le_bytes());
+    }
+
+    fn size(&mut self, size: usize) -> Result<()> {
+        let size =
+            i32::try_from(size).map_err(|_| DisplayError::Misuse { what: format!("a size of {size}") })?;
+        self.int(size);
+        Ok(())
+    }
+
+    fn long(&mut self, value: u64) -> Result<()> {
+        let value = i64::try_from(value)
+            .map_err(|_| DisplayError::Misuse { what: format!("an offset of {value}") })?;
+        self.out.extend_from_slice(&value.to_le_bytes());
+        Ok(())
+    }
+
+    fn area(&mut self, area: &Area) -> Result<()> {
+        self.int(area.x);
+        self.int(area.y);
+        self.size(area.width as usize)?;
+        self.size(area.height as usize)
+    }
+
+    fn floats(&mut self, values: &[f32]) {
+        self.out.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+    }
+
+    fn packet(&mut self, packet: &Packet) -> Result<()> {
+        match packet {
+            Packet::OpenImage { path, selector, focus } => {
+                self.kind(7);
+                self.flag(*focus);
+                self.text(path)?;
+                self.text(selector)
+            }
+            Packet::ReloadImage { name, focus } => {
+                self.kind(1);
+                self.flag(*focus);
+                self.text(name)
+            }
+            Packet::CloseImage { name } => {
+                self.kind(2);
+                self.text(name)
+            }
+            Packet::CreateImage { name, focus, width, height, channels } => {
+                self.kind(4);
+                self.flag(*focus);
+                self.text(name)?;
+                self.size(*width as usize)?;
+                self.size(*height as usize)?;
+                self.size(channels.len())?;
+                channels.iter().try_for_each(|channel| self.text(channel))
+            }
+            Packet::UpdateImage { name, focus, channels, area, values } => {
+                let needed = needed_values(channels, area);
+                if needed.is_none_or(|needed| needed > values.len() as u64) {
+                    let what = format!("{} values for the channels of {area:?}", values.len());
+                    return Err(DisplayError::Misuse { what });
+                }
+                self.out.reserve(values.len() * 4 + 256);
+                self.kind(6);
+                self.flag(*focus);
+                self.text(name)?;
+                self.size(channels.len())?;
+                channels.iter().try_for_each(|channel| self.text(&channel.name))?;
+                self.area(area)?;
+                channels.iter().try_for_each(|channel| self.long(channel.offset))?;
+                channels.iter().try_for_each(|channel| self.long(channel.stride))?;
+                // Others insist on as many values as are used.
+                self.floats(&values[..needed.unwrap_or(0) as usize]);
+                Ok(())
+            }
+            Packet::VectorGraphics { name, focus, append, commands } => {
+                self.kind(8);
+                self.flag(*focus);
+                self.text(name)?;
+                self.flag(*append);
+                self.size(commands.len())?;
+                commands.iter().for_each(|command| self.vector(command));
+                Ok(())
+            }
+            Packet::Hello { version } => {
+                self.kind(100);
+                self.out.extend_from_slice(&version.to_le_bytes());
+                Ok(())
+            }
+            Packet::Mark { name, area } => {
+                self.kind(101);
+                self.text(name)?;
+                self.area(area)
+            }
+            Packet::Wish { name, wishes } => {
+                self.kind(102);
+                self.text(name)?;
+                self.flag(wishes.fullscreen);
+                self.out.extend_from_slice(&wishes.zoom.to_le_bytes());
+                self.text(&wishes.foreground)?;
+                self.text(&wishes.background)
+            }
+            Packet::Finished { name, complete } => {
+                self.kind(103);
+                self.text(name)?;
+                self.flag(*complete);
+                Ok(())
+            }
+            Packet::Center { name, x, y } => {
+                self.kind(110);
+                self.text(name)?;
+                self.int(*x);
+                self.int(*y);
+                Ok(())
+            }
+            Packet::Priority { name, area } => {
+                self.kind(111);
+                self.text(name)?;
+                self.area(area)
+            }
+            Packet::Abort { name } => {
+                self.kind(112);
+                self.text(name)
+            }
+        }
+    }
+
+    fn vector(&mut self, command: &Vector) {
+        let (kind, values): (u8, &[f32]) = match command {
+            Vector::Save => (0, &[]),
+            Vector::Restore => (1, &[]),
+            Vector::MoveTo(point) => (2, point),
+            Vector::LineTo(point) => (3, point),
+            Vector::FillColor(color) => (4, color),
+            Vector::StrokeColor(color) => (5, color),
+            Vector::Fill => (6, &[]),
+            Vector::Stroke => (7, &[]),
+            Vector::BeginPath => (8, &[]),
+        };
+        self.out.push(kind);
+        self.floats(values);
+    }
+}
+
+/// How many values channels use; `None` when that does not fit in 64 bits.
+fn needed_values(channels: &[Channel], area: &Area) -> Option<u64> {
+    let last = area.pixels().checked_sub(1)?;
+    channels.iter().try_fold(0_u64, |most, channel| {
+        let end = last.checked_mul(channel.stride)?.checked_add(channel.offset)?.checked_add(1)?;
+        Some(most.max(end))
+    })
+}
+
+/// Reads parts of packets.
+struct Take<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    limits: &'a PacketLimits,
+}
+
+impl Take<'_> {
+    fn wrong(&self, what: impl Into<String>) -> DisplayError {
+        DisplayError::Malformed { what: what.into(), at: self.at }
+    }
+
+    fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
+        let bytes = self.bytes.get(self.at..).and_then(|rest| rest.first_chunk::<N>());
+        let bytes = *bytes.ok_or_else(|| self.wrong(format!("{what} is missing")))?;
+        self.at += N;
+        Ok(bytes)
+    }
+
+    fn flag(&mut self, what: &str) -> Result<bool> {
+        self.array::<1>(what).map(|[byte]| byte == 1)
+    }
+
+    /// What is not UTF-8 is replaced: other programs send what their system has.
+    fn text(&mut self, what: &str) -> Result<String> {
+        let rest = &self.bytes[self.at..];
+        let searched = &rest[..rest.len().min(self.limits.text_bytes + 1)];
+        match searched.iter().position(|b| *b == 0) {
+            Some(length) => {
+                self.at += length + 1;
+                Ok(String::from_utf8_lossy(&rest[..length]).into_owned())
+            }
+            None => {
+                within("bytes of a text", rest.len() as u64, self.limits.text_bytes as u64)?;
+                Err(self.wrong(format!("{what} has no end")))
+            }
+        }
+    }
+
+    fn int(&mut self, what: &str) -> Result<i32> {
+        self.array(what).map(i32::from_le_bytes)
+    }
+
+    fn word(&mut self, what: &str) -> Result<u32> {
+        self.array(what).map(u32::from_le_bytes)
+    }
+
+    /// A number of something, from 0.
+    fn count(&mut self, what: &'static str, max: u32) -> Result<u32> {
+        let count = self.int(what)?;
+        let count = u32::try_from(count).map_err(|_| self.wrong(format!("{what} is {count}")))?;
+        within(what, u64::from(count), u64::from(max))?;
+        Ok(count)
+    }
+
+    /// A side of a picture, from 1.
+    fn side(&mut self, what: &'static str) -> Result<u32> {
+        match self.count(what, self.limits.dimension)? {
+            0 => Err(self.wrong(format!("{what} is 0"))),
+            side => Ok(side),
+        }
+    }
+
+    fn area(&mut self) -> Result<Area> {
+        let (x, y) = (self.int("column")?, self.int("row")?);
+        Ok(Area { x, y, width: self.side("width")?, height: self.side("height")? })
+    }
+
+    fn channels(&mut self) -> Result<Vec<String>> {
+        let count = self.count("number of channels", self.limits.channels)?;
+        (0..count).map(|_| self.text("a channel's name")).collect()
+    }
+
+    /// From 0 to what 63 bits hold.
+    fn long(&mut self, what: &str) -> Result<u64> {
+        let value = i64::from_le_bytes(self.array(what)?);
+        u64::try_from(value).map_err(|_| self.wrong(format!("{what} is {value}")))
+    }
+
+    fn floats(&mut self, count: u64) -> Result<Vec<f32>> {
+        let rest = &self.bytes[self.at..];
+        let bytes = usize::try_from(count).ok().and_then(|n| n.checked_mul(4));
+        let Some(bytes) = bytes.and_then(|n| rest.get(..n)) else {
+            return Err(self.wrong(format!("{count} values are wanted, and {} bytes are there", rest.len())));
+        };
+        self.at += bytes.len();
+        Ok(bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect())
+    }
+
+    fn packet(&mut self) -> Result<Packet> {
+        let [kind] = self.array("its type")?;
+        Ok(match kind {
+            0 | 7 => {
+                let focus = self.flag("the focus")?;
+                let text = self.text("the path")?;
+                let (path, selector) = match kind {
+                    0 => path_and_selector(&text),
+                    _ => (text, self.text("the selector")?),
+                };
+                Packet::OpenImage { path, selector, focus }
+            }
+            1 => {
+                let focus = self.flag("the focus")?;
+                Packet::ReloadImage { name: self.text("the name")?, focus }
+            }
+            2 => Packet::CloseImage { name: self.text("the name")? },
+            3 | 5 | 6 => self.update(kind)?,
+            4 => {
+                let focus = self.flag("the focus")?;
+                let name = self.text("the name")?;
+                let (width, height) = (self.side("width")?, self.side("height")?);
+                Packet::CreateImage { name, focus, width, height, channels: self.channels()? }
+            }
+            8 => {
+                let focus = self.flag("the focus")?;
+                let name = self.text("the name")?;
+                let append = self.flag("whether to append")?;
+                let count = self.count("number of commands", self.limits.commands)?;
+                let commands = (0..count).map(|_| self.vector()).collect::<Result<_>>()?;
+                Packet::VectorGraphics { name, focus, append, commands }
+            }
+            100 => Packet::Hello { version: self.word("the version")? },
+            101 => Packet::Mark { name: self.text("the name")?, area: self.area()? },
+            102 => Packet::Wish {
+                name: self.text("the name")?,
+                wishes: Wishes {
+                    fullscreen: self.flag("fullscreen")?,
+                    zoom: self.word("the zoom")?,
+                    foreground: self.text("the foreground")?,
+                    background: self.text("the background")?,
+                },
+            },
+            103 => {
+                Packet::Finished { name: self.text("the name")?, complete: self.flag("whether complete")? }
+            }
+            110 => Packet::Center { name: self.text("the name")?, x: self.int("x")?, y: self.int("y")? },
+            111 => Packet::Priority { name: self.text("the name")?, area: self.area()? },
+            112 => Packet::Abort { name: self.text("the name")? },
+            kind => return Err(DisplayError::Unsupported { kind }),
+        })
+    }
+
+    fn update(&mut self, kind: u8) -> Result<Packet> {
+        let focus = self.flag("the focus")?;
+        let name = self.text("the name")?;
+        let names = match kind {
+            3 => vec![self.text("the channel")?],
+            _ => self.channels()?,
+        };
+        let area = self.area()?;
+        let planar = |(i, name)| Channel { name, offset: i as u64 * area.pixels(), stride: 1 };
+        let mut channels: Vec<Channel> = names.into_iter().enumerate().map(planar).collect();
+        if kind == 6 {
+            for channel in &mut channels {
+                channel.offset = self.long("an offset")?;
+            }
+            for channel in &mut channels {
+                channel.stride = self.long("a stride")?;
+            }
+        }
+        let needed = needed_values(&channels, &area)
+            .ok_or_else(|| self.wrong("an offset is beyond what numbers hold"))?;
+        Ok(Packet::UpdateImage { name, focus, channels, area, values: self.floats(needed)? })
+    }
+
+    fn vector(&mut self) -> Result<Vector> {
+        let [kind] = self.array("a command")?;
+        let mut floats = |n| self.floats(n);
+        let mut point = || floats(2).map(|v| [v[0], v[1]]);
+        Ok(match kind {
+            0 => Vector::Save,
+            1 => Vector::Restore,
+            2 => Vector::MoveTo(point()?),
+            3 => Vector::LineTo(point()?),
+            4 | 5 => {
+                let v = floats(4)?;
+                let color = [v[0], v[1], v[2], v[3]];
+                if kind == 4 { Vector::FillColor(color) } else { Vector::StrokeColor(color) }
+            }
+            6 => Vector::Fill,
+            7 => Vector::Stroke,
+            8 => Vector::BeginPath,
+            other => return Err(self.wrong(format!("a command of type {other}"))),
+        })
+    }
+}
+
+/// "path:selector"; the colon of a drive is none of these.
+fn path_and_selector(text: &str) -> (String, String) {
+    match text.rsplit_once(':') {
+        Some((drive, rest)) if drive.len() == 1 && rest.starts_with(['/', '\\']) => {
+            (text.to_owned(), String::new())
+        }
+        Some((path, selector)) => (path.to_owned(), selector.to_owned()),
+        None => (text.to_owned(), String::new()),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,283 @@
+use super::*;
+use proptest::prelude::*;
+
+/// A packet by hand: type and content.
+fn bytes(kind: u8, content: &[&[u8]]) -> Vec<u8> {
+    let content = content.concat();
+    let length = u32::try_from(content.len() + 5).unwrap();
+    [&length.to_le_bytes()[..], &[kind], &content].concat()
+}
+
+fn decode(bytes: &[u8]) -> Result<Packet> {
+    Packet::decode(bytes, &PacketLimits::default())
+}
+
+fn ints(values: &[i32]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+fn longs(values: &[i64]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+fn floats(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+fn channel(name: &str, offset: u64, stride: u64) -> Channel {
+    Channel { name: name.to_owned(), offset, stride }
+}
+
+#[test]
+fn every_form_of_every_packet() {
+    let open = |path: &str, selector: &str| Packet::OpenImage {
+        path: path.to_owned(),
+        selector: selector.to_owned(),
+        focus: true,
+    };
+    for (text, path, selector) in [
+        ("a.exr", "a.exr", ""),
+        ("a.exr:diffuse", "a.exr", "diffuse"),
+        ("C:\\a.exr", "C:\\a.exr", ""),
+        ("C:/a.exr", "C:/a.exr", ""),
+        ("C:/a.exr:z", "C:/a.exr", "z"),
+        ("C:x", "C", "x"),
+        (":", "", ""),
+    ] {
+        let old = bytes(0, &[b"\x01", text.as_bytes(), b"\0"]);
+        assert_eq!(decode(&old).unwrap(), open(path, selector), "{text}");
+    }
+    assert_eq!(decode(&bytes(7, &[b"\x01a:b\0c\0"])).unwrap(), open("a:b", "c"));
+    assert_eq!(
+        decode(&bytes(1, &[b"\0a\0"])).unwrap(),
+        Packet::ReloadImage { name: "a".to_owned(), focus: false }
+    );
+    assert_eq!(decode(&bytes(2, &[b"a\0"])).unwrap(), Packet::CloseImage { name: "a".to_owned() });
+    let created = bytes(4, &[b"\x01pic\0", &ints(&[30, 20, 2]), b"R\0B\0"]);
+    let create = Packet::CreateImage {
+        name: "pic".to_owned(),
+        focus: true,
+        width: 30,
+        height: 20,
+        channels: vec!["R".to_owned(), "B".to_owned()],
+    };
+    assert_eq!(decode(&created).unwrap(), create);
+    let update = |channels, values: &[f32]| Packet::UpdateImage {
+        name: "pic".to_owned(),
+        focus: false,
+        channels,
+        area: Area { x: 3, y: 4, width: 2, height: 1 },
+        values: values.to_vec(),
+    };
+    let place = ints(&[3, 4, 2, 1]);
+    assert_eq!(
+        decode(&bytes(3, &[b"\0pic\0G\0", &place, &floats(&[1.0, 2.0])])).unwrap(),
+        update(vec![channel("G", 0, 1)], &[1.0, 2.0])
+    );
+    assert_eq!(
+        decode(&bytes(5, &[b"\0pic\0", &ints(&[2]), b"G\0R\0", &place, &floats(&[1.0, 2.0, 3.0, 4.0])]))
+            .unwrap(),
+        update(vec![channel("G", 0, 1), channel("R", 2, 1)], &[1.0, 2.0, 3.0, 4.0])
+    );
+    let third = bytes(
+        6,
+        &[b"\0pic\0", &ints(&[2]), b"G\0R\0", &place, &longs(&[1, 0]), &longs(&[3, 3]), &floats(&[9.0; 5])],
+    );
+    let update = update(vec![channel("G", 1, 3), channel("R", 0, 3)], &[9.0; 5]);
+    assert_eq!(decode(&third).unwrap(), update);
+    // What we write is the newest form, to the byte.
+    for (packet, expected) in
+        [(create, created), (update, third), (open("a:b", "c"), bytes(7, &[b"\x01a:b\0c\0"]))]
+    {
+        let mut out = Vec::new();
+        packet.encode(&mut out).unwrap();
+        assert_eq!(out, expected);
+    }
+    let lines = bytes(
+        8,
+        &[
+            b"\0pic\0\x01",
+            &ints(&[9]),
+            b"\x08\x04",
+            &floats(&[1.0, 0.5, 0.0, 1.0]),
+            b"\x05",
+            &floats(&[0.0; 4]),
+            b"\x02",
+            &floats(&[1.0, 2.0]),
+            b"\x03",
+            &floats(&[3.0, 4.0]),
+            b"\x06\x07\0\x01",
+        ],
+    );
+    match decode(&lines).unwrap() {
+        Packet::VectorGraphics { append: true, commands, .. } => {
+            assert_eq!(commands.len(), 9);
+            assert_eq!((commands[0], commands[3]), (Vector::BeginPath, Vector::MoveTo([1.0, 2.0])));
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn what_is_wrong_is_told_with_its_place() {
+    let place = ints(&[0, 0, 2, 1]);
+    for (packet, expected) in [
+        (vec![], "malformed packet: its length is missing at byte 0"),
+        (vec![9, 0, 0, 0, 2], "malformed packet: its length is 9, and 5 bytes came at byte 4"),
+        (bytes(2, &[]), "malformed packet: the name has no end at byte 5"),
+        (bytes(2, &[b"abc"]), "malformed packet: the name has no end at byte 5"),
+        (bytes(2, &[&[b'a'; 5000]]), "bytes of a text 5000 exceeds the limit of 4096"),
+        (bytes(9, &[b"a\0"]), "unknown packet of type 9"),
+        (bytes(99, &[]), "unknown packet of type 99"),
+        (bytes(4, &[b"\0a\0", &ints(&[0, 1, 1]), b"R\0"]), "malformed packet: width is 0 at byte 12"),
+        (bytes(4, &[b"\0a\0", &ints(&[1, -1, 1])]), "malformed packet: height is -1 at byte 16"),
+        (bytes(4, &[b"\0a\0", &ints(&[65537, 1, 1])]), "width 65537 exceeds the limit of 65536"),
+        (bytes(4, &[b"\0a\0", &ints(&[1, 1, 257])]), "number of channels 257 exceeds the limit of 256"),
+        (
+            bytes(3, &[b"\0a\0R\0", &place, &floats(&[1.0])]),
+            "malformed packet: 2 values are wanted, and 4 bytes are there at byte 26",
+        ),
+        (
+            bytes(6, &[b"\0a\0", &ints(&[1]), b"R\0", &place, &longs(&[-1, 1])]),
+            "malformed packet: an offset is -1 at byte 38",
+        ),
+        (
+            bytes(6, &[b"\0a\0", &ints(&[1]), b"R\0", &ints(&[0, 0, 60000, 60000]), &longs(&[1, i64::MAX])]),
+            "malformed packet: an offset is beyond what numbers hold at byte 46",
+        ),
+        (bytes(8, &[b"\0a\0\0", &ints(&[1]), b"\x09"]), "malformed packet: a command of type 9 at byte 14"),
+        (bytes(8, &[b"\0a\0\0", &ints(&[65537])]), "number of commands 65537 exceeds the limit of 65536"),
+    ] {
+        assert_eq!(decode(&packet).unwrap_err().to_string(), expected);
+    }
+    let limits = PacketLimits::default();
+    assert!(rest_of([4, 0, 0, 0], &limits).is_err() && rest_of([255; 4], &limits).is_err());
+    assert_eq!(rest_of([5, 0, 0, 0], &limits).unwrap(), 1);
+}
+
+#[test]
+fn what_the_protocol_cannot_say_is_not_written() {
+    let mut out = vec![7];
+    let area = Area { x: 0, y: 0, width: 2, height: 2 };
+    let update = |channels: Vec<Channel>, area, n| Packet::UpdateImage {
+        name: "a".to_owned(),
+        focus: false,
+        channels,
+        area,
+        values: vec![0.0; n],
+    };
+    for packet in [
+        Packet::CloseImage { name: "a\0b".to_owned() },
+        update(vec![channel("R", 0, 1)], area, 3),
+        update(vec![channel("R", u64::MAX, 1)], area, 4),
+        update(vec![channel("R", 0, 1)], Area { width: 0, ..area }, 4),
+        Packet::Mark { name: "a".to_owned(), area: Area { width: u32::MAX, ..area } },
+    ] {
+        assert!(packet.encode(&mut out).is_err(), "{packet:?}");
+        assert_eq!(out, [7]);
+    }
+    // More values than are used are left out.
+    update(vec![channel("R", 0, 1)], area, 9).encode(&mut out).unwrap();
+    assert_eq!(decode(&out[1..]).unwrap(), update(vec![channel("R", 0, 1)], area, 4));
+}
+
+fn text() -> impl Strategy<Value = String> {
+    "[^\0]{0,12}"
+}
+
+fn area() -> impl Strategy<Value = Area> {
+    (any::<i32>(), any::<i32>(), 1_u32..9, 1_u32..9).prop_map(|(x, y, width, height)| Area {
+        x,
+        y,
+        width,
+        height,
+    })
+}
+
+fn vector() -> impl Strategy<Value = Vector> {
+    let number = -1e6_f32..1e6;
+    let (point, color) = (prop::array::uniform2(number.clone()), prop::array::uniform4(number));
+    prop_oneof![
+        Just(Vector::Save),
+        Just(Vector::Restore),
+        point.clone().prop_map(Vector::MoveTo),
+        point.prop_map(Vector::LineTo),
+        color.clone().prop_map(Vector::FillColor),
+        color.prop_map(Vector::StrokeColor),
+        Just(Vector::Fill),
+        Just(Vector::Stroke),
+        Just(Vector::BeginPath),
+    ]
+}
+
+fn update() -> impl Strategy<Value = Packet> {
+    let channels = prop::collection::vec((text(), 0_u64..20, 0_u64..5), 0..4);
+    (text(), any::<bool>(), channels, area()).prop_map(|(name, focus, channels, area)| {
+        let channels: Vec<Channel> =
+            channels.into_iter().map(|(name, offset, stride)| Channel { name, offset, stride }).collect();
+        let count = needed_values(&channels, &area).unwrap();
+        Packet::UpdateImage {
+            name,
+            focus,
+            channels,
+            area,
+            values: (0..count).map(|v| v as f32 * 0.3).collect(),
+        }
+    })
+}
+
+fn packet() -> impl Strategy<Value = Packet> {
+    let create = (text(), any::<bool>(), 1_u32..70_000, 1_u32..9, prop::collection::vec(text(), 0..5));
+    prop_oneof![
+        (text(), text(), any::<bool>()).prop_map(|(path, selector, focus)| Packet::OpenImage {
+            path,
+            selector,
+            focus
+        }),
+        (text(), any::<bool>()).prop_map(|(name, focus)| Packet::ReloadImage { name, focus }),
+        text().prop_map(|name| Packet::CloseImage { name }),
+        create.prop_map(|(name, focus, width, height, channels)| Packet::CreateImage {
+            name,
+            focus,
+            width,
+            height,
+            channels
+        }),
+        update(),
+        (text(), any::<bool>(), any::<bool>(), prop::collection::vec(vector(), 0..9)).prop_map(
+            |(name, focus, append, commands)| Packet::VectorGraphics { name, focus, append, commands }
+        ),
+        any::<u32>().prop_map(|version| Packet::Hello { version }),
+        (text(), area()).prop_map(|(name, area)| Packet::Mark { name, area }),
+        (text(), any::<bool>(), any::<u32>(), text(), text()).prop_map(
+            |(name, fullscreen, zoom, foreground, background)| Packet::Wish {
+                name,
+                wishes: Wishes { fullscreen, zoom, foreground, background }
+            }
+        ),
+        (text(), any::<bool>()).prop_map(|(name, complete)| Packet::Finished { name, complete }),
+        (text(), any::<i32>(), any::<i32>()).prop_map(|(name, x, y)| Packet::Center { name, x, y }),
+        (text(), area()).prop_map(|(name, area)| Packet::Priority { name, area }),
+        text().prop_map(|name| Packet::Abort { name }),
+    ]
+}
+
+proptest! {
+    #[test]
+    fn what_is_written_is_read(packet in packet()) {
+        let mut out = Vec::new();
+        packet.encode(&mut out).unwrap();
+        let wide = PacketLimits { dimension: 70_000, ..PacketLimits::default() };
+        prop_assert_eq!(&Packet::decode(&out, &wide).unwrap(), &packet);
+        // Every part of it is an error, not a panic.
+        for end in 0..out.len() {
+            prop_assert!(Packet::decode(&out[..end], &wide).is_err());
+        }
+    }
+
+    #[test]
+    fn rubbish_never_panics(kind in any::<u8>(), content in prop::collection::vec(any::<u8>(), 0..200)) {
+        let _ = decode(&bytes(kind, &[&content]));
+        let _ = decode(&content);
+    }
+}

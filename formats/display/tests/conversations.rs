@@ -1,0 +1,425 @@
+//! Clients and servers over real sockets of this machine.
+
+use granita_base::Param;
+use granita_display::packet::{Area, Channel, GREETING, VERSION};
+use granita_display::{
+    Client, Ending, IvFormat, Listener, Packet, PacketLimits, Patience, ServerLimits, Sink, listen_address,
+    server_address,
+};
+use granita_image::{
+    Area as Pixels2d, CreateOptions, Format, ImageOutput, ImageSpec, PixelType, Pixels, Request,
+};
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::path::Path;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// What a sink is told.
+#[derive(Debug, PartialEq)]
+enum Told {
+    Packet(Packet),
+    Trouble(String),
+    Gone(Ending),
+}
+
+/// Passes everything on.
+struct Passed {
+    to: Mutex<Sender<Told>>,
+    clients: Mutex<Vec<Arc<Client>>>,
+}
+
+impl Passed {
+    fn tell(&self, told: Told) {
+        let _ = self.to.lock().unwrap().send(told);
+    }
+}
+
+impl Sink for Passed {
+    fn packet(&self, client: &Arc<Client>, packet: Packet) -> Result<(), String> {
+        let mut clients = self.clients.lock().unwrap();
+        if !clients.iter().any(|c| c.id() == client.id()) {
+            clients.push(client.clone());
+        }
+        drop(clients);
+        if let Packet::ReloadImage { .. } = packet {
+            return Err("not here".to_owned());
+        }
+        self.tell(Told::Packet(packet));
+        Ok(())
+    }
+
+    fn trouble(&self, _: &Client, what: &str) {
+        self.tell(Told::Trouble(what.to_owned()));
+    }
+
+    fn gone(&self, _: &Client, ending: &Ending) {
+        self.tell(Told::Gone(ending.clone()));
+    }
+}
+
+fn listen(limits: ServerLimits) -> (Listener, Receiver<Told>, Arc<Passed>) {
+    let (to, from) = channel();
+    let sink = Arc::new(Passed { to: Mutex::new(to), clients: Mutex::default() });
+    let listener = Listener::bind(([127, 0, 0, 1], 0).into(), limits, sink.clone()).unwrap();
+    (listener, from, sink)
+}
+
+fn next(from: &Receiver<Told>) -> Told {
+    from.recv_timeout(Duration::from_secs(30)).expect("somebody says something")
+}
+
+/// A picture on its way to a server.
+fn create(format: &IvFormat, name: &str, to: SocketAddr, sides: [u32; 2]) -> Box<dyn ImageOutput> {
+    let mut spec = ImageSpec::new(sides[0], sides[1], 4, PixelType::Float);
+    spec.attributes.set(Param::declared("string display", to.to_string().as_str()).unwrap());
+    spec.attributes.set(Param::declared("int zoom", 2).unwrap());
+    format.create(Path::new(name), &CreateOptions { spec: &spec, levels: 1 }).unwrap()
+}
+
+fn quick() -> Patience {
+    Patience { stall: Duration::from_millis(400), ..Patience::default() }
+}
+
+#[test]
+fn our_client_and_our_server_know_each_other() {
+    let (listener, from, sink) = listen(ServerLimits::default());
+    let format = IvFormat::default();
+    let mut picture = create(&format, "a", listener.address(), [8, 4]);
+    let area = Pixels2d { x: 2, y: 1, width: 2, height: 2 };
+    picture.begin_rectangle(&area);
+    let values: Vec<f32> = (0..16).map(|v| v as f32 / 3.0).collect();
+    picture.write_rectangle(&area, &Pixels::Float(values.clone())).unwrap();
+    assert_eq!(next(&from), Told::Packet(Packet::Hello { version: VERSION }));
+    assert!(
+        matches!(next(&from), Told::Packet(Packet::CreateImage { name, focus: true, width: 8, .. }) if name == "a")
+    );
+    assert!(matches!(next(&from), Told::Packet(Packet::Wish { wishes, .. }) if wishes.zoom == 2));
+    let sent = Area { x: 2, y: 1, width: 2, height: 2 };
+    assert_eq!(next(&from), Told::Packet(Packet::Mark { name: "a".to_owned(), area: sent }));
+    match next(&from) {
+        Told::Packet(Packet::UpdateImage { channels, area, values: got, .. }) => {
+            let names: Vec<&str> = channels.iter().map(|c| &*c.name).collect();
+            assert_eq!((names, area, got), (vec!["R", "G", "B", "A"], sent, values));
+        }
+        other => panic!("{other:?}"),
+    }
+    // A second picture shares the connection, and gets a name of its own.
+    let second = create(&format, "a", listener.address(), [1, 1]);
+    assert!(
+        matches!(next(&from), Told::Packet(Packet::CreateImage { name, focus: false, .. }) if name == "a (2)")
+    );
+    assert_eq!(listener.clients(), 1);
+    drop(second);
+    assert!(matches!(next(&from), Told::Packet(Packet::Wish { .. })));
+    assert_eq!(next(&from), Told::Packet(Packet::Finished { name: "a (2)".to_owned(), complete: false }));
+    // Commands come back to the picture that they are for.
+    let client = sink.clients.lock().unwrap()[0].clone();
+    let name = || "a".to_owned();
+    assert!(client.send(Packet::Center { name: "nosuch".to_owned(), x: 1, y: 1 }));
+    assert!(client.send(Packet::Center { name: name(), x: -5, y: 3 }));
+    assert!(client.send(Packet::Priority { name: name(), area: Area { x: 1, y: 2, width: 3, height: 4 } }));
+    assert!(client.send(Packet::Abort { name: name() }));
+    let mut requests = Vec::new();
+    let begin = Instant::now();
+    while requests.len() < 3 && begin.elapsed() < Duration::from_secs(20) {
+        requests.extend(picture.requests());
+    }
+    let rectangle = Request::Rectangle { x0: 1, y0: 2, x1: 4, y1: 6 };
+    assert_eq!(requests, [Request::Center { x: -5, y: 3 }, rectangle, Request::Stop]);
+    picture.close().unwrap();
+    assert_eq!(next(&from), Told::Packet(Packet::Finished { name: name(), complete: true }));
+    assert_eq!(next(&from), Told::Gone(Ending::Closed));
+}
+
+#[test]
+fn rows_and_tiles_are_rectangles_too() {
+    let (listener, from, _) = listen(ServerLimits::default());
+    let format = IvFormat::default();
+    let mut spec = ImageSpec::new(5, 3, 1, PixelType::U8);
+    spec.attributes.set(Param::declared("string display", listener.address().to_string().as_str()).unwrap());
+    let options = CreateOptions { spec: &spec, levels: 1 };
+    let mut picture = format.create(Path::new("rows"), &options).unwrap();
+    picture.write_rows(&Pixels::U8(vec![255; 10])).unwrap();
+    picture.write_rows(&Pixels::U8(vec![0; 5])).unwrap();
+    assert!(picture.write_rows(&Pixels::U8(vec![0; 5])).is_err(), "there are no more rows");
+    picture.close().unwrap();
+    (spec.tile_width, spec.tile_height) = (4, 2);
+    let mut picture = format.create(Path::new("tiles"), &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    picture.write_tile(1, 1, &Pixels::U8(vec![51; 8])).unwrap();
+    assert!(picture.write_tile(2, 0, &Pixels::U8(vec![0; 8])).is_err());
+    picture.close().unwrap();
+    let mut updates = Vec::new();
+    while updates.len() < 3 {
+        if let Told::Packet(Packet::UpdateImage { area, values, .. }) = next(&from) {
+            updates.push((area, values));
+        }
+    }
+    assert_eq!(updates[0], (Area { x: 0, y: 0, width: 5, height: 2 }, vec![1.0; 10]));
+    assert_eq!(updates[1], (Area { x: 0, y: 2, width: 5, height: 1 }, vec![0.0; 5]));
+    assert_eq!(updates[2], (Area { x: 4, y: 2, width: 1, height: 1 }, vec![0.2]));
+}
+
+/// A server that never says anything, as other viewers: nothing but packets of types up to 8 may reach it.
+#[test]
+fn a_viewer_that_does_not_answer_is_sent_plain_packets_only() {
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = server.local_addr().unwrap();
+    let hearing = std::thread::spawn(move || {
+        let mut all = Vec::new();
+        server.accept().unwrap().0.read_to_end(&mut all).unwrap();
+        all
+    });
+    let format = IvFormat::default();
+    let mut picture = create(&format, "pic", address, [1100, 500]);
+    let area = Pixels2d { x: 0, y: 0, width: 1100, height: 500 };
+    picture.begin_rectangle(&area);
+    let values: Vec<f32> = (0..1100 * 500 * 4).map(|v| v as f32).collect();
+    picture.write_rectangle(&area, &Pixels::Float(values.clone())).unwrap();
+    assert!(picture.requests().is_empty());
+    picture.close().unwrap();
+    drop(format);
+    let all = hearing.join().unwrap();
+    let (mut rest, mut got) = (&all[..], Vec::new());
+    let mut kinds = Vec::new();
+    while let Some(length) = rest.first_chunk::<4>() {
+        let (packet, after) = rest.split_at(u32::from_le_bytes(*length) as usize);
+        kinds.push(packet[4]);
+        match Packet::decode(packet, &PacketLimits::default()).unwrap() {
+            Packet::CloseImage { name } => assert_eq!(name, GREETING),
+            Packet::UpdateImage { values, .. } => got.extend(values),
+            Packet::CreateImage { width: 1100, height: 500, .. } => (),
+            other => panic!("{other:?}"),
+        }
+        rest = after;
+    }
+    assert_eq!(kinds, [2, 4, 6, 6, 6], "large areas come in parts");
+    assert!(got == values);
+}
+
+#[test]
+fn a_viewer_that_reads_nothing_stops_nobody() {
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let format = IvFormat::new(quick());
+    let mut picture = create(&format, "pic", server.local_addr().unwrap(), [512, 512]);
+    let _socket = server.accept().unwrap();
+    let area = Pixels2d { x: 0, y: 0, width: 512, height: 512 };
+    let pixels = Pixels::Float(vec![0.5; 512 * 512 * 4]);
+    let mut slowest = Duration::ZERO;
+    let begin = Instant::now();
+    let refused = loop {
+        let now = Instant::now();
+        let result = picture.write_rectangle(&area, &pixels);
+        slowest = slowest.max(now.elapsed());
+        if let Err(error) = result {
+            break error.to_string();
+        }
+        assert!(begin.elapsed() < Duration::from_secs(60));
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    assert!(refused.contains("the viewer"), "{refused}");
+    assert!(slowest < Duration::from_millis(300), "one write took {slowest:?}");
+    assert!(picture.close().is_err());
+}
+
+#[test]
+fn what_waits_is_bounded() {
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let format = IvFormat::new(Patience { queue_bytes: 1 << 20, ..quick() });
+    let mut picture = create(&format, "pic", server.local_addr().unwrap(), [512, 512]);
+    let area = Pixels2d { x: 0, y: 0, width: 512, height: 128 };
+    let pixels = Pixels::Float(vec![0.5; 512 * 128 * 4]);
+    let results: Vec<_> = (0..40).map(|_| picture.write_rectangle(&area, &pixels)).collect();
+    assert!(results[39].as_ref().unwrap_err().to_string().contains("the viewer"));
+}
+
+#[test]
+fn nobody_there_is_an_error_and_no_delay() {
+    let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let format = IvFormat::default();
+    let picture = create(&format, "pic", free, [4, 4]);
+    let begin = Instant::now();
+    let error = picture.close().unwrap_err().to_string();
+    assert!(error.contains("no connection to the viewer"), "{error}");
+    assert!(begin.elapsed() < Duration::from_secs(5));
+    let mut spec = ImageSpec::new(1, 1, 1, PixelType::Float);
+    spec.attributes.set(Param::declared("string display", "some where:99").unwrap());
+    assert!(format.create(Path::new("a"), &CreateOptions { spec: &spec, levels: 1 }).is_err());
+}
+
+#[test]
+fn a_viewer_that_dies_is_noticed_and_one_that_babbles_is_not_believed() {
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let format = IvFormat::default();
+    let mut picture = create(&format, "pic", server.local_addr().unwrap(), [4, 4]);
+    let (mut socket, _) = server.accept().unwrap();
+    socket.write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n").unwrap();
+    socket.write_all(&[0; 100_000]).unwrap();
+    std::thread::sleep(Duration::from_millis(400));
+    let area = Pixels2d { x: 0, y: 0, width: 4, height: 4 };
+    let pixels = Pixels::Float(vec![0.5; 64]);
+    picture.write_rectangle(&area, &pixels).unwrap();
+    assert!(picture.requests().is_empty());
+    drop(socket);
+    let begin = Instant::now();
+    while picture.write_rectangle(&area, &pixels).is_ok() {
+        assert!(begin.elapsed() < Duration::from_secs(20));
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// A client of the protocol by hand, and what it is told to make of the server.
+struct Raw(TcpStream);
+
+impl Raw {
+    fn new(to: SocketAddr) -> Self {
+        let socket = TcpStream::connect(to).unwrap();
+        socket.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        Self(socket)
+    }
+
+    fn send(&mut self, kind: u8, content: &[u8]) {
+        let length = u32::try_from(content.len() + 5).unwrap();
+        // Whether it takes it, the other side will tell.
+        let _ = self.0.write_all(&[&length.to_le_bytes()[..], &[kind], content].concat());
+    }
+
+    /// Whether the server hung up.
+    fn is_sent_away(&mut self) -> bool {
+        !matches!(self.0.read(&mut [0; 1]), Ok(n) if n > 0)
+    }
+}
+
+#[test]
+fn clients_that_talk_nonsense() {
+    let limits = ServerLimits {
+        silence: Duration::from_millis(300),
+        mistakes: 5,
+        clients: 3,
+        ..ServerLimits::default()
+    };
+    let (listener, from, _) = listen(limits);
+    let to = listener.address();
+    let gone = |text: &str| match next(&from) {
+        Told::Gone(Ending::Broken(what)) => assert!(what.contains(text), "{what}"),
+        other => panic!("{other:?}"),
+    };
+    // A browser.
+    let mut client = Raw::new(to);
+    client.0.write_all(b"POST / HTTP/1.1\r\n\r\n").unwrap();
+    assert!(client.is_sent_away());
+    gone("bytes of a packet 1414745936 exceeds the limit");
+    // No length at all.
+    let mut client = Raw::new(to);
+    client.0.write_all(&[0; 4]).unwrap();
+    assert!(client.is_sent_away());
+    gone("its length is 0");
+    // Half a packet, then silence; half a packet, then the end.
+    let mut client = Raw::new(to);
+    client.0.write_all(&[99, 0, 0, 0, 2]).unwrap();
+    assert!(client.is_sent_away());
+    gone("silent");
+    let mut client = Raw::new(to);
+    client.0.write_all(&[99, 0, 0, 0, 2]).unwrap();
+    drop(client);
+    gone("in the middle");
+    // Mistakes are told once, and borne for a while; our own packets are for those who said hello.
+    let mut client = Raw::new(to);
+    client.send(77, &[]);
+    client.send(77, &[]);
+    client.send(1, b"\0a\0");
+    client.send(101, b"a\0\0\0\0\0\0\0\0\0\x01\0\0\0\x01\0\0\0");
+    client.send(2, b"b\0");
+    client.send(112, b"a\0");
+    assert_eq!(next(&from), Told::Trouble("unknown packet of type 77".to_owned()));
+    assert_eq!(next(&from), Told::Trouble("not here".to_owned()));
+    assert_eq!(next(&from), Told::Trouble("a packet of our own before a greeting".to_owned()));
+    assert_eq!(next(&from), Told::Packet(Packet::CloseImage { name: "b".to_owned() }));
+    assert_eq!(next(&from), Told::Trouble("a packet that clients do not send".to_owned()));
+    assert!(client.is_sent_away());
+    gone("5 packets were refused");
+    // Too many at once.
+    let some: Vec<Raw> = (0..3).map(|_| Raw::new(to)).collect();
+    let begin = Instant::now();
+    while listener.clients() < 3 {
+        assert!(begin.elapsed() < Duration::from_secs(20));
+    }
+    assert!(Raw::new(to).is_sent_away());
+    assert_eq!(next(&from), Told::Trouble("more than 3 clients".to_owned()));
+    drop(some);
+    for _ in 0..3 {
+        assert_eq!(next(&from), Told::Gone(Ending::Closed));
+    }
+    // One who waits between packets, longer than anybody may in one, is borne; it ends with the listener.
+    let mut client = Raw::new(to);
+    std::thread::sleep(Duration::from_millis(700));
+    client.send(2, b"c\0");
+    assert_eq!(next(&from), Told::Packet(Packet::CloseImage { name: "c".to_owned() }));
+    drop(listener);
+    assert!(client.is_sent_away());
+    std::thread::sleep(Duration::from_millis(100));
+    assert!(TcpStream::connect(to).is_err(), "nobody listens any more");
+}
+
+/// Bytes of every kind in pieces of every size.
+#[test]
+fn random_bytes_never_harm_the_server() {
+    let (listener, from, _) = listen(ServerLimits { mistakes: 50, ..ServerLimits::default() });
+    let mut seed = 1_u64;
+    let mut random = move |below: usize| {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 33) as usize % below.max(1)
+    };
+    let update = Packet::UpdateImage {
+        name: "a".to_owned(),
+        focus: true,
+        channels: vec![Channel { name: "R".to_owned(), offset: 0, stride: 1 }],
+        area: Area { x: 0, y: 0, width: 4, height: 4 },
+        values: vec![1.0; 16],
+    };
+    for round in 0..60 {
+        let mut bytes = Vec::new();
+        for _ in 0..4 {
+            update.encode(&mut bytes).unwrap();
+        }
+        for _ in 0..random(12) {
+            let at = random(bytes.len());
+            bytes[at] = random(256) as u8;
+        }
+        bytes.truncate(random(bytes.len() + 1));
+        let mut client = Raw::new(listener.address());
+        for part in bytes.chunks(1 + random(90)) {
+            if client.0.write_all(part).is_err() {
+                break;
+            }
+        }
+        drop(client);
+        while !matches!(next(&from), Told::Gone(_)) {}
+        assert_eq!(listener.clients(), 0, "round {round}");
+    }
+}
+
+#[test]
+fn addresses() {
+    let listen = |text| listen_address(text).map(|a| a.to_string()).map_err(|e| e.to_string());
+    assert_eq!(listen("14158").unwrap(), "127.0.0.1:14158");
+    assert_eq!(listen(":1").unwrap(), "127.0.0.1:1");
+    assert_eq!(listen("localhost:1").unwrap(), "127.0.0.1:1");
+    assert_eq!(listen("0.0.0.0:1").unwrap(), "0.0.0.0:1");
+    assert_eq!(listen("*:1").unwrap(), "0.0.0.0:1");
+    assert_eq!(listen("[::1]:1").unwrap(), "[::1]:1");
+    for wrong in ["", "x", "1:", "70000", "127.0.0.1"] {
+        assert_eq!(listen(wrong).unwrap_err(), format!("\"{wrong}\" is not [ADDRESS:]PORT"));
+    }
+    let server = |text| server_address(text).map_err(|e| e.to_string());
+    assert_eq!(server("box").unwrap(), ("box".to_owned(), 14158));
+    assert_eq!(server("box:5").unwrap(), ("box".to_owned(), 5));
+    assert_eq!(server(":5").unwrap(), ("localhost".to_owned(), 5));
+    assert_eq!(server("::1").unwrap(), ("::1".to_owned(), 14158));
+    assert_eq!(server("[::1]").unwrap(), ("::1".to_owned(), 14158));
+    assert_eq!(server("[::1]:5").unwrap(), ("::1".to_owned(), 5));
+    for wrong in ["a b", "http://box", "box:", "box:x", "box:99999"] {
+        assert!(server(wrong).is_err(), "{wrong}");
+    }
+}
