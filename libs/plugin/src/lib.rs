@@ -14,7 +14,7 @@ use granita_scene::GeneratorRegistry;
 use std::sync::Arc;
 
 /// All bundled formats: "tiff", "shadow", "exr" ("OpenEXR") and those of `granita-raster`; "gltf" for the
-/// pictures in such files.
+/// pictures in such files; "iv", which writes to a viewer.
 ///
 /// `limits` bound what their readers take in.
 pub fn bundled_formats(limits: Limits) -> FormatRegistry {
@@ -27,6 +27,7 @@ pub fn bundled_formats(limits: Limits) -> FormatRegistry {
     }
     // Its pictures are in the formats above.
     registry.register(Arc::new(granita_mesh::GltfPictures::new(registry.clone())));
+    registry.register(Arc::new(granita_display::IvFormat::default()));
     registry
 }
 

@@ -51,6 +51,16 @@ impl Buckets {
         Self { order: cells.iter().map(rect).collect(), xs, ys, position }
     }
 
+    /// When bucket `index` has its turn in a spiral around a pixel, which may be outside of the image.
+    pub(crate) fn turn_around(&self, index: usize, [x, y]: [i32; 2]) -> (usize, usize) {
+        let cell = |cuts: &[i32], at: i32| {
+            cuts.partition_point(|c| *c <= at).saturating_sub(1).min(cuts.len().saturating_sub(2))
+        };
+        let (middle, own) = ([cell(&self.xs, x), cell(&self.ys, y)], &self.order[index]);
+        let [dx, dy] = [cell(&self.xs, own.x0), cell(&self.ys, own.y0)];
+        turn(dx as isize - middle[0] as isize, dy as isize - middle[1] as isize)
+    }
+
     /// First rows of the rows of buckets, the end of the last one, and how many buckets stand in a row.
     pub(crate) fn rows(&self) -> (&[i32], usize) {
         (&self.ys, self.xs.len() - 1)
@@ -72,7 +82,11 @@ impl Buckets {
 
 /// Rings around the middle, each ring clockwise from its upper left corner.
 fn spiral_key(i: usize, j: usize, nx: usize, ny: usize) -> (usize, usize) {
-    let (dx, dy) = (i as isize - (nx as isize - 1) / 2, j as isize - (ny as isize - 1) / 2);
+    turn(i as isize - (nx as isize - 1) / 2, j as isize - (ny as isize - 1) / 2)
+}
+
+/// The same by columns and rows from the middle.
+fn turn(dx: isize, dy: isize) -> (usize, usize) {
     let ring = dx.abs().max(dy.abs());
     let along = if dy == -ring {
         dx + ring

@@ -2,12 +2,13 @@
 //!
 //! A small image is kept until the frame is done. Of a large one only the rows are kept that have begun and are not
 //! finished: they are written as soon as all rows above them are. That bounds memory where buckets come in rows from the
-//! top, and so they do for large images, whatever "bucketorder" says.
+//! top, and so they do for large images, whatever "bucketorder" says. Of an image that is shown while it is made nothing
+//! is kept: its buckets go to the viewer as they come.
 
 use crate::bucket::Buckets;
 use crate::output::{ImageWriter, OutputImage};
 use crate::{CameraView, PixelRect};
-use granita_image::FormatRegistry;
+use granita_image::{FormatRegistry, Request};
 
 /// Images of more bytes are written while they are rendered.
 const LARGE_BYTES: usize = 1 << 28;
@@ -23,6 +24,15 @@ enum State {
     /// Pixels of the crop window, channels side by side.
     Kept(Vec<f32>),
     Written(Bands),
+    Shown(Viewer),
+}
+
+/// Where an image is shown while it is made.
+struct Viewer {
+    /// None after it failed.
+    file: Option<ImageWriter>,
+    /// Why, until somebody is told.
+    trouble: Option<String>,
 }
 
 /// Rows of buckets.
@@ -48,12 +58,14 @@ pub(crate) enum Finished {
     Kept(Vec<f32>),
     /// It was written, or why it was not.
     Written(Result<(), String>),
+    /// All of it was shown, if there is a viewer left.
+    Shown(Option<ImageWriter>),
 }
 
 impl Canvas {
     /// Whether an image that `camera` sees is written while it is rendered, and so wants its buckets from the top.
     pub(crate) fn is_large(image: &OutputImage, camera: &CameraView) -> bool {
-        Self::bytes(image, camera) > LARGE_BYTES
+        !image.is_shown && Self::bytes(image, camera) > LARGE_BYTES
     }
 
     fn bytes(image: &OutputImage, camera: &CameraView) -> usize {
@@ -80,6 +92,13 @@ impl Canvas {
     ) -> Self {
         let (crop, channels) = (camera.crop, image.channels.len());
         let values = crop.width() * crop.height() * channels;
+        if let Some(registry) = registry.filter(|_| image.is_shown) {
+            let (file, trouble) = match image.open(camera, registry) {
+                Ok(file) => (Some(file), None),
+                Err(error) => (None, Some(error.to_string())),
+            };
+            return Self { crop, channels, state: State::Shown(Viewer { file, trouble }) };
+        }
         let state = match registry.filter(|_| Self::bytes(image, camera) > large_bytes) {
             None => State::Kept(vec![0.0; values]),
             Some(registry) => {
@@ -102,6 +121,14 @@ impl Canvas {
         let (width, row) = (self.crop.width() * n, bucket.width() * n);
         let column = (bucket.x0 - self.crop.x0) as usize * n;
         let (pixels, top) = match &mut self.state {
+            State::Shown(viewer) => {
+                if let Some(file) = &mut viewer.file
+                    && let Err(error) = file.write_rectangle(bucket, values)
+                {
+                    *viewer = Viewer { file: None, trouble: Some(error.to_string()) };
+                }
+                return;
+            }
             State::Kept(pixels) => (pixels, self.crop.y0),
             State::Written(bands) => {
                 let k = bands.rows.partition_point(|y| *y <= bucket.y0).saturating_sub(1);
@@ -123,10 +150,34 @@ impl Canvas {
         }
     }
 
+    /// Somebody begins to work on a bucket.
+    pub(crate) fn begin(&mut self, bucket: &PixelRect) {
+        if let State::Shown(Viewer { file: Some(file), .. }) = &mut self.state {
+            file.begin(bucket);
+        }
+    }
+
+    /// What those who look at the image ask for.
+    pub(crate) fn requests(&mut self) -> Vec<Request> {
+        match &mut self.state {
+            State::Shown(Viewer { file: Some(file), .. }) => file.requests(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Why the image is not shown any more, once.
+    pub(crate) fn trouble(&mut self) -> Option<String> {
+        match &mut self.state {
+            State::Shown(viewer) => viewer.trouble.take(),
+            _ => None,
+        }
+    }
+
     /// After the last bucket. What did not come is black.
     pub(crate) fn finish(self) -> Finished {
         match self.state {
             State::Kept(pixels) => Finished::Kept(pixels),
+            State::Shown(viewer) => Finished::Shown(viewer.file),
             State::Written(mut bands) => {
                 while bands.next < bands.bands.len() {
                     bands.write(self.crop.width() * self.channels);
@@ -202,6 +253,7 @@ mod tests {
                 }
                 match canvas.finish() {
                     Finished::Written(done) => done.unwrap(),
+                    Finished::Shown(_) => panic!("a TIFF file is no viewer"),
                     Finished::Kept(pixels) => {
                         image.pixels = pixels;
                         image.write(&camera, &registry).unwrap();

@@ -1,5 +1,6 @@
 //! What a renderer is given from outside.
 
+use crate::priority::Priority;
 use crate::spread::Spread;
 use granita_base::{Environment, Reporter, SearchPath};
 use granita_gsl::ir::Module;
@@ -79,6 +80,8 @@ pub struct RenderEnvironment {
     pub scene_files: Vec<String>,
     /// Who renders the buckets of frames.
     pub spread: Spread,
+    /// What somebody would have first of a running frame (`Command ("bucketpriority")`).
+    pub priority: Arc<Priority>,
 }
 
 impl std::fmt::Debug for RenderEnvironment {

@@ -152,6 +152,7 @@ impl Fixture {
             databases: Arc::new(Databases::new(FormatRegistry::default(), self.reporter.clone())),
             scene_files: Vec::new(),
             spread: crate::Spread::Alone,
+            priority: Default::default(),
             crop: None,
         };
         let camera = CameraView::new(&self.scene.cameras[0], &self.reporter);

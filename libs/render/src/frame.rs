@@ -13,20 +13,21 @@ use crate::environment::Progress;
 use crate::film;
 use crate::griddump::GridDump;
 use crate::hider::{CompositeSettings, Projector, SamplePattern};
-use crate::output::{OutputImage, OutputSet};
+use crate::output::{OutputImage, OutputSet, Shown};
+use crate::priority::{Priority, Turns};
 use crate::spread::Spread;
 use crate::statistics::{Counters, Statistics, add};
 use crate::unread::is_moving;
 use crate::{CameraView, PixelRect, RenderError};
 use granita_base::{Color, Location, Reporter, Severity};
 use granita_gsl::ir::ValueType;
-use granita_image::FormatRegistry;
+use granita_image::{FormatRegistry, Request};
 use granita_scene::{Primitive, Scene};
 use granita_shade::Grid;
 use job::{Job, Sighting};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 pub(crate) use crate::hider::Holdout;
@@ -103,6 +104,8 @@ pub(crate) struct FrameOptions<'a> {
     pub(crate) scene_files: &'a [String],
     /// Who renders the buckets.
     pub(crate) spread: &'a Spread,
+    /// What somebody would have first.
+    pub(crate) priority: Option<&'a Priority>,
 }
 
 /// One of the views that share the grids of a frame.
@@ -131,6 +134,8 @@ struct Frame<'a, S: FrameShader> {
     counters: Counters,
     /// Buckets may be rendered again.
     again: bool,
+    /// Buckets must come from the top.
+    from_top: bool,
 }
 
 /// Renders one camera into the pixels of `outputs`, one set for each of its eyes, which want the same. Returns what was
@@ -150,7 +155,8 @@ pub(crate) fn render<S: FrameShader>(
     let Some(plan) = outputs.first() else { return Ok((Statistics::default(), true)) };
     let mut order = &*camera.bucketorder;
     let is_large = |image: &OutputImage| eyes.iter().any(|eye| Canvas::is_large(image, eye));
-    if order != "horizontal" && registry.is_some() && plan.images.iter().any(is_large) {
+    let from_top = registry.is_some() && plan.images.iter().any(is_large);
+    if order != "horizontal" && from_top {
         options.reporter.say(
             Severity::Warning,
             &Location::default(),
@@ -160,7 +166,8 @@ pub(crate) fn render<S: FrameShader>(
     }
     let sharers = if matches!(options.spread, Spread::Alone) { threads } else { spread::SHARED_BY };
     let bucket = (shared(camera, sharers), order);
-    let frame = Frame::new(scene, shader, options, plan, bucket);
+    let mut frame = Frame::new(scene, shader, options, plan, bucket);
+    frame.from_top = from_top;
     if let Spread::For(coordinator) = frame.options.spread {
         coordinator.begin();
         if !camera.crop.is_empty() && frame.options.dump.is_none() {
@@ -176,6 +183,10 @@ pub(crate) fn render<S: FrameShader>(
         .flat_map(|(set, eye)| set.images.iter().map(move |image| (image, eye)))
         .map(|(image, eye)| canvas(image, eye))
         .collect();
+    if let Some(priority) = frame.options.priority {
+        priority.reset();
+    }
+    frame.complain(&canvases);
     let mut failed = 0;
     let all: Vec<usize> = (0..frame.buckets.order.len()).collect();
     if !camera.crop.is_empty() {
@@ -198,6 +209,7 @@ pub(crate) fn render<S: FrameShader>(
         match canvas.into_inner().unwrap_or_else(PoisonError::into_inner).finish() {
             Finished::Kept(pixels) => image.pixels = pixels,
             Finished::Written(done) => image.written = Some(done),
+            Finished::Shown(viewer) => image.shown = Shown(Mutex::new(viewer)),
         }
     }
     Ok((statistics, failed == 0))
@@ -262,6 +274,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             dicing: SceneDicing::new(scene),
             counters: Counters::default(),
             again: false,
+            from_top: false,
             options,
         }
     }
@@ -337,19 +350,27 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         list: &[usize],
     ) -> usize {
         let total = list.len();
-        let (next, done, failed) = (AtomicUsize::new(0), AtomicU64::new(0), AtomicUsize::new(0));
+        let (done, failed) = (AtomicU64::new(0), AtomicUsize::new(0));
+        let turns = Mutex::new(Turns::new(list.iter().copied(), self.priority()));
+        let next = || {
+            self.hear(canvases);
+            if self.options.stop.load(Ordering::Relaxed) {
+                return None;
+            }
+            let mut turns = turns.lock().unwrap_or_else(PoisonError::into_inner);
+            turns.next(&self.buckets, self.priority())
+        };
         std::thread::scope(|scope| {
             for _ in 0..threads.min(total) {
                 scope.spawn(|| {
                     let mut thread = self.thread();
-                    while !self.options.stop.load(Ordering::Relaxed) {
-                        let Some(&index) = list.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
+                    while let Some(index) = next() {
+                        self.begin(canvases, index);
                         let result = catch_unwind(AssertUnwindSafe(|| self.bucket(jobs, index, &mut thread)));
                         match result {
                             Ok(values) => {
                                 for (canvas, values) in canvases.iter().zip(&values) {
-                                    let mut canvas = canvas.lock().unwrap_or_else(PoisonError::into_inner);
-                                    canvas.store(&self.buckets.order[index], values);
+                                    self.store(canvas, &self.buckets.order[index], values);
                                 }
                             }
                             Err(panic) => {
@@ -367,6 +388,64 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         });
         add(&self.counters.buckets, total);
         failed.into_inner()
+    }
+
+    /// What somebody would have first, where the order is free.
+    fn priority(&self) -> Option<&Priority> {
+        self.options.priority.filter(|_| !self.from_top)
+    }
+
+    /// Does what those who look at the images ask for.
+    fn hear(&self, canvases: &[Mutex<Canvas>]) {
+        for canvas in canvases {
+            let requests = lock(canvas).requests();
+            for request in requests {
+                let crop = &self.options.camera.crop;
+                let (right, down) = (|x: i32| x.saturating_add(crop.x0), |y: i32| y.saturating_add(crop.y0));
+                match (request, self.options.priority) {
+                    (Request::Stop, _) => self.options.stop.store(true, Ordering::Relaxed),
+                    (Request::Center { x, y }, Some(priority)) => priority.center(right(x), down(y)),
+                    (Request::Rectangle { x0, y0, x1, y1 }, Some(priority)) => {
+                        priority.rectangle(PixelRect {
+                            x0: right(x0),
+                            y0: down(y0),
+                            x1: right(x1),
+                            y1: down(y1),
+                        });
+                    }
+                    (_, None) => (),
+                }
+            }
+        }
+    }
+
+    /// Tells those who look at the images that a bucket is begun.
+    fn begin(&self, canvases: &[Mutex<Canvas>], index: usize) {
+        canvases.iter().for_each(|canvas| lock(canvas).begin(&self.buckets.order[index]));
+    }
+
+    /// Takes the pixels of a bucket.
+    fn store(&self, canvas: &Mutex<Canvas>, rect: &PixelRect, values: &[f32]) {
+        let mut canvas = lock(canvas);
+        canvas.store(rect, values);
+        let trouble = canvas.trouble();
+        drop(canvas);
+        self.complain_of(trouble);
+    }
+
+    /// Says what is wrong with images that are shown: rendering goes on without them.
+    fn complain(&self, canvases: &[Mutex<Canvas>]) {
+        for canvas in canvases {
+            let trouble = lock(canvas).trouble();
+            self.complain_of(trouble);
+        }
+    }
+
+    fn complain_of(&self, trouble: Option<String>) {
+        if let Some(what) = trouble {
+            let text = format!("the image is not shown any more: {what}");
+            self.options.reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);
+        }
     }
 
     /// Says which bucket failed, and how to render only that one.
@@ -409,6 +488,10 @@ impl<O> Jobs<O> {
     fn cost(&self, index: usize) -> u64 {
         1 + 4 * self.of_bucket.get(index).map_or(0, |jobs| jobs.len().min(16)) as u64
     }
+}
+
+fn lock(canvas: &Mutex<Canvas>) -> MutexGuard<'_, Canvas> {
+    canvas.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// What a panic said.

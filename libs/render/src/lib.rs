@@ -41,6 +41,7 @@ mod object;
 mod output;
 mod preshaded;
 mod preview;
+mod priority;
 mod raycache;
 mod raymesh;
 mod rayset;
@@ -64,6 +65,7 @@ pub use camera::{CameraView, EyeProjection, Lens, PixelRect, Projection, ShadedF
 pub use environment::{CallText, NoShader, Progress, RenderEnvironment, ShaderLibrary, Silent};
 pub use error::RenderError;
 pub use preview::PreviewLimits;
+pub use priority::Priority;
 pub use renderer::{FrameReport, Renderer};
 pub use spread::{BucketPixels, Buckets, Coordinator, Spread, Workers};
 pub use statistics::{ShadingStatistics, Statistics};

@@ -2,13 +2,15 @@
 
 use crate::film::{FilterSpec, PixelFilter};
 use crate::hider::{Wanted, WantedVariable};
-use crate::{CameraView, RenderError};
+use crate::{CameraView, PixelRect, RenderError};
 use granita_base::{BaseType, Filter, Location, Param, ParamType, Params, Reporter, Severity};
 use granita_gsl::ir::ValueType;
-use granita_image::{CreateOptions, FormatRegistry, ImageSpec, PixelType, Placement, Quantize};
+use granita_image::{
+    Area, CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Placement, Quantize, Request,
+};
 use granita_scene::Output;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// Parameters of `Output` that the renderer itself understands; all others go to the format.
 const OWN_PARAMETERS: [&str; 11] = [
@@ -77,6 +79,10 @@ pub(crate) struct OutputImage {
     params: Params,
     /// Filtered pixels of the crop window, channels side by side, when the frame is done.
     pub(crate) pixels: Vec<f32>,
+    /// It is shown while it is made, by a format of "rectangles".
+    pub(crate) is_shown: bool,
+    /// Where it was shown, when the frame is done.
+    pub(crate) shown: Shown,
     /// What became of an image that was written while the frame was made.
     pub(crate) written: Option<Result<(), String>>,
     /// "opaquewidth" of an image whose pixels are no filtered samples but texels of a volume shadow map.
@@ -120,7 +126,9 @@ impl OutputSet {
             offset += width;
         }
         for (output, data) in datas {
-            let image = set.image(output, &data, camera, reporter)?;
+            let shows = |format: &Arc<dyn Format>| format.supports("rectangles");
+            let is_shown = registry.by_name(&output.format).is_some_and(shows);
+            let image = set.image(output, &data, camera, is_shown, reporter)?;
             set.images.push(image);
         }
         Ok(set)
@@ -131,6 +139,7 @@ impl OutputSet {
         output: &Output,
         data: &Data,
         camera: &CameraView,
+        is_shown: bool,
         reporter: &Reporter,
     ) -> Result<OutputImage, RenderError> {
         let strings = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>();
@@ -174,11 +183,13 @@ impl OutputSet {
             format: output.format.to_string(),
             filter: filter_spec(output, data, reporter),
             pixels: Vec::new(),
+            is_shown,
+            shown: Shown::default(),
             written: None,
             channels,
             names,
             is_color: matches!(data, Data::Color { .. } | Data::Variable { ty: ValueType::Color, .. }),
-            params: params(output, data),
+            params: params(output, data, is_shown),
             opaque_width: matches!(data, Data::Volume { .. }).then(|| opaque_width(output, reporter)),
         })
     }
@@ -246,7 +257,7 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
     if format.is_empty() || format == "null" {
         return None;
     }
-    if format == "iv" || format.starts_with("0x") {
+    if format.starts_with("0x") {
         return refuse(Severity::Warning, format!("format \"{format}\" is not supported yet"));
     }
     let Some(known) = registry.by_name(format) else {
@@ -394,10 +405,12 @@ fn mistake(output: &Output, reporter: &Reporter, name: &str, what: String) {
     );
 }
 
-/// The parameters of an output, with floats for depths and variables of no colour unless "quantize" is given.
-fn params(output: &Output, data: &Data) -> Params {
+/// The parameters of an output, with floats for depths and for what is shown, unless "quantize" is given.
+fn params(output: &Output, data: &Data, is_shown: bool) -> Params {
     let mut params = output.params.clone();
-    if matches!(data, Data::Depth { .. } | Data::Volume { .. }) && params.get("quantize").is_none() {
+    if (is_shown || matches!(data, Data::Depth { .. } | Data::Volume { .. }))
+        && params.get("quantize").is_none()
+    {
         let ty = ParamType::array(BaseType::Int, 4);
         params.set(Param { name: "quantize".into(), ty, data: [0, 0, 0, 0][..].into() });
     }
@@ -473,7 +486,23 @@ impl OutputImage {
     }
 }
 
-/// A file that takes its rows from the top downward.
+/// What shows an image, if anything does. A copy of the image is shown nowhere.
+#[derive(Default)]
+pub(crate) struct Shown(pub(crate) Mutex<Option<ImageWriter>>);
+
+impl Clone for Shown {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+impl std::fmt::Debug for Shown {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Shown")
+    }
+}
+
+/// A file that takes its rows from the top downward, or a viewer that takes any rectangles.
 pub(crate) struct ImageWriter {
     file: Box<dyn granita_image::ImageOutput>,
     quantize: Quantize,
@@ -483,6 +512,35 @@ pub(crate) struct ImageWriter {
 }
 
 impl ImageWriter {
+    /// Somebody begins to work on these pixels of the image.
+    pub(crate) fn begin(&mut self, rect: &PixelRect) {
+        self.file.begin_rectangle(&self.area(rect));
+    }
+
+    /// Pixels of the image, anywhere.
+    pub(crate) fn write_rectangle(&mut self, rect: &PixelRect, values: &[f32]) -> Result<(), RenderError> {
+        let at = Placement { x: rect.x0, y: rect.y0, width: rect.width(), ..self.at };
+        let pixels = self.quantize.apply(values, &at, self.stored);
+        self.file.write_rectangle(&self.area(rect), &pixels)?;
+        Ok(())
+    }
+
+    /// What those who look at it ask for.
+    pub(crate) fn requests(&mut self) -> Vec<Request> {
+        self.file.requests()
+    }
+
+    /// Pixels of the image as the file counts them.
+    fn area(&self, rect: &PixelRect) -> Area {
+        let from = |at: i32, first: i32| u32::try_from(at - first).unwrap_or(0);
+        Area {
+            x: from(rect.x0, self.at.x),
+            y: from(rect.y0, self.at.y),
+            width: rect.width() as u32,
+            height: rect.height() as u32,
+        }
+    }
+
     /// The next whole rows, channels side by side.
     pub(crate) fn write(&mut self, values: &[f32]) -> Result<(), RenderError> {
         self.file.write_rows(&self.quantize.apply(values, &self.at, self.stored))?;

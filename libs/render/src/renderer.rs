@@ -10,6 +10,7 @@ use crate::preview;
 use crate::shading::{ShaderThread, ShadingContext};
 use crate::spread::Spread;
 use crate::{CameraView, RenderError, ShadingStatistics, Statistics, hider};
+use granita_base::{Location, Severity};
 use granita_gsl::ir::ValueType;
 use granita_scene::{Output, Primitive, Scene};
 use granita_shade::Grid;
@@ -71,6 +72,7 @@ impl Renderer {
         let is_worker = matches!(environment.spread, Spread::For(_));
         let scene = &preview::simplified(scene, &first, reporter);
         let mut report = FrameReport { complete: true, ..FrameReport::default() };
+        let mut shown = Vec::new();
         let mut shading = None;
         for view in views.iter().filter(|v| camera.is_none_or(|name| &*v.name == name)) {
             let own = |o: &&Output| o.camera == view.name && !is_dynamic(o);
@@ -113,6 +115,7 @@ impl Renderer {
                 registry: Some(&environment.registry),
                 scene_files: &environment.scene_files,
                 spread: &environment.spread,
+                priority: Some(&environment.priority),
             };
             let (statistics, complete) = frame::render(scene, shading, options, &mut outputs)?;
             report.statistics.push((view.name.clone(), statistics));
@@ -126,6 +129,10 @@ impl Renderer {
             for k in 0..outputs[0].images.len() {
                 for (eye, set) in eyes.iter().zip(&mut outputs) {
                     let image = &mut set.images[k];
+                    if image.is_shown {
+                        shown.extend(std::mem::take(&mut image.shown).0.into_inner().ok().flatten());
+                        continue;
+                    }
                     let written = match image.written.take() {
                         Some(done) => done,
                         None => image.write(eye, &environment.registry).map_err(|e| e.to_string()),
@@ -148,6 +155,13 @@ impl Renderer {
             Err(error) => {
                 reporter.error(format!("a spatial database is not written: {error}"));
                 report.complete = false;
+            }
+        }
+        // Files first: a slow viewer may take its time.
+        for viewer in shown {
+            if let Err(error) = viewer.close() {
+                let text = format!("an image is not shown whole: {error}");
+                reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);
             }
         }
         report.shading = shading.map(|s| s.statistics()).unwrap_or_default();

@@ -3,7 +3,8 @@
 //! All processes read the same scene and cut its frames into the same buckets. One hands out the numbers of
 //! buckets and puts their pixels together; the others, its workers, render them. How they talk is not known here.
 
-use std::collections::VecDeque;
+use crate::bucket;
+use crate::priority::{Priority, Turns};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// The pixels of a bucket: for each image (those of an eye one after the other) its channels side by side, row by row.
@@ -63,7 +64,7 @@ pub(crate) struct Queue {
 }
 
 struct State {
-    waiting: VecDeque<usize>,
+    waiting: Turns,
     /// Taken by somebody.
     taken: usize,
     /// Those that no worker could render.
@@ -71,8 +72,8 @@ struct State {
 }
 
 impl Queue {
-    pub(crate) fn new(buckets: usize) -> Self {
-        let state = State { waiting: (0..buckets).collect(), taken: 0, failed: Vec::new() };
+    pub(crate) fn new(buckets: usize, priority: Option<&Priority>) -> Self {
+        let state = State { waiting: Turns::new(0..buckets, priority), taken: 0, failed: Vec::new() };
         Self { state: Mutex::new(state), changed: Condvar::new() }
     }
 
@@ -81,13 +82,19 @@ impl Queue {
     }
 
     /// As [`Buckets::take`].
-    pub(crate) fn take(&self, wait: bool, stop: impl Fn() -> bool) -> Option<usize> {
+    pub(crate) fn take(
+        &self,
+        wait: bool,
+        stop: impl Fn() -> bool,
+        buckets: &bucket::Buckets,
+        priority: Option<&Priority>,
+    ) -> Option<usize> {
         let mut state = self.state();
         loop {
             if stop() {
                 return None;
             }
-            if let Some(index) = state.waiting.pop_front() {
+            if let Some(index) = state.waiting.next(buckets, priority) {
                 state.taken += 1;
                 return Some(index);
             }
@@ -113,7 +120,7 @@ impl Queue {
     pub(crate) fn give_back(&self, indices: &[usize]) {
         let mut state = self.state();
         state.taken -= indices.len();
-        indices.iter().rev().for_each(|index| state.waiting.push_front(*index));
+        state.waiting.give_back(indices);
         drop(state);
         self.changed.notify_all();
     }
@@ -121,7 +128,7 @@ impl Queue {
     /// What nobody rendered, in order.
     pub(crate) fn left(self) -> Vec<usize> {
         let state = self.state.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let mut left: Vec<usize> = state.waiting.into_iter().chain(state.failed).collect();
+        let mut left: Vec<usize> = state.waiting.left().chain(state.failed).collect();
         left.sort_unstable();
         left
     }

@@ -554,6 +554,7 @@ fn picture_within(
         dump: None,
         scene_files: &[],
         spread: &crate::spread::Spread::Alone,
+        priority: None,
     };
     crate::frame::render(&scene, &frame, options, std::slice::from_mut(&mut outputs)).unwrap();
     (outputs.images.remove(0).pixels, frame.statistics())

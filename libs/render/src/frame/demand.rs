@@ -68,6 +68,7 @@ impl<O: Send + Sync> OnDemand<O> {
             registry: None,
             scene_files: &[],
             spread: &crate::spread::Spread::Alone,
+            priority: None,
         };
         let size = ([self.tile; 2], "horizontal");
         let frame =

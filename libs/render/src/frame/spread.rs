@@ -42,7 +42,11 @@ impl<S: FrameShader> Share<'_, '_, S> {
 
 impl<S: FrameShader> Buckets for Share<'_, '_, S> {
     fn take(&self, wait: bool) -> Option<usize> {
-        let index = self.queue.take(wait, || self.frame.options.stop.load(Ordering::Relaxed))?;
+        let frame = self.frame;
+        frame.hear(self.canvases);
+        let stop = || frame.options.stop.load(Ordering::Relaxed);
+        let index = self.queue.take(wait, stop, &frame.buckets, frame.priority())?;
+        frame.begin(self.canvases, index);
         self.taken.lock().unwrap_or_else(PoisonError::into_inner).push(index);
         Some(index)
     }
@@ -67,8 +71,7 @@ impl<S: FrameShader> Buckets for Share<'_, '_, S> {
                             pixel.iter_mut().zip(tint.to_array()).for_each(|(v, t)| *v *= t);
                         }
                     }
-                    let mut canvas = canvas.lock().unwrap_or_else(PoisonError::into_inner);
-                    canvas.store(rect, values);
+                    frame.store(canvas, rect, values);
                 }
                 self.queue.finish(index, false);
                 let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
@@ -90,7 +93,7 @@ impl<S: FrameShader> Frame<'_, S> {
         tint: i32,
     ) -> Vec<usize> {
         let total = self.buckets.order.len();
-        let queue = Queue::new(total);
+        let queue = Queue::new(total, self.priority());
         let done = AtomicU64::new(0);
         self.options.progress.begin(total as u64);
         // A dump of grids wants them all here.

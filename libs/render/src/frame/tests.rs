@@ -221,6 +221,7 @@ fn render_counted<S: FrameShader>(
         dump: None,
         scene_files: &[],
         spread: &crate::spread::Spread::Alone,
+        priority: None,
     };
     let (statistics, complete) =
         render(&build.scene, shader, options, std::slice::from_mut(&mut outputs)).unwrap();
@@ -722,6 +723,7 @@ fn a_panic_costs_one_bucket() {
         dump: None,
         scene_files: &files,
         spread: &crate::spread::Spread::Alone,
+        priority: None,
     };
     let shader = Painted { paint, displace: None };
     let (_, complete) = render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs)).unwrap();

@@ -112,6 +112,7 @@ fn objects_too_far_from_the_origin_are_told() {
             registry: None,
             scene_files: &[],
             spread: &crate::spread::Spread::Alone,
+            priority: None,
         };
         let shader = Painted { paint: flat, displace: None };
         render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs)).unwrap();

@@ -35,6 +35,7 @@ fn seen<S: FrameShader>(
         dump: None,
         scene_files: &[],
         spread: &crate::spread::Spread::Alone,
+        priority: None,
     };
     let (statistics, complete) = render(&build.scene, shader, options, &mut outputs).unwrap();
     assert!(complete);

@@ -1,0 +1,155 @@
+//! Which buckets come first, changed while a frame is rendered (reference 4.5).
+//!
+//! Whoever looks on says what matters to them; the buckets that wait are put into another order. No pixel depends on it.
+
+use crate::PixelRect;
+use crate::bucket::Buckets;
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// What to render first; shared by whoever renders and whoever looks on. It counts for the frame that is being rendered,
+/// and is forgotten before the next one.
+#[derive(Debug, Default)]
+pub struct Priority {
+    wanted: Mutex<Wanted>,
+    /// Grows with every change.
+    version: AtomicU64,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Wanted {
+    center: Option<[i32; 2]>,
+    rectangle: Option<PixelRect>,
+}
+
+impl Priority {
+    /// From now on in a spiral around this pixel of the image.
+    pub fn center(&self, x: i32, y: i32) {
+        self.change(|wanted| *wanted = Wanted { center: Some([x, y]), rectangle: None });
+    }
+
+    /// These pixels of the image first, then on as before.
+    pub fn rectangle(&self, rect: PixelRect) {
+        self.change(|wanted| wanted.rectangle = Some(rect));
+    }
+
+    /// The order that the scene asks for.
+    pub(crate) fn reset(&self) {
+        self.change(|wanted| *wanted = Wanted::default());
+    }
+
+    fn wanted(&self) -> MutexGuard<'_, Wanted> {
+        self.wanted.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn change(&self, change: impl FnOnce(&mut Wanted)) {
+        let mut wanted = self.wanted();
+        change(&mut wanted);
+        self.version.fetch_add(1, Ordering::Release);
+    }
+}
+
+/// Buckets whose turn has not come.
+pub(crate) struct Turns {
+    waiting: VecDeque<usize>,
+    /// The version that they are ordered by; `None` before the first change.
+    ordered: Option<u64>,
+}
+
+impl Turns {
+    /// In the order of `list`, until somebody wants another one.
+    pub(crate) fn new(list: impl IntoIterator<Item = usize>, priority: Option<&Priority>) -> Self {
+        let ordered = priority.map(|p| p.version.load(Ordering::Acquire));
+        Self { waiting: list.into_iter().collect(), ordered }
+    }
+
+    /// The next one. What `priority` wants is looked at anew when it changed.
+    pub(crate) fn next(&mut self, buckets: &Buckets, priority: Option<&Priority>) -> Option<usize> {
+        if let Some(priority) = priority {
+            let version = priority.version.load(Ordering::Acquire);
+            if self.ordered != Some(version) {
+                self.ordered = Some(version);
+                let wanted = *priority.wanted();
+                let key = |index: &usize| {
+                    let inside = wanted
+                        .rectangle
+                        .is_some_and(|rect| !buckets.order[*index].intersection(&rect).is_empty());
+                    let turn = wanted.center.map(|pixel| buckets.turn_around(*index, pixel));
+                    (!inside, turn, *index)
+                };
+                self.waiting.make_contiguous().sort_by_cached_key(key);
+            }
+        }
+        self.waiting.pop_front()
+    }
+
+    /// Those that were taken in vain come next.
+    pub(crate) fn give_back(&mut self, indices: &[usize]) {
+        indices.iter().rev().for_each(|index| self.waiting.push_front(*index));
+    }
+
+    /// What nobody took.
+    pub(crate) fn left(self) -> impl Iterator<Item = usize> {
+        self.waiting.into_iter()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn buckets() -> Buckets {
+        Buckets::new(&PixelRect { x0: 0, y0: 0, x1: 80, y1: 60 }, [20, 20], "horizontal", 1)
+    }
+
+    fn drain(turns: &mut Turns, buckets: &Buckets, priority: &Priority) -> Vec<usize> {
+        std::iter::from_fn(|| turns.next(buckets, Some(priority))).collect()
+    }
+
+    #[test]
+    fn a_spiral_around_a_pixel_and_a_rectangle_first() {
+        let (buckets, priority) = (buckets(), Priority::default());
+        let mut turns = Turns::new(0..12, Some(&priority));
+        assert_eq!([0, 1].map(|_| turns.next(&buckets, Some(&priority))), [Some(0), Some(1)]);
+        // Bucket 10 is column 2 of row 2.
+        priority.center(45, 50);
+        assert_eq!(turns.next(&buckets, Some(&priority)), Some(10));
+        assert_eq!(turns.next(&buckets, Some(&priority)), Some(5));
+        // The rectangle touches 4 and 8 only; the spiral goes on behind them.
+        priority.rectangle(PixelRect { x0: 3, y0: 39, x1: 20, y1: 41 });
+        assert_eq!(drain(&mut turns, &buckets, &priority), [8, 4, 6, 7, 11, 9, 2, 3]);
+    }
+
+    #[test]
+    fn every_bucket_has_its_turn_once_whatever_is_wanted() {
+        let (buckets, priority) = (buckets(), Priority::default());
+        let far = [i32::MIN, -1, 0, 59, i32::MAX];
+        let mut seen = Vec::new();
+        let mut turns = Turns::new(0..12, Some(&priority));
+        let wishes = far.iter().flat_map(|x| far.iter().map(move |y| (*x, *y)));
+        for (k, (x, y)) in wishes.enumerate() {
+            match k % 3 {
+                0 => priority.center(x, y),
+                1 => priority.rectangle(PixelRect { x0: x, y0: y, x1: y, y1: x }),
+                _ => priority.rectangle(PixelRect { x0: x, y0: x, x1: i32::MAX, y1: y }),
+            }
+            seen.extend(turns.next(&buckets, Some(&priority)));
+            if k == 5 {
+                turns.give_back(&[seen.pop().unwrap()]);
+            }
+        }
+        seen.sort_unstable();
+        assert_eq!(seen, (0..12).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn what_was_wanted_before_does_not_count() {
+        let (buckets, priority) = (buckets(), Priority::default());
+        priority.center(70, 50);
+        priority.reset();
+        let mut turns = Turns::new(0..12, Some(&priority));
+        assert_eq!(drain(&mut turns, &buckets, &priority), (0..12).collect::<Vec<_>>());
+        assert_eq!(Turns::new([3, 1], None).next(&buckets, None), Some(3));
+    }
+}
