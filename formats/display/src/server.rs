@@ -363,7 +363,7 @@ pub fn server_address(text: &str) -> Result<(String, u16)> {
         }
         _ => (plain(text), DEFAULT_PORT),
     };
-    if host.contains(|c: char| c.is_whitespace() || c == '/') {
+    if port == 0 || host.contains(|c: char| c.is_whitespace() || c == '/') {
         return Err(wrong());
     }
     Ok((if host.is_empty() { "localhost".to_owned() } else { host }, port))

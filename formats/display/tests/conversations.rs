@@ -419,7 +419,7 @@ fn addresses() {
     assert_eq!(server("::1").unwrap(), ("::1".to_owned(), 14158));
     assert_eq!(server("[::1]").unwrap(), ("::1".to_owned(), 14158));
     assert_eq!(server("[::1]:5").unwrap(), ("::1".to_owned(), 5));
-    for wrong in ["a b", "http://box", "box:", "box:x", "box:99999"] {
+    for wrong in ["a b", "http://box", "box:", "box:x", "box:99999", ":0"] {
         assert!(server(wrong).is_err(), "{wrong}");
     }
 }

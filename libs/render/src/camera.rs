@@ -49,12 +49,12 @@ impl PixelRect {
 
     /// Columns; 0 when empty.
     pub fn width(&self) -> usize {
-        usize::try_from(self.x1 - self.x0).unwrap_or(0)
+        usize::try_from(i64::from(self.x1) - i64::from(self.x0)).unwrap_or(0)
     }
 
     /// Rows; 0 when empty.
     pub fn height(&self) -> usize {
-        usize::try_from(self.y1 - self.y0).unwrap_or(0)
+        usize::try_from(i64::from(self.y1) - i64::from(self.y0)).unwrap_or(0)
     }
 
     /// Whether there is no pixel in it.

@@ -6,6 +6,7 @@ use granita_base::{Color, Params, ShapeDesc, Transform, Vec3};
 use granita_scene::Primitive;
 use granita_shade::Grid;
 
+mod live;
 mod maps;
 
 const MATTE: &str = "surface matte () { C *= diffuse (normalize (N)); C *= opacity; }";

@@ -2,6 +2,7 @@
 
 use crate::SessionOptions;
 use granita_base::{Location, ParamData, Params, Reporter, Severity};
+use granita_render::{PixelRect, Priority};
 use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
@@ -28,8 +29,9 @@ pub(crate) fn run(
         "unlink" => command.file("unlink", |path| std::fs::remove_file(path)),
         "return" => context.stop.store(true, Ordering::Relaxed),
         // A blocking renderer is never in the middle of a frame when a scene's command comes: there is nothing
-        // to wait for, and no bucket whose turn could change.
-        "wait" | "bucketpriority" => (),
+        // to wait for.
+        "wait" => (),
+        "bucketpriority" => command.priority(),
         "fileread" => match params.string("name") {
             Some(name) => context.reporter.file_read(Path::new(&**name)),
             None => {
@@ -48,6 +50,8 @@ pub(crate) struct CommandContext {
     pub(crate) reporter: Reporter,
     /// Ends the frame.
     pub(crate) stop: Arc<AtomicBool>,
+    /// What comes first of a frame that is being rendered; forgotten when one begins.
+    pub(crate) priority: Arc<Priority>,
 }
 
 struct Running<'a> {
@@ -106,6 +110,26 @@ impl Running<'_> {
             Ok(status) if status.success() => (),
             Ok(status) => self.say(Severity::Error, format!("\"{line}\" failed: {status}")),
             Err(error) => self.say(Severity::Error, format!("cannot run \"{line}\": {error}")),
+        }
+    }
+
+    /// "bucketpriority": a pixel to go on around, or pixels from the first up to and with the last one.
+    fn priority(&self) {
+        let ints = |name: &str| self.params.get(name).and_then(|p| p.data.to_ints());
+        let (center, rectangle) = (ints("center"), ints("rectangle"));
+        match (center.as_deref(), rectangle.as_deref()) {
+            (Some([x, y]), None) => self.context.priority.center(*x, *y),
+            (None, Some([x0, y0, x1, y1])) => self.context.priority.rectangle(PixelRect {
+                x0: *x0,
+                y0: *y0,
+                x1: x1.saturating_add(1),
+                y1: y1.saturating_add(1),
+            }),
+            _ => self.say(
+                Severity::Error,
+                "Command \"bucketpriority\" needs the parameter \"int[2] center\" or \"int[4] rectangle\""
+                    .to_owned(),
+            ),
         }
     }
 
@@ -174,7 +198,7 @@ mod tests {
 
     fn context() -> (CommandContext, Arc<std::sync::Mutex<Vec<granita_base::report::Message>>>) {
         let (reporter, kept) = Reporter::collecting();
-        (CommandContext { reporter, stop: Arc::default() }, kept)
+        (CommandContext { reporter, stop: Arc::default(), priority: Arc::default() }, kept)
     }
 
     fn command(name: &str, params: Params, options: &SessionOptions) -> (bool, usize) {
@@ -199,6 +223,20 @@ mod tests {
         assert!(!path.exists());
         assert_eq!(command("unlink", name(), &options).1, 1);
         assert_eq!(command("mkdir", Params::new(), &options).1, 1);
+    }
+
+    #[test]
+    fn a_priority_is_a_pixel_or_a_rectangle() {
+        let options = SessionOptions::default();
+        let ints = |declaration: &str, values: &[i32]| Param::declared(declaration, values).unwrap();
+        let (center, rectangle) =
+            (ints("int[2] center", &[3, 4]), ints("int[4] rectangle", &[0, 0, i32::MAX, -5]));
+        for good in [vec![center.clone()], vec![rectangle.clone()]] {
+            assert_eq!(command("bucketpriority", Params(good), &options), (true, 0));
+        }
+        for bad in [vec![], vec![center, rectangle], vec![ints("int[3] center", &[1, 2, 3])]] {
+            assert_eq!(command("bucketpriority", Params(bad), &options), (true, 1));
+        }
     }
 
     #[test]

@@ -38,6 +38,6 @@ mod shaders;
 
 pub use error::SessionError;
 pub use inputs::{Input, InputError, Inputs};
-pub use options::{ExtraOutput, OwnTools, SessionOptions};
+pub use options::{ExtraOutput, FindViewer, OwnTools, SessionOptions, Viewer};
 pub use records::FrameRecord;
 pub use session::{Outcome, Session, SharedProgress};

@@ -2,16 +2,17 @@
 
 use granita_base::Environment;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// An image in addition to the scene's own (`-o`).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ExtraOutput {
-    /// File name; its extension names the format unless `format` does.
+    /// File name; its extension names the format unless `format` does. In the format "iv", the name of the picture.
     pub name: String,
     /// Image format; `None` for the one that the extension belongs to.
     pub format: Option<String>,
     /// "rgba", "first" for what the scene's first output shows, "all" for what each of them shows (written beside
-    /// each other, as `name-1.ext`), or anything that `Output` takes.
+    /// each other, as `name-1.ext`; in the format "iv" as pictures of their own names), or anything that `Output` takes.
     pub data: String,
 }
 
@@ -22,6 +23,19 @@ pub struct OwnTools {
     pub program: PathBuf,
     /// Names that mean this program rather than whatever `PATH` has under them.
     pub names: Vec<String>,
+}
+
+/// Finds a viewer for pictures of the format "iv": its address, or why there is none.
+pub type FindViewer = dyn Fn() -> Result<String, String> + Send + Sync;
+
+/// Where pictures of the format "iv" go that do not say so themselves. Asked when the first one is made.
+#[derive(Clone, Default)]
+pub struct Viewer(pub Option<Arc<FindViewer>>);
+
+impl std::fmt::Debug for Viewer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Viewer").field(&self.0.is_some()).finish()
+    }
 }
 
 /// Everything that a session takes from outside.
@@ -49,6 +63,8 @@ pub struct SessionOptions {
     pub shadertype: Option<String>,
     /// Images in addition to the scene's.
     pub extra_outputs: Vec<ExtraOutput>,
+    /// Where pictures of the format "iv" go; without it, to one that listens on the usual port of this machine.
+    pub viewer: Viewer,
     /// Do not read `$GELATOHOME/.gelato.pyg` and `$HOME/.gelato.pyg` first.
     pub no_startup_files: bool,
     /// Refuse scripts and programs: for scenes from strangers.

@@ -37,7 +37,8 @@ pub(crate) fn amended(
     }
     let own: Vec<Output> = scene.outputs.clone();
     // An output of the command line is an output: the automatic one of a scene without any is not needed then.
-    if !options.extra_outputs.is_empty() && is_automatic(&own, &scene) {
+    // What only a viewer has is not kept, so that one stays.
+    if options.extra_outputs.iter().any(|extra| !is_iv(extra)) && is_automatic(&own, &scene) {
         scene.outputs.clear();
     }
     for extra in &options.extra_outputs {
@@ -93,6 +94,41 @@ fn is_automatic(outputs: &[Output], scene: &Scene) -> bool {
     *output.name == *name && &*output.data == "rgba" && output.params.is_empty()
 }
 
+fn is_iv(extra: &ExtraOutput) -> bool {
+    extra.format.as_deref() == Some("iv")
+}
+
+/// Whether any picture goes to a viewer.
+pub(crate) fn shows(scene: &Scene) -> bool {
+    scene.outputs.iter().any(|output| &*output.format == "iv")
+}
+
+/// The scene with `address` for pictures of the format "iv" that do not name a viewer themselves ("display"), as those of
+/// strangers' scenes must not.
+pub(crate) fn displayed(
+    scene: &Arc<Scene>,
+    address: Option<&str>,
+    safe: bool,
+    reporter: &Reporter,
+) -> Arc<Scene> {
+    let mut scene: Scene = (**scene).clone();
+    for output in scene.outputs.iter_mut().filter(|output| &*output.format == "iv") {
+        if output.params.get("display").is_some() {
+            if !safe {
+                continue;
+            }
+            reporter
+                .warning(format!("output \"{}\": scenes may not name a viewer (\"display\")", output.name));
+            output.params.0.retain(|param| &*param.name != "display");
+        }
+        if let Some(address) = address {
+            let ty = ParamType::of(BaseType::String);
+            output.params.set(Param { name: "display".into(), ty, data: address.into() });
+        }
+    }
+    Arc::new(scene)
+}
+
 fn extra_outputs(
     extra: &ExtraOutput,
     own: &[Output],
@@ -108,7 +144,8 @@ fn extra_outputs(
         None => match registry.by_name(extension) {
             Some(format) => format.name().to_owned(),
             None => {
-                let known = registry.formats().iter().filter(|f| f.supports("write"));
+                let known = registry.formats().iter();
+                let known = known.filter(|f| f.supports("write") && !f.extensions().is_empty());
                 let known: Vec<&str> = known.map(|f| f.name()).collect();
                 reporter.error(format!(
                     "{}: the extension \"{extension}\" is of no known image format (known: {})",
@@ -126,16 +163,25 @@ fn extra_outputs(
         camera: camera.name.clone(),
         params: granita_base::Params::new(),
     };
-    let like = |name: String, output: &Output| Output {
-        name: name.into(),
-        format: plain.format.clone(),
-        ..output.clone()
+    let like = |name: String, output: &Output| {
+        let mut output = Output { name: name.into(), format: plain.format.clone(), ..output.clone() };
+        if is_iv(extra) {
+            // A viewer has its own idea of brightness, and takes all bits.
+            let of_files = ["quantize", "dither", "gain", "gamma"];
+            output.params.0.retain(|param| !of_files.contains(&&*param.name));
+        }
+        output
     };
+    let pages: Vec<&Output> = own.iter().filter(|output| !is_iv(extra) || &*output.format != "iv").collect();
     match extra.data.as_str() {
         "first" => match own.first() {
             Some(first) => vec![like(extra.name.clone(), first)],
             None => vec![Output { data: "rgba".into(), ..plain }],
         },
+        "all" if is_iv(extra) && !pages.is_empty() => {
+            let name = |output: &Output| format!("{} {}", output.name, output.data);
+            pages.into_iter().map(|output| like(name(output), output)).collect()
+        }
         "all" if own.len() > 1 => {
             let stem = path.with_extension("");
             let name = |i: usize| format!("{}-{}.{extension}", stem.display(), i + 1);

@@ -14,7 +14,7 @@ use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSin
 use granita_sdb::Databases;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Instant;
 
 /// What a session remembers of its frames; clones share it.
@@ -75,6 +75,8 @@ pub(crate) struct SessionRenderer {
     /// Statistics of the frames so far, for "statistics:filename".
     statistics: String,
     net: Arc<Net>,
+    /// Where pictures are shown, once that was asked.
+    viewer: OnceLock<Option<String>>,
     /// Whom this session renders buckets for.
     master: Option<Arc<Master>>,
 }
@@ -96,9 +98,14 @@ impl SessionRenderer {
                 done: AtomicU64::new(0),
             }),
             registry,
-            commands: CommandContext { reporter: reporter.clone(), stop: Arc::default() },
+            commands: CommandContext {
+                reporter: reporter.clone(),
+                stop: Arc::default(),
+                priority: Arc::default(),
+            },
             inputs: Inputs::new(options.clone(), reporter.clone()),
             net: Arc::new(Net::new(options.clone(), reporter.clone())),
+            viewer: OnceLock::new(),
             master: master.map(Arc::new),
             options,
             reporter,
@@ -164,7 +171,21 @@ impl SessionRenderer {
             call_text,
             scene_files: self.options.scene_files.clone(),
             spread: self.spread(scene),
+            priority: self.commands.priority.clone(),
         }
+    }
+
+    /// Where pictures are shown that do not say so.
+    fn viewer(&self) -> Option<&str> {
+        let found = self.viewer.get_or_init(|| match self.options.viewer.0.as_ref()?() {
+            Ok(address) => Some(address),
+            Err(what) => {
+                self.reporter
+                    .warning(format!("{what}; one that listens on this machine is used, if any does"));
+                None
+            }
+        });
+        found.as_deref()
     }
 
     /// Who renders the buckets: "net:workers" and "net:workercmd".
@@ -209,7 +230,11 @@ impl FrameRenderer for SessionRenderer {
     fn render(&mut self, scene: Arc<Scene>, _camera: Option<&str>) -> Result<(), Stop> {
         let begin = Instant::now();
         self.commands.stop.store(false, Ordering::Relaxed);
-        let scene = outputs::amended(&scene, &self.options, &self.registry, &self.reporter);
+        let mut scene = outputs::amended(&scene, &self.options, &self.registry, &self.reporter);
+        // Workers show nothing.
+        if self.master.is_none() && outputs::shows(&scene) {
+            scene = outputs::displayed(&scene, self.viewer(), self.options.safe, &self.reporter);
+        }
         let renderer = Renderer::new(self.environment(&scene));
         let report = match renderer.render(&scene, None) {
             Ok(report) => Some(report),

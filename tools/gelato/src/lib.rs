@@ -4,12 +4,13 @@
 
 mod progress;
 mod statistics;
+mod viewer;
 
 use clap::Parser;
 use granita_base::Severity;
 use granita_cli::{Bar, Status, console_reporter, environment, parse, reporter_with};
 use granita_session::{
-    ExtraOutput, Outcome, OwnTools, Session, SessionError, SessionOptions, SharedProgress,
+    ExtraOutput, Outcome, OwnTools, Session, SessionError, SessionOptions, SharedProgress, Viewer,
 };
 use progress::ShownProgress;
 use std::ffi::OsString;
@@ -47,8 +48,8 @@ struct Options {
     #[arg(long, hide = true, conflicts_with_all = ["stream", "net"])]
     worker: bool,
 
-    /// Display for windows, instead of $DISPLAY (not supported yet)
-    #[arg(long, value_name = "SERVER")]
+    /// Show the image while it is rendered in a viewer that listens there: iv, tev, or whatever speaks tev's protocol. The port is 14158 by default
+    #[arg(long, value_name = "HOST[:PORT]")]
     display: Option<String>,
 
     /// Change to this folder before anything else
@@ -75,7 +76,7 @@ struct Options {
     #[arg(long, value_name = "NAME", value_parser = ["gsl", "defaultsurface", "keyfillrim"])]
     shade: Option<String>,
 
-    /// Show the image in an iv window while it is rendered (not supported yet)
+    /// Show the image in a window of iv while it is rendered
     #[arg(long)]
     iv: bool,
 
@@ -172,11 +173,6 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
         variables.set(name, value);
         program_environment.push((name.to_owned(), value.to_owned()));
     }
-    for (given, what) in [(options.iv, "-iv"), (options.display.is_some(), "-display")] {
-        if given {
-            reporter.warning(format!("{what} is not supported yet; rendering goes on without it"));
-        }
-    }
     // Folders are looked for before hours of rendering, not after.
     if let Some(folder) = options.statistics_json.as_deref().and_then(Path::parent)
         && !folder.as_os_str().is_empty()
@@ -190,6 +186,7 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
         return Status::Failed;
     }
     let extra = |name: &String| ExtraOutput { name: name.clone(), format: None, data: options.data.clone() };
+    let display = options.display.clone();
     let session_options = SessionOptions {
         environment: variables,
         program_environment,
@@ -204,7 +201,8 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
         crop: <[f32; 4]>::try_from(options.crop.as_slice()).ok(),
         preview: options.preview,
         shadertype: options.shade.clone(),
-        extra_outputs: options.output.iter().map(extra).collect(),
+        extra_outputs: options.output.iter().map(extra).chain(options.shown()).collect(),
+        viewer: Viewer(Some(Arc::new(move || viewer::find(display.as_deref())))),
         no_startup_files: false,
         safe: options.safe,
         scene_files: options.files.clone(),
@@ -264,6 +262,17 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
 }
 
 impl Options {
+    /// The picture that goes to a viewer, named after the scene.
+    fn shown(&self) -> Option<ExtraOutput> {
+        let file = self.files.first().map(|file| Path::new(file.trim()));
+        let name = file.and_then(Path::file_name).map_or("gelato".into(), |name| name.to_string_lossy());
+        (self.iv || self.display.is_some()).then(|| ExtraOutput {
+            name: name.into_owned(),
+            format: Some("iv".to_owned()),
+            data: self.data.clone(),
+        })
+    }
+
     /// The words by which another process renders the same; `None` when the scene does not come from files.
     fn for_worker(&self) -> Option<Vec<String>> {
         if self.stream || self.files.is_empty() || self.files.iter().any(|f| matches!(&**f, "-" | "pyg -")) {
@@ -282,6 +291,10 @@ impl Options {
             add(&["-shade", shade]);
         }
         self.output.iter().for_each(|name| add(&["-o", name]));
+        // It shows nothing, but must make the same images.
+        if self.shown().is_some() {
+            add(&["-iv"]);
+        }
         add(&["-data", &self.data]);
         if self.crop.len() == 4 {
             add(&["-crop"]);

@@ -310,15 +310,6 @@ fn scenes_from_everywhere() {
 }
 
 #[test]
-fn what_is_not_there_yet_says_so() {
-    let place = Place::new();
-    for words in [["-iv"].as_slice(), &["-display", ":0"]] {
-        let ran = place.run(&[words, &["scene.pyg"]].concat());
-        assert!(ran.status == 0 && ran.said.contains("is not supported yet"), "{}", ran.said);
-    }
-}
-
-#[test]
 fn progress_is_told_where_there_is_no_terminal() {
     let place = Place::new();
     place.write("small.pyg", &format!("Attribute (\"int[2] limits:bucketsize\", (4, 4))\n{SCENE}"));
