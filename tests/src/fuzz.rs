@@ -13,7 +13,7 @@ use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 24] = [
+pub const TARGETS: [(&str, Target); 25] = [
     ("pyg", pyg),
     ("calls", calls),
     ("rib", rib),
@@ -38,6 +38,7 @@ pub const TARGETS: [(&str, Target); 24] = [
     ("ply", ply),
     ("gltf", gltf),
     ("sdb", sdb),
+    ("display", display),
 ];
 
 /// Limits that keep a hostile file from asking for much.
@@ -290,6 +291,27 @@ pub fn mutated(seed: &[u8], number: u32) -> Vec<u8> {
         }
     }
     bytes
+}
+
+/// Packets of live pictures, one after the other as a connection brings them; what is read is written and read again.
+pub fn display(bytes: &[u8]) {
+    use granita_display::{Packet, PacketLimits, packet::rest_of};
+    let limits = PacketLimits { packet_bytes: 1 << 20, ..PacketLimits::default() };
+    let mut rest = bytes;
+    while let Some((length, _)) = rest.split_first_chunk::<4>() {
+        let Ok(more) = rest_of(*length, &limits) else { return };
+        let Some((packet, after)) = rest.split_at_checked(4 + more) else { return };
+        if let Ok(packet) = Packet::decode(packet, &limits) {
+            let mut written = Vec::new();
+            packet.encode(&mut written).expect("what was read can be written");
+            // What is no UTF-8 has grown.
+            let wide = PacketLimits { text_bytes: 1 << 20, packet_bytes: u32::MAX, ..limits };
+            let again = Packet::decode(&written, &wide).map(|p| format!("{p:?}"));
+            // By their text: NaN is not equal to itself.
+            assert!(again.is_ok_and(|again| again == format!("{packet:?}")), "{packet:?} is read otherwise");
+        }
+        rest = after;
+    }
 }
 
 /// A spatial database, and what is asked of it. The checksums are put right first, so that the rest is reached.

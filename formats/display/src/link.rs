@@ -242,7 +242,10 @@ fn send(shared: &Arc<Shared>) -> std::result::Result<(), String> {
         .spawn(move || hear(&own, hearing))
         .map_err(|e| e.to_string())?;
     let result = send_packets(shared, &mut socket, &mut bytes);
-    if result.is_ok() {
+    if let Err(what) = &result {
+        // Before the other thread finds its own reason.
+        shared.give_up(what.clone());
+    } else {
         // With words of the viewer unread, closing would take back what it has not read.
         let _ = socket.shutdown(Shutdown::Write);
         let end = Instant::now() + FAREWELL;

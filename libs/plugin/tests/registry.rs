@@ -42,7 +42,7 @@ fn rendered_pixels_go_through_every_format_and_are_opened_by_content() {
     let values: Vec<f32> = (0..20 * 10 * 3).map(|i| (i % 60) as f32 / 60.0).collect();
     let mut params = Params::new();
     params.set(Param::declared("float dither", 0.0).unwrap());
-    for format in all.formats().iter().filter(|f| f.supports("write")) {
+    for format in all.formats().iter().filter(|f| f.supports("write") && !f.supports("rectangles")) {
         let (quantize, pixel_type) = Quantize::for_output(&**format, &params);
         let expected = match format.name() {
             "shadow" | "hdr" | "pfm" => PixelType::Float,

@@ -98,9 +98,11 @@ fn is_iv(extra: &ExtraOutput) -> bool {
     extra.format.as_deref() == Some("iv")
 }
 
-/// Whether any picture goes to a viewer.
-pub(crate) fn shows(scene: &Scene) -> bool {
-    scene.outputs.iter().any(|output| &*output.format == "iv")
+/// Whether any picture goes to a viewer, and whether one of these does not say to which.
+pub(crate) fn shows(scene: &Scene, safe: bool) -> (bool, bool) {
+    let mut shown = scene.outputs.iter().filter(|output| &*output.format == "iv").peekable();
+    let any = shown.peek().is_some();
+    (any, shown.any(|output| safe || output.params.get("display").is_none()))
 }
 
 /// The scene with `address` for pictures of the format "iv" that do not name a viewer themselves ("display"), as those of

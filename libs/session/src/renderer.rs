@@ -232,8 +232,12 @@ impl FrameRenderer for SessionRenderer {
         self.commands.stop.store(false, Ordering::Relaxed);
         let mut scene = outputs::amended(&scene, &self.options, &self.registry, &self.reporter);
         // Workers show nothing.
-        if self.master.is_none() && outputs::shows(&scene) {
-            scene = outputs::displayed(&scene, self.viewer(), self.options.safe, &self.reporter);
+        let safe = self.options.safe;
+        if let (true, unnamed) = outputs::shows(&scene, safe)
+            && self.master.is_none()
+        {
+            let viewer = if unnamed { self.viewer() } else { None };
+            scene = outputs::displayed(&scene, viewer, safe, &self.reporter);
         }
         let renderer = Renderer::new(self.environment(&scene));
         let report = match renderer.render(&scene, None) {

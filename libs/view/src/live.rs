@@ -174,6 +174,7 @@ struct Shared {
     /// In order of creation.
     pictures: RwLock<Vec<Arc<Picture>>>,
     next_id: AtomicU64,
+    shown: Mutex<u64>,
     version: Mutex<u64>,
     changed: Condvar,
     watchers: Mutex<Vec<Watcher>>,
@@ -202,6 +203,7 @@ impl Live {
             limits,
             pictures: RwLock::default(),
             next_id: AtomicU64::new(1),
+            shown: Mutex::new(0),
             version: Mutex::new(0),
             changed: Condvar::new(),
             watchers: Mutex::default(),
@@ -367,6 +369,28 @@ impl Live {
             state.commands = None;
         });
         self.tell();
+    }
+
+    /// All of it came: without marks, and it takes no commands.
+    pub fn finish(&self, name: &str) {
+        let Ok(picture) = self.picture(name) else { return };
+        picture.write(None, |state| {
+            state.marks.clear();
+            state.commands = None;
+        });
+        self.tell();
+    }
+
+    /// The sender would like this picture to be the one that is seen.
+    pub fn show(&self, name: &str) {
+        let Ok(picture) = self.picture(name) else { return };
+        *self.0.shown.lock().unwrap_or_else(PoisonError::into_inner) = picture.id;
+        self.tell();
+    }
+
+    /// [`LiveInfo::id`] of the picture that a sender last asked to be seen; 0 when none did.
+    pub fn shown(&self) -> u64 {
+        *self.0.shown.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// How the sender would like a picture to be shown.

@@ -57,6 +57,9 @@ pub(crate) struct Args {
 
     #[command(flatten)]
     pub(crate) window: WindowArgs,
+
+    #[command(flatten)]
+    pub(crate) net: crate::listen::NetArgs,
 }
 
 /// When two pictures are alike.

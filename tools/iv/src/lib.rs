@@ -7,6 +7,8 @@
 
 mod args;
 mod info;
+mod listen;
+mod serve;
 mod still;
 
 use args::Args;
@@ -17,6 +19,9 @@ use std::ffi::OsString;
 
 fn run(args: &Args, reporter: &Reporter) -> Status {
     let formats = granita_plugin::bundled_formats(Limits::default());
+    if args.net.serve.is_some() {
+        return serve::run(&args.net, &args.files, &formats, reporter);
+    }
     let still = still::Still { args, formats: &formats, reporter };
     if let Some(status) = still.run() {
         return status;

@@ -122,8 +122,8 @@ fn commands_find_their_way_back_until_the_sender_is_lost() {
         from.iter().take(2).collect::<Vec<_>>(),
         [ViewCommand::Center { x: 1, y: 2 }, ViewCommand::Abort]
     );
-    live.lost("a", "");
-    assert!(live.commands("a").is_none());
+    live.finish("a");
+    assert!(live.commands("a").is_none() && live.info("a").unwrap().note.is_none());
     drop(from);
     assert!(!sender.send(ViewCommand::Abort));
 }
@@ -142,11 +142,14 @@ fn who_waits_is_woken() {
     let maker = std::thread::spawn(move || other.create("a", 1, 1, &names(&["Y"])));
     assert!(live.wait(seen, Duration::from_secs(20)) > seen);
     maker.join().unwrap().unwrap();
+    assert_eq!(live.shown(), 0);
+    live.show("a");
+    assert_eq!(live.shown(), live.info("a").unwrap().id);
     live.wish("a", LiveWishes { zoom: 2, ..LiveWishes::default() });
     assert_eq!(live.info("a").unwrap().wishes.zoom, 2);
     live.close("a");
     live.close("a");
-    assert_eq!((told.load(Ordering::Relaxed), live.names().len()), (3, 0));
+    assert_eq!((told.load(Ordering::Relaxed), live.names().len()), (4, 0));
 }
 
 proptest! {

@@ -1,0 +1,276 @@
+//! Pictures that renderers send (`iv -listen`).
+//!
+//! What clients say becomes pictures of a [`Live`]. As in other viewers, a picture belongs to its name and not to who made
+//! it: a script may create it through one connection and update it through another. Only clients that know our own packets
+//! (several runs of `gelato`) get pictures of their own when they use one name at the same time.
+
+use granita_base::{Location, Reporter, Severity};
+use granita_display::packet::{Channel, DEFAULT_PORT};
+use granita_display::{
+    Client, DisplayError, Ending, Listener, Packet, PacketLimits, ServerLimits, Sink, listen_address,
+};
+use granita_view::{CommandSender, Live, LiveWishes, Rect, ViewCommand};
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Where pictures come from and go to.
+#[derive(clap::Args, Debug, Default)]
+pub(crate) struct NetArgs {
+    /// Take pictures that renderers send to this port: gelato -display, pbrt, and whatever speaks the protocol of tev. Of this machine only, unless ADDRESS says otherwise; * is every address. Without files, 14158
+    #[arg(long, value_name = "[ADDRESS:]PORT", help_heading = "Live pictures")]
+    pub(crate) listen: Option<String>,
+
+    /// Show the pictures that come, and the files, in browsers instead of a window: prints the address of a page. 0 takes any port
+    #[arg(long, value_name = "[ADDRESS:]PORT", help_heading = "Live pictures")]
+    pub(crate) serve: Option<String>,
+
+    /// Let those who send pictures open files of this machine
+    #[arg(long, help_heading = "Live pictures")]
+    pub(crate) allowopen: bool,
+}
+
+/// A file that a client names; only with `-allowopen`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Wanted {
+    /// Open it.
+    Open {
+        /// Its path on this machine.
+        path: String,
+        /// Which channels; empty for all.
+        selector: String,
+        /// Show it.
+        focus: bool,
+    },
+    /// Read it again.
+    Reload {
+        /// The name of its picture.
+        name: String,
+        /// Show it.
+        focus: bool,
+    },
+}
+
+/// Does what a client wants with files; says why not.
+pub(crate) type OpenFile = dyn Fn(Wanted) -> Result<(), String> + Send + Sync;
+
+/// Where to listen: what `-listen` says, or the usual port of this machine.
+///
+/// # Errors
+/// When it is no address.
+pub(crate) fn address(args: &NetArgs) -> Result<SocketAddr, DisplayError> {
+    match &args.listen {
+        Some(text) => listen_address(text),
+        None => Ok((std::net::Ipv4Addr::LOCALHOST, DEFAULT_PORT).into()),
+    }
+}
+
+/// Listens until the result is dropped, and says where. Without `open`, clients reach no files.
+///
+/// # Errors
+/// [`DisplayError::Io`], as when somebody else listens there.
+pub(crate) fn start(
+    address: SocketAddr,
+    live: &Live,
+    reporter: &Reporter,
+    open: Option<Box<OpenFile>>,
+) -> Result<Listener, DisplayError> {
+    let taken = live.limits();
+    let packet = PacketLimits {
+        dimension: taken.dimension,
+        channels: u32::try_from(taken.channels).unwrap_or(u32::MAX),
+        text_bytes: taken.name_bytes,
+        ..PacketLimits::default()
+    };
+    let feeder = Feeder { live: live.clone(), reporter: reporter.clone(), open, names: Mutex::default() };
+    let limits = ServerLimits { packet, ..ServerLimits::default() };
+    let listener = Listener::bind(address, limits, Arc::new(feeder))?;
+    if !address.ip().is_loopback() {
+        reporter.warning(format!(
+            "{address} can be reached from other machines: anybody there may send pictures"
+        ));
+    }
+    // Whoever started this program waits for these words.
+    let text = format!("iv: listening on {}\n", listener.address());
+    reporter.say(Severity::Message, &Location::default(), text);
+    Ok(listener)
+}
+
+/// Makes pictures of packets.
+struct Feeder {
+    live: Live,
+    reporter: Reporter,
+    open: Option<Box<OpenFile>>,
+    names: Mutex<Names>,
+}
+
+/// Which client makes which pictures.
+#[derive(Default)]
+struct Names {
+    /// By client and its own name: the name here.
+    of_client: BTreeMap<(u64, String), String>,
+    /// By the name here: who makes it.
+    makers: BTreeMap<String, u64>,
+}
+
+impl Names {
+    /// The name here of what a client calls `name`.
+    fn here(&self, client: u64, name: &str) -> String {
+        self.of_client.get(&(client, name.to_owned())).cloned().unwrap_or_else(|| name.to_owned())
+    }
+}
+
+impl Feeder {
+    fn names(&self) -> MutexGuard<'_, Names> {
+        self.names.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn create(
+        &self,
+        client: &Arc<Client>,
+        own: String,
+        size: (u32, u32),
+        channels: &[String],
+        focus: bool,
+    ) -> Result<(), String> {
+        let mut names = self.names();
+        let mut name = names.here(client.id(), &own);
+        let mut number = 2;
+        while client.is_two_way() && names.makers.get(&name).is_some_and(|maker| *maker != client.id()) {
+            name = format!("{own} ({number})");
+            number += 1;
+        }
+        self.live.create(&name, size.0, size.1, channels).map_err(|e| e.to_string())?;
+        names.makers.insert(name.clone(), client.id());
+        names.of_client.insert((client.id(), own.clone()), name.clone());
+        drop(names);
+        if client.is_two_way() {
+            let client = client.clone();
+            let sender = CommandSender::new(move |command| client.send(as_packet(own.clone(), command)));
+            self.live.answer(&name, sender);
+        }
+        if focus {
+            self.live.show(&name);
+        }
+        Ok(())
+    }
+
+    fn update(&self, name: &str, channels: &[Channel], rect: Rect, values: &[f32]) -> Result<(), String> {
+        let info = self.live.info(name).ok_or_else(|| format!("there is no picture \"{name}\""))?;
+        let place = |channel: &Channel| {
+            let index = info.channels.iter().position(|n| *n == channel.name);
+            let index = index.ok_or_else(|| format!("\"{name}\" has no channel \"{}\"", channel.name))?;
+            // Beyond what memory holds is beyond the values, too.
+            let usize_of = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
+            Ok((index, usize_of(channel.offset), usize_of(channel.stride)))
+        };
+        let places: Vec<(usize, usize, usize)> = channels.iter().map(place).collect::<Result<_, String>>()?;
+        self.live.update(name, &places, rect, values).map_err(|e| e.to_string())
+    }
+
+    fn file(&self, wanted: Wanted) -> Result<(), String> {
+        match &self.open {
+            Some(open) => open(wanted),
+            None => Err("files are not opened for clients (see -allowopen)".to_owned()),
+        }
+    }
+}
+
+impl Sink for Feeder {
+    fn packet(&self, client: &Arc<Client>, packet: Packet) -> Result<(), String> {
+        let here = |name: &str| self.names().here(client.id(), name);
+        let rect = |area: &granita_display::packet::Area| Rect::at(area.x, area.y, area.width, area.height);
+        match packet {
+            Packet::CreateImage { name, focus, width, height, channels } => {
+                self.create(client, name, (width, height), &channels, focus)?;
+            }
+            Packet::UpdateImage { name, focus, channels, area, values } => {
+                let name = here(&name);
+                self.update(&name, &channels, rect(&area), &values)?;
+                if focus {
+                    self.live.show(&name);
+                }
+            }
+            Packet::CloseImage { name: own } => {
+                let name = here(&own);
+                self.live.close(&name);
+                let mut names = self.names();
+                names.makers.remove(&name);
+                names.of_client.remove(&(client.id(), own));
+            }
+            Packet::OpenImage { path, selector, focus } => {
+                self.file(Wanted::Open { path, selector, focus })?;
+            }
+            Packet::ReloadImage { name, focus } => self.file(Wanted::Reload { name, focus })?,
+            Packet::Mark { name, area } => self.live.mark(&here(&name), rect(&area)),
+            Packet::Wish { name, wishes } => {
+                // Files of this machine are nothing to a client.
+                let file = |name: String| if self.open.is_some() { name } else { String::new() };
+                let wishes = LiveWishes {
+                    fullscreen: wishes.fullscreen,
+                    zoom: wishes.zoom,
+                    foreground: file(wishes.foreground),
+                    background: file(wishes.background),
+                };
+                self.live.wish(&here(&name), wishes);
+            }
+            Packet::Finished { name: own, complete } => {
+                let name = here(&own);
+                match complete {
+                    true => self.live.finish(&name),
+                    false => self.live.lost(&name, "it was stopped before it was done"),
+                }
+                let mut names = self.names();
+                names.makers.remove(&name);
+                names.of_client.remove(&(client.id(), own));
+            }
+            Packet::VectorGraphics { .. } => return Err("vector graphics are not drawn".to_owned()),
+            _ => (),
+        }
+        Ok(())
+    }
+
+    fn trouble(&self, client: &Client, what: &str) {
+        self.reporter.warning(format!("{}: {what}", client.address()));
+    }
+
+    fn gone(&self, client: &Client, ending: &Ending) {
+        let mut names = self.names();
+        let own = names.of_client.keys().filter(|(id, _)| *id == client.id()).cloned().collect::<Vec<_>>();
+        let gone: Vec<String> = own.iter().filter_map(|key| names.of_client.remove(key)).collect();
+        names.makers.retain(|_, maker| *maker != client.id());
+        drop(names);
+        let note = match ending {
+            // Other programs do not say when they are done.
+            Ending::Closed if !client.is_two_way() => None,
+            Ending::Closed => Some("the sender went away before it was done".to_owned()),
+            Ending::Broken(what) => Some(format!("the sender is lost: {what}")),
+        };
+        for name in gone {
+            match &note {
+                Some(note) => self.live.lost(&name, note),
+                None => self.live.finish(&name),
+            }
+        }
+        if let Ending::Broken(what) = ending {
+            self.reporter.warning(format!("{}: {what}", client.address()));
+        }
+    }
+}
+
+/// A command as the client that calls the picture `name` understands it.
+fn as_packet(name: String, command: ViewCommand) -> Packet {
+    match command {
+        ViewCommand::Center { x, y } => Packet::Center { name, x, y },
+        ViewCommand::Priority { rect } => {
+            let size = |n: usize| u32::try_from(n).unwrap_or(u32::MAX).max(1);
+            let (width, height) = (size(rect.width()), size(rect.height()));
+            let area = granita_display::packet::Area { x: rect.x0, y: rect.y0, width, height };
+            Packet::Priority { name, area }
+        }
+        ViewCommand::Abort => Packet::Abort { name },
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,298 @@
+//! Live pictures in browsers (`iv -serve`), for machines without a screen.
+//!
+//! One port serves one page, which holds all that it needs, and its web socket. Both are found only under a random word
+//! in the address, which is printed. A page sees, and changes nothing here: its exposure, zoom and place are its own.
+
+mod http;
+mod page;
+
+use crate::listen::{self, NetArgs, Wanted};
+use granita_base::{Location, Reporter, Severity};
+use granita_cli::Status;
+use granita_display::listen_address;
+use granita_image::FormatRegistry;
+use granita_view::{Live, Rect};
+use page::{Message, Page};
+use std::io::ErrorKind;
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+use tungstenite::protocol::{Role, WebSocketConfig};
+use tungstenite::{Error, WebSocket};
+
+/// The page.
+const PAGE: &str = include_str!("page.html");
+/// Browsers at once, each with a connection or two.
+const CONNECTIONS: usize = 64;
+/// Longest wait for a browser that takes nothing.
+const STALL: Duration = Duration::from_secs(20);
+/// How often a browser's words are heard while nothing changes.
+const TICK: Duration = Duration::from_millis(40);
+
+/// A server of pages; ends when it is dropped.
+pub(crate) struct Server {
+    address: SocketAddr,
+    url: String,
+    shared: Arc<Shared>,
+}
+
+struct Shared {
+    live: Live,
+    token: String,
+    ending: AtomicBool,
+    connections: AtomicUsize,
+}
+
+impl Server {
+    /// Serves `live` at `address`; port 0 is any that is free.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub(crate) fn start(address: SocketAddr, live: Live) -> std::io::Result<Self> {
+        let listener = TcpListener::bind(address)?;
+        let address = listener.local_addr()?;
+        let mut random = [0; 16];
+        getrandom::fill(&mut random).map_err(|e| std::io::Error::other(e.to_string()))?;
+        let token: String = random.iter().map(|b| format!("{b:02x}")).collect();
+        let url = format!("http://{address}/{token}/");
+        let shared = Arc::new(Shared {
+            live,
+            token,
+            ending: AtomicBool::new(false),
+            connections: AtomicUsize::new(0),
+        });
+        let own = shared.clone();
+        std::thread::Builder::new().name("pages".to_owned()).spawn(move || accept(&own, &listener))?;
+        Ok(Self { address, url, shared })
+    }
+
+    /// The address of the page.
+    pub(crate) fn url(&self) -> &str {
+        &self.url
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.shared.ending.store(true, Ordering::SeqCst);
+        // Somebody must knock, or it waits for the next browser.
+        let _ = TcpStream::connect_timeout(&self.address, Duration::from_millis(200));
+    }
+}
+
+/// A place among the connections.
+struct Place(Arc<Shared>);
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.0.connections.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+fn accept(shared: &Arc<Shared>, listener: &TcpListener) {
+    loop {
+        let accepted = listener.accept();
+        if shared.ending.load(Ordering::SeqCst) {
+            return;
+        }
+        let Ok((socket, _)) = accepted else {
+            std::thread::sleep(Duration::from_millis(50));
+            continue;
+        };
+        let place = Place(shared.clone());
+        if shared.connections.fetch_add(1, Ordering::Relaxed) >= CONNECTIONS {
+            continue;
+        }
+        // Without a thread, the browser is told nothing, and tries again.
+        let _ = std::thread::Builder::new().name("page".to_owned()).spawn(move || converse(&place.0, socket));
+    }
+}
+
+/// Answers one request.
+fn converse(shared: &Shared, mut socket: TcpStream) {
+    let _ = socket.set_nodelay(true);
+    let Some(request) = http::Request::read(&mut socket) else {
+        let _ = http::answer(&mut socket, "400 Bad Request", "text/plain", b"this is no request\n");
+        return;
+    };
+    let below = request.path.strip_prefix('/').and_then(|path| path.strip_prefix(&*shared.token));
+    let result = match (&*request.method, below) {
+        ("GET", Some("/")) => {
+            http::answer(&mut socket, "200 OK", "text/html; charset=utf-8", PAGE.as_bytes())
+        }
+        ("GET", Some("/live")) => {
+            match http::upgrade(&mut socket, &request) {
+                Some(()) => show(shared, socket),
+                None => {
+                    let _ =
+                        http::answer(&mut socket, "403 Forbidden", "text/plain", b"a page of ours asks\n");
+                }
+            }
+            return;
+        }
+        ("GET" | "HEAD", _) => http::answer(&mut socket, "404 Not Found", "text/plain", b"not here\n"),
+        _ => http::answer(&mut socket, "405 Method Not Allowed", "text/plain", b"look, do not touch\n"),
+    };
+    drop(result);
+}
+
+/// Keeps a page up to date until it goes.
+fn show(shared: &Shared, socket: TcpStream) {
+    if socket.set_read_timeout(Some(Duration::from_millis(1))).is_err()
+        || socket.set_write_timeout(Some(TICK)).is_err()
+    {
+        return;
+    }
+    let config = WebSocketConfig::default()
+        .max_message_size(Some(1 << 16))
+        .max_frame_size(Some(1 << 16))
+        .write_buffer_size(0)
+        .max_write_buffer_size(64 << 20);
+    let mut web = WebSocket::from_raw_socket(socket, Role::Server, Some(config));
+    let mut page = Page::new(shared.live.clone());
+    while !shared.ending.load(Ordering::Relaxed) {
+        let mut answers = page.news();
+        loop {
+            match web.read() {
+                Ok(tungstenite::Message::Text(text)) => answers.extend(page.hear(&text)),
+                Ok(tungstenite::Message::Close(_)) => {
+                    let _ = web.flush();
+                    return;
+                }
+                Ok(_) => (),
+                Err(error) if is_later(&error) => break,
+                Err(_) => return,
+            }
+        }
+        for answer in answers {
+            let message = match answer {
+                Message::Text(text) => tungstenite::Message::text(text),
+                Message::Pixels(bytes) => tungstenite::Message::binary(bytes),
+            };
+            if !send(&mut web, message) {
+                return;
+            }
+        }
+        if !page.is_behind() {
+            shared.live.wait(page.version(), TICK);
+        }
+    }
+    let _ = web.close(None);
+    let _ = web.flush();
+}
+
+/// Sends a message, as long as the browser takes some of it now and then.
+fn send(web: &mut WebSocket<TcpStream>, message: tungstenite::Message) -> bool {
+    let begin = Instant::now();
+    let mut result = web.write(message);
+    loop {
+        match result {
+            Ok(()) => (),
+            Err(ref error) if is_later(error) => (),
+            Err(_) => return false,
+        }
+        match web.flush() {
+            Ok(()) => return true,
+            Err(error) if is_later(&error) && begin.elapsed() < STALL => result = Ok(()),
+            Err(_) => return false,
+        }
+    }
+}
+
+/// Whether it is only a matter of time.
+fn is_later(error: &Error) -> bool {
+    matches!(error, Error::Io(e)
+        if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted))
+}
+
+/// `-serve`: does not return before the process is ended, except when it cannot begin.
+pub(crate) fn run(
+    args: &NetArgs,
+    files: &[PathBuf],
+    formats: &FormatRegistry,
+    reporter: &Reporter,
+) -> Status {
+    let live = Live::default();
+    let begun = args.serve.as_deref().map_or(Err("-serve needs a port".to_owned()), |text| {
+        let address = listen_address(text).map_err(|e| format!("-serve: {e}"))?;
+        Server::start(address, live.clone()).map_err(|e| format!("cannot serve pages on {address}: {e}"))
+    });
+    let server = match begun {
+        Ok(server) => server,
+        Err(what) => {
+            reporter.error(what);
+            return Status::Failed;
+        }
+    };
+    if !server.address.ip().is_loopback() {
+        reporter.warning(format!(
+            "{} can be reached from other machines; the page is not encrypted",
+            server.address
+        ));
+    }
+    let open = opener(&live, formats, reporter);
+    let listening = listen::address(args)
+        .and_then(|address| listen::start(address, &live, reporter, args.allowopen.then_some(open)));
+    if let Err(error) = &listening {
+        if args.listen.is_some() || files.is_empty() {
+            reporter.error(error.to_string());
+            return Status::Failed;
+        }
+        reporter.warning(format!("{error}: no renderer can send pictures here"));
+    }
+    let text = format!("iv: serving {}\n", server.url());
+    reporter.say(Severity::Message, &Location::default(), text);
+    for file in files {
+        if let Err(what) = read(&live, formats, file) {
+            reporter.error(what);
+        }
+    }
+    loop {
+        std::thread::park();
+    }
+}
+
+/// Reads files that clients name.
+fn opener(live: &Live, formats: &FormatRegistry, reporter: &Reporter) -> Box<listen::OpenFile> {
+    let (live, formats, reporter) = (live.clone(), formats.clone(), reporter.clone());
+    Box::new(move |wanted| {
+        let (path, focus) = match wanted {
+            Wanted::Open { path, focus, .. } => (path, focus),
+            Wanted::Reload { name, focus } => (name, focus),
+        };
+        read(&live, &formats, Path::new(&path))?;
+        reporter.info(format!("{path} is read for a client"));
+        if focus {
+            live.show(&path);
+        }
+        Ok(())
+    })
+}
+
+/// Shows the images of a file under its name; those after the first as `name#1` and so on.
+fn read(live: &Live, formats: &FormatRegistry, path: &Path) -> Result<(), String> {
+    const ROWS: u32 = 64;
+    let input = formats.open(path).map_err(|e| e.to_string())?;
+    for image in 0..input.images() {
+        let Some(spec) = input.spec(image, 0) else { continue };
+        let name = match image {
+            0 => path.display().to_string(),
+            _ => format!("{}#{image}", path.display()),
+        };
+        live.create(&name, spec.width, spec.height, &spec.channels).map_err(|e| format!("{name}: {e}"))?;
+        let n = spec.nchannels();
+        let places: Vec<(usize, usize, usize)> = (0..n).map(|c| (c, c, n)).collect();
+        for y in (0..spec.height).step_by(ROWS as usize) {
+            let end = (y + ROWS).min(spec.height);
+            let pixels = input.read_rows(image, 0, y, end).map_err(|e| e.to_string())?;
+            let rect = Rect::at(0, y as i32, spec.width, end - y);
+            live.update(&name, &places, rect, &pixels.to_floats()).map_err(|e| format!("{name}: {e}"))?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,386 @@
+//! What a page in a browser is told: text in JSON, pixels in binary.
+//!
+//! From the page: `{"show": ID, "channels": [c ...]}` (at most four), `{"probe": [x, y]}`.
+//!
+//! To the page, as text: `{"pictures": [{id, name, width, height, channels, note} ...], "shown": ID}` whenever the list
+//! changes, `{"picture": ID, "scale": s, "width": w, "height": h, "channels": [c ...]}` before its first pixels,
+//! `{"marks": [[x, y, w, h] ...]}`, `{"probe": [x, y], "values": ["v" ...]}`.
+//!
+//! Pixels are little endian: `u32` id, `u32` 0 for floats or 1 for halves, `u32` x, y, width, height, `u32` number of
+//! channels, then the values row by row, channels side by side. A picture of more than [`MOST_SIDE`] pixels a side is
+//! sent reduced: each of its pixels is the mean of `scale x scale` ones.
+
+use granita_view::{Live, LiveInfo, Rect};
+use half::f16;
+use serde_json::{Value, json};
+
+/// Most pixels across or down that a page is sent.
+pub(super) const MOST_SIDE: u32 = 4096;
+/// Sides of the largest rectangle that is sent at once.
+const BLOCK: usize = 256;
+/// Rectangles that are sent one by one; of more, whole blocks that they touch.
+const RECTS: usize = 64;
+/// Bytes of pixels after which the page's own words are heard again.
+const ROUND_BYTES: usize = 4 << 20;
+
+/// What a page looks at.
+pub(super) struct Page {
+    live: Live,
+    /// Version of the list that it knows.
+    version: Option<u64>,
+    /// The picture it chose; 0 before.
+    chosen: u64,
+    channels: Vec<usize>,
+    /// The picture that its pixels are of, and their generation.
+    known: Option<(u64, u64)>,
+    /// Pixels that it has not got.
+    pending: Vec<Rect>,
+    marks: Vec<Rect>,
+    list: Value,
+}
+
+/// A message to the page.
+#[derive(Debug, PartialEq)]
+pub(super) enum Message {
+    Text(String),
+    Pixels(Vec<u8>),
+}
+
+impl Page {
+    pub(super) fn new(live: Live) -> Self {
+        Self {
+            live,
+            version: None,
+            chosen: 0,
+            channels: Vec::new(),
+            known: None,
+            pending: Vec::new(),
+            marks: Vec::new(),
+            list: Value::Null,
+        }
+    }
+
+    /// What the page says; an answer, if it wants one. Nonsense is nothing.
+    pub(super) fn hear(&mut self, text: &str) -> Option<Message> {
+        let value: Value = serde_json::from_str(text).ok()?;
+        if let Some(id) = value["show"].as_u64() {
+            let channels = value["channels"].as_array()?;
+            let index = |c: &Value| c.as_u64().and_then(|c| usize::try_from(c).ok());
+            self.channels = channels.iter().take(4).filter_map(index).collect();
+            (self.chosen, self.known) = (id, None);
+            return None;
+        }
+        let [x, y] =
+            [&value["probe"][0], &value["probe"][1]].map(|v| v.as_i64().and_then(|v| i32::try_from(v).ok()));
+        let (x, y, info) = (x?, y?, self.chosen()?);
+        let all: Vec<usize> = (0..info.channels.len()).collect();
+        let values = self.live.read(&info.name, Rect::at(x, y, 1, 1), &all).ok()?;
+        // JSON has no words for what is no number.
+        let values: Vec<String> = values.iter().map(|v| format!("{v}")).collect();
+        Some(Message::Text(json!({"probe": [x, y], "values": values}).to_string()))
+    }
+
+    /// The picture that is looked at, while it is there.
+    fn chosen(&self) -> Option<LiveInfo> {
+        let infos = self.live.names().into_iter().filter_map(|name| self.live.info(&name));
+        infos.into_iter().find(|info| info.id == self.chosen)
+    }
+
+    /// Whether there is more to send at once.
+    pub(super) fn is_behind(&self) -> bool {
+        !self.pending.is_empty()
+    }
+
+    /// The version that was looked at last.
+    pub(super) fn version(&self) -> u64 {
+        self.version.unwrap_or(0)
+    }
+
+    /// What the page must be told, up to a few megabytes.
+    pub(super) fn news(&mut self) -> Vec<Message> {
+        let version = self.live.version();
+        let mut messages = Vec::new();
+        if self.version != Some(version) {
+            self.version = Some(version);
+            let list = self.pictures();
+            if list != self.list {
+                messages.push(Message::Text(list.to_string()));
+                self.list = list;
+            }
+        }
+        let Some(info) = self.chosen() else {
+            self.pending.clear();
+            return messages;
+        };
+        self.channels.retain(|c| *c < info.channels.len());
+        if self.channels.is_empty() {
+            self.channels = colors(&info.channels);
+        }
+        let scale = info.width.max(info.height).div_ceil(MOST_SIDE);
+        if self.known.is_none_or(|(id, _)| id != info.id) {
+            let text = json!({"picture": info.id, "scale": scale, "channels": self.channels,
+                "width": info.width.div_ceil(scale), "height": info.height.div_ceil(scale)});
+            messages.push(Message::Text(text.to_string()));
+            self.pending = blocks(&[Rect::at(0, 0, info.width, info.height)], &info);
+            self.marks.clear();
+        } else if let Some((_, generation)) = self.known
+            && generation != info.generation
+        {
+            self.pending.extend(self.live.changes_since(&info.name, generation));
+            if self.pending.len() > RECTS {
+                self.pending = blocks(&self.pending, &info);
+            }
+        }
+        self.known = Some((info.id, info.generation));
+        if info.marks != self.marks {
+            let rects: Vec<[i64; 4]> = info
+                .marks
+                .iter()
+                .map(|m| [m.x0.into(), m.y0.into(), m.width() as i64, m.height() as i64])
+                .collect();
+            messages.push(Message::Text(json!({"marks": rects}).to_string()));
+            self.marks = info.marks.clone();
+        }
+        let mut bytes = 0;
+        while bytes < ROUND_BYTES && !self.pending.is_empty() {
+            let rect = self.pending.remove(0);
+            for part in parts(&rect, scale, &info) {
+                if let Some(pixels) = self.pixels(&info, part, scale) {
+                    bytes += pixels.len();
+                    messages.push(Message::Pixels(pixels));
+                }
+            }
+        }
+        messages
+    }
+
+    fn pictures(&self) -> Value {
+        let infos = self.live.names().into_iter().filter_map(|name| self.live.info(&name));
+        let entry = |info: LiveInfo| {
+            json!({"id": info.id, "name": info.name, "width": info.width, "height": info.height,
+                "channels": info.channels, "note": info.note, "live": info.takes_commands})
+        };
+        json!({"pictures": infos.map(entry).collect::<Vec<_>>(), "shown": self.live.shown()})
+    }
+
+    /// Some pixels, as the page wants them; none when the picture was replaced meanwhile.
+    fn pixels(&self, info: &LiveInfo, rect: Rect, scale: u32) -> Option<Vec<u8>> {
+        let values = self.live.read(&info.name, rect, &self.channels).ok()?;
+        let n = self.channels.len();
+        let values = if scale == 1 { values } else { reduced(&values, &rect, n, scale as usize) };
+        // Halves where they are enough for a screen, as for colours; depths and the like need their bits.
+        let colors = self.channels.iter().all(|c| matches!(&*info.channels[*c], "R" | "G" | "B" | "A" | "Y"));
+        let halves = colors && values.iter().all(|v| !v.is_finite() || v.abs() <= 65504.0);
+        let size = [rect.width(), rect.height()].map(|side| side.div_ceil(scale as usize) as u32);
+        let (x, y) = (rect.x0.cast_unsigned() / scale, rect.y0.cast_unsigned() / scale);
+        let mut bytes = Vec::with_capacity(28 + values.len() * 4);
+        for word in [info.id as u32, u32::from(halves), x, y, size[0], size[1], n as u32] {
+            bytes.extend(word.to_le_bytes());
+        }
+        match halves {
+            true => bytes.extend(values.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes())),
+            false => bytes.extend(values.iter().flat_map(|v| v.to_le_bytes())),
+        }
+        Some(bytes)
+    }
+}
+
+/// The channels that show the picture best: its colours, or the first one.
+fn colors(names: &[String]) -> Vec<usize> {
+    let find = |name: &str| names.iter().position(|n| n == name);
+    match (find("R"), find("G"), find("B")) {
+        (Some(r), Some(g), Some(b)) => [Some(r), Some(g), Some(b), find("A")].into_iter().flatten().collect(),
+        _ => vec![find("Y").unwrap_or(0)],
+    }
+}
+
+/// The blocks that some rectangles touch, each once.
+fn blocks(rects: &[Rect], info: &LiveInfo) -> Vec<Rect> {
+    let across = (info.width as usize).div_ceil(BLOCK);
+    let mut touched = vec![false; across * (info.height as usize).div_ceil(BLOCK)];
+    for rect in rects {
+        let [x0, y0, x1, y1] =
+            [rect.x0, rect.y0, rect.x1 - 1, rect.y1 - 1].map(|v| v.max(0) as usize / BLOCK);
+        for by in y0..=y1 {
+            for bx in x0..=x1 {
+                if let Some(block) = touched.get_mut(by * across + bx) {
+                    *block = true;
+                }
+            }
+        }
+    }
+    let window = Rect::at(0, 0, info.width, info.height);
+    let at = |k: usize| {
+        let (x, y) = ((k % across * BLOCK) as i32, (k / across * BLOCK) as i32);
+        Rect::at(x, y, BLOCK as u32, BLOCK as u32).intersection(&window)
+    };
+    touched.iter().enumerate().filter(|(_, t)| **t).map(|(k, _)| at(k)).collect()
+}
+
+/// A rectangle in parts that are sent at once, grown to whole pixels of the reduced picture.
+fn parts(rect: &Rect, scale: u32, info: &LiveInfo) -> Vec<Rect> {
+    let scale = scale as i32;
+    let window = Rect::at(0, 0, info.width, info.height);
+    let grown = Rect {
+        x0: rect.x0 / scale * scale,
+        y0: rect.y0 / scale * scale,
+        x1: rect.x1.div_euclid(scale).saturating_add(i32::from(rect.x1 % scale != 0)).saturating_mul(scale),
+        y1: rect.y1.div_euclid(scale).saturating_add(i32::from(rect.y1 % scale != 0)).saturating_mul(scale),
+    };
+    let grown = grown.intersection(&window);
+    if grown.is_empty() {
+        return Vec::new();
+    }
+    let step = BLOCK as i32 * scale;
+    let starts = |from: i32, to: i32| (from..to).step_by(step as usize);
+    starts(grown.y0, grown.y1)
+        .flat_map(|y| starts(grown.x0, grown.x1).map(move |x| (x, y)))
+        .map(|(x, y)| {
+            Rect { x0: x, y0: y, x1: x.saturating_add(step), y1: y.saturating_add(step) }.intersection(&grown)
+        })
+        .collect()
+}
+
+/// Means of `scale x scale` pixels; at the right and lower edge of those that there are.
+fn reduced(values: &[f32], rect: &Rect, n: usize, scale: usize) -> Vec<f32> {
+    let (width, height) = (rect.width(), rect.height());
+    let mut out = Vec::with_capacity(width.div_ceil(scale) * height.div_ceil(scale) * n);
+    for y in (0..height).step_by(scale) {
+        for x in (0..width).step_by(scale) {
+            let (x1, y1) = ((x + scale).min(width), (y + scale).min(height));
+            for c in 0..n {
+                let pixels = (y..y1).flat_map(|j| (x..x1).map(move |i| (j * width + i) * n + c));
+                let sum: f32 = pixels.map(|k| values[k]).sum();
+                out.push(sum / ((x1 - x) * (y1 - y)) as f32);
+            }
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(list: &[&str]) -> Vec<String> {
+        list.iter().map(|n| (*n).to_owned()).collect()
+    }
+
+    /// What the page holds after all news: its size, and values by pixel.
+    fn painted(page: &mut Page, painting: &mut (u32, u32, Vec<f32>)) -> usize {
+        let mut count = 0;
+        loop {
+            for message in page.news() {
+                match message {
+                    Message::Text(text) => {
+                        let value: Value = serde_json::from_str(&text).unwrap();
+                        if value["picture"].is_u64() {
+                            let side = |name: &str| value[name].as_u64().unwrap() as u32;
+                            let (w, h) = (side("width"), side("height"));
+                            let n = value["channels"].as_array().unwrap().len();
+                            *painting = (w, h, vec![f32::NAN; w as usize * h as usize * n]);
+                        }
+                    }
+                    Message::Pixels(bytes) => {
+                        count += 1;
+                        let word = |i: usize| u32::from_le_bytes(*bytes[i * 4..].first_chunk().unwrap());
+                        let [x, y, w, h, n] = [2, 3, 4, 5, 6].map(|i| word(i) as usize);
+                        let values: Vec<f32> = match word(1) {
+                            0 => bytes[28..].as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect(),
+                            _ => bytes[28..]
+                                .as_chunks()
+                                .0
+                                .iter()
+                                .map(|b| f16::from_le_bytes(*b).to_f32())
+                                .collect(),
+                        };
+                        for (j, line) in values.chunks(w * n).enumerate() {
+                            let at = ((y + j) * painting.0 as usize + x) * n;
+                            painting.2[at..at + w * n].copy_from_slice(line);
+                        }
+                        assert!(h * w * n == values.len());
+                    }
+                }
+            }
+            if !page.is_behind() {
+                return count;
+            }
+        }
+    }
+
+    #[test]
+    fn a_page_holds_what_the_picture_holds() {
+        let live = Live::default();
+        live.create("a", 700, 300, &names(&["R", "G", "B", "A", "Z"])).unwrap();
+        let mut page = Page::new(live.clone());
+        let mut painting = (0, 0, Vec::new());
+        assert_eq!(painted(&mut page, &mut painting), 0, "nothing is chosen yet");
+        let id = live.info("a").unwrap().id;
+        assert_eq!(page.hear(&format!("{{\"show\": {id}, \"channels\": []}}")), None);
+        assert_eq!(painted(&mut page, &mut painting), 6);
+        assert!((painting.0, painting.1) == (700, 300) && painting.2.iter().all(|v| *v == 0.0));
+        // A tile comes alone.
+        let tile: Vec<f32> = (0..16 * 16 * 4).map(|v| v as f32 / 8.0).collect();
+        live.update("a", &[(0, 0, 4), (1, 1, 4), (2, 2, 4), (3, 3, 4)], Rect::at(600, 200, 16, 16), &tile)
+            .unwrap();
+        assert_eq!(painted(&mut page, &mut painting), 1);
+        let all = live.read("a", Rect::at(0, 0, 700, 300), &[0, 1, 2, 3]).unwrap();
+        assert!(painting.2 == all, "these numbers are halves");
+        assert_eq!(painted(&mut page, &mut painting), 0);
+        // Hundreds of tiles come as blocks.
+        for k in 0..300 {
+            live.update("a", &[(4, 0, 0)], Rect::at(k, k, 1, 1), &[1e7]).unwrap();
+        }
+        assert!(painted(&mut page, &mut painting) < 7);
+        // Depths are floats.
+        page.hear(&format!("{{\"show\": {id}, \"channels\": [4, 99]}}"));
+        assert_eq!(painted(&mut page, &mut painting), 6);
+        assert!(painting.2 == live.read("a", Rect::at(0, 0, 700, 300), &[4]).unwrap());
+        match page.hear("{\"probe\": [3, 3]}").unwrap() {
+            Message::Text(text) => {
+                assert_eq!(text, r#"{"probe":[3,3],"values":["0","0","0","0","10000000"]}"#)
+            }
+            other => panic!("{other:?}"),
+        }
+        for nonsense in [
+            "",
+            "{",
+            "[]",
+            "{\"probe\": [3]}",
+            "{\"probe\": [-1, 0]}",
+            "{\"show\": -1}",
+            "{\"probe\": [1e99, 3]}",
+        ] {
+            assert_eq!(page.hear(nonsense), None, "{nonsense}");
+        }
+        live.close("a");
+        assert_eq!(painted(&mut page, &mut painting), 0);
+    }
+
+    #[test]
+    fn large_pictures_come_reduced() {
+        let live = Live::default();
+        live.create("a", 9001, 5, &names(&["Y"])).unwrap();
+        let all: Vec<f32> = (0..9001 * 5).map(|v| (v % 9001) as f32).collect();
+        live.update("a", &[(0, 0, 1)], Rect::at(0, 0, 9001, 5), &all).unwrap();
+        let mut page = Page::new(live.clone());
+        page.hear(&format!("{{\"show\": {}, \"channels\": [0]}}", live.info("a").unwrap().id));
+        let mut painting = (0, 0, Vec::new());
+        painted(&mut page, &mut painting);
+        assert_eq!((painting.0, painting.1), (3001, 2));
+        assert_eq!(
+            (painting.2[0], painting.2[1], painting.2[3000], painting.2[3001]),
+            (1.0, 4.0, 9000.0, 1.0)
+        );
+        live.update("a", &[(0, 0, 0)], Rect::at(4, 4, 1, 1), &[400.0]).unwrap();
+        assert_eq!(painted(&mut page, &mut painting), 1);
+        assert_eq!(painting.2[3001 + 1], (3.0 + 5.0 + 400.0 + 12.0) / 6.0);
+    }
+
+    #[test]
+    fn colours_are_found_by_name() {
+        assert_eq!(colors(&names(&["A", "B", "G", "R"])), [3, 2, 1, 0]);
+        assert_eq!(colors(&names(&["R", "G", "B", "Z"])), [0, 1, 2]);
+        assert_eq!((colors(&names(&["Z", "Y"])), colors(&names(&["Z"]))), (vec![1], vec![0]));
+    }
+}

@@ -1,0 +1,124 @@
+//! The server over real sockets, with a client of web sockets in place of a browser.
+
+use super::*;
+use std::io::{Read, Write};
+
+fn serving(live: &Live) -> Server {
+    Server::start(([127, 0, 0, 1], 0).into(), live.clone()).unwrap()
+}
+
+/// Sends bytes; what comes back until the end.
+fn ask(server: &Server, bytes: &str) -> String {
+    let mut socket = TcpStream::connect(server.address).unwrap();
+    socket.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+    let _ = socket.write_all(bytes.as_bytes());
+    let mut answer = Vec::new();
+    let _ = socket.read_to_end(&mut answer);
+    String::from_utf8_lossy(&answer).into_owned()
+}
+
+fn get(server: &Server, path: &str, headers: &str) -> String {
+    ask(server, &format!("GET {path} HTTP/1.1\r\nHost: {}\r\n{headers}\r\n", server.address))
+}
+
+#[test]
+fn the_page_is_found_under_its_word_only() {
+    let live = Live::default();
+    let server = serving(&live);
+    let token = server.url().split('/').nth(3).unwrap();
+    assert_eq!(token.len(), 32);
+    assert_ne!(serving(&live).url().split('/').nth(3), Some(token));
+    let page = get(&server, &format!("/{token}/"), "");
+    assert!(page.starts_with("HTTP/1.1 200 OK\r\n") && page.ends_with("</html>\n"), "{page}");
+    assert!(page.contains("Content-Security-Policy: default-src 'none'"));
+    // It needs nothing from elsewhere.
+    for foreign in ["http://", "https://", "src=", "@import", "url("] {
+        assert!(!PAGE.contains(foreign), "{foreign}");
+    }
+    let wrong = "0".repeat(32);
+    for path in [
+        "/",
+        "/live",
+        &format!("/{wrong}/"),
+        &format!("/{wrong}/live"),
+        &format!("/{token}"),
+        "/../etc/passwd",
+    ] {
+        assert!(get(&server, path, "").starts_with("HTTP/1.1 404"), "{path}");
+    }
+    let post = ask(&server, &format!("POST /{token}/ HTTP/1.1\r\nContent-Length: 0\r\n\r\n"));
+    assert!(post.starts_with("HTTP/1.1 405"), "{post}");
+    for wrong in [
+        "\r\n\r\n",
+        "GET\r\n\r\n",
+        "\u{1}\r\n\r\n",
+        &format!("GET / HTTP/1.1\r\nA: {}\r\n\r\n", "x".repeat(40_000)),
+    ] {
+        let answer = ask(&server, wrong);
+        assert!(answer.is_empty() || answer.starts_with("HTTP/1.1 400"), "{answer}");
+    }
+    // A socket is for our own page.
+    let asks = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n";
+    let path = format!("/{token}/live");
+    for headers in ["", "Upgrade: websocket\r\n", &format!("{asks}Origin: http://evil.example\r\n")] {
+        assert!(get(&server, &path, headers).starts_with("HTTP/1.1 403"), "{headers}");
+    }
+    // The server's end is the end of its connections.
+    let address = server.address;
+    drop(server);
+    std::thread::sleep(Duration::from_millis(200));
+    assert!(TcpStream::connect(address).is_err());
+}
+
+#[test]
+fn a_browser_is_told_what_comes() {
+    let live = Live::default();
+    let server = serving(&live);
+    live.create("a", 40, 30, &["R".to_owned(), "G".to_owned(), "B".to_owned()]).unwrap();
+    let socket = TcpStream::connect(server.address).unwrap();
+    socket.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+    let url = format!("ws{}live", server.url().strip_prefix("http").unwrap());
+    let (mut web, _) = tungstenite::client(url, socket).unwrap();
+    let text = |message: tungstenite::Message| message.into_text().unwrap().to_string();
+    let list = text(web.read().unwrap());
+    assert!(list.contains("\"name\":\"a\"") && list.contains("\"height\":30"), "{list}");
+    let id = live.info("a").unwrap().id;
+    web.send(tungstenite::Message::text(format!("{{\"show\":{id},\"channels\":[0,1,2]}}"))).unwrap();
+    assert!(text(web.read().unwrap()).contains("\"picture\":"));
+    assert_eq!(web.read().unwrap().into_data().len(), 28 + 40 * 30 * 3 * 2);
+    live.mark("a", Rect::at(8, 8, 8, 8));
+    assert_eq!(text(web.read().unwrap()), "{\"marks\":[[8,8,8,8]]}");
+    live.update("a", &[(0, 0, 0), (1, 0, 0), (2, 0, 0)], Rect::at(8, 8, 8, 8), &[0.5]).unwrap();
+    assert_eq!(text(web.read().unwrap()), "{\"marks\":[]}");
+    let pixels = web.read().unwrap().into_data();
+    assert_eq!((pixels.len(), &pixels[28..30]), (28 + 64 * 6, &[0x00, 0x38][..]));
+    // Nonsense is borne; too much of it is not.
+    web.send(tungstenite::Message::text("{\"show\":")).unwrap();
+    web.send(tungstenite::Message::binary(vec![0; 100])).unwrap();
+    web.send(tungstenite::Message::text("{\"probe\":[8,8]}")).unwrap();
+    assert_eq!(text(web.read().unwrap()), "{\"probe\":[8,8],\"values\":[\"0.5\",\"0.5\",\"0.5\"]}");
+    live.close("a");
+    assert_eq!(text(web.read().unwrap()), format!("{{\"pictures\":[],\"shown\":0}}"));
+    let _ = web.send(tungstenite::Message::text("x".repeat(1 << 20)));
+    assert!((0..10).any(|_| web.read().is_err()), "it is sent away");
+}
+
+#[test]
+fn files_are_pictures_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.pfm");
+    std::fs::write(&path, [&b"PF\n2 1\n-1.0\n"[..], &[0, 0, 128, 63].repeat(6)].concat()).unwrap();
+    let live = Live::default();
+    let formats = granita_plugin::bundled_formats(granita_image::Limits::default());
+    read(&live, &formats, &path).unwrap();
+    let (info, values) = live.snapshot(&path.display().to_string()).unwrap();
+    assert_eq!((info.width, info.height, values), (2, 1, vec![1.0; 6]));
+    assert!(read(&live, &formats, &folder.path().join("nosuch")).is_err());
+    let open = opener(&live, &formats, &Reporter::silent());
+    assert!(
+        open(Wanted::Open { path: "nosuch.exr".to_owned(), selector: String::new(), focus: true }).is_err()
+    );
+    let name = path.display().to_string();
+    open(Wanted::Reload { name: name.clone(), focus: true }).unwrap();
+    assert_eq!(live.shown(), live.info(&name).unwrap().id);
+}
