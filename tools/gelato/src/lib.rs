@@ -264,7 +264,8 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
 impl Options {
     /// The picture that goes to a viewer, named after the scene.
     fn shown(&self) -> Option<ExtraOutput> {
-        let file = self.files.first().map(|file| Path::new(file.trim()));
+        // Settings stand in files before the scene.
+        let file = self.files.last().map(|file| Path::new(file.trim()));
         let name = file.and_then(Path::file_name).map_or("gelato".into(), |name| name.to_string_lossy());
         (self.iv || self.display.is_some()).then(|| ExtraOutput {
             name: name.into_owned(),

@@ -1,3 +1,5 @@
+//! Packets byte by byte, and any packet written and read.
+
 use super::*;
 use proptest::prelude::*;
 

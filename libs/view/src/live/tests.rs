@@ -1,3 +1,5 @@
+//! Pictures that arrive, in every layout and from any thread.
+
 use super::*;
 use proptest::prelude::*;
 
