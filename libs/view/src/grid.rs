@@ -85,6 +85,19 @@ fn needs_around(page: &Page, sheet: &Sheet, view: &View, around: &Around) -> Nee
     Needs { level: eye.level, tiles: seen.into_iter().collect() }
 }
 
+/// The pixel that is drawn at a point of the screen: its level, column and row; `None` beside the picture.
+pub fn pixel_under(page: &Page, sheet: &Sheet, view: &View, x: f64, y: f64) -> Option<(usize, u32, u32)> {
+    if let Some(around) = view.around.filter(|_| page.is_panorama()) {
+        let eye = Eye::new(page, sheet, view, &around);
+        let (u, v) = eye.at(x, y);
+        return Some((eye.level, u as u32, v as u32));
+    }
+    let level = level_for(&page.pyramid, sheet, view.zoom);
+    let (x, y) = view.to_sheet(x, y);
+    let (u, v) = sheet.pixel_at(x, y, level)?;
+    Some((level, u, v))
+}
+
 /// From points of the screen to pixels of a picture of all directions.
 pub(crate) struct Eye<'a> {
     page: &'a Page,

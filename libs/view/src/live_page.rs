@@ -49,7 +49,7 @@ impl Source for LiveSource {
 #[derive(Debug)]
 pub struct LivePage {
     /// The page.
-    pub page: Page,
+    pub page: Arc<Page>,
     live: Live,
     info: LiveInfo,
     seen: u64,
@@ -62,7 +62,7 @@ impl LivePage {
         let mut spec = ImageSpec::new(info.width, info.height, info.channels.len(), PixelType::Float);
         spec.channels = info.channels.clone();
         let source = Arc::new(LiveSource { live: live.clone(), info: info.clone() });
-        let page = Page::from_source(name, spec, source, store);
+        let page = Arc::new(Page::from_source(name, spec, source, store));
         Some(Self { page, live: live.clone(), seen: info.generation, info })
     }
 

@@ -35,7 +35,7 @@ impl Stamp {
 }
 
 /// One image of a file, with all its levels.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Page {
     /// Name in the file; "" when it has none.
     pub name: String,
@@ -61,7 +61,7 @@ pub struct Picture {
     /// The format that it turned out to have.
     pub format: &'static str,
     /// Its images, at least one.
-    pub pages: Vec<Page>,
+    pub pages: Vec<Arc<Page>>,
     /// The file that was opened.
     pub stamp: Stamp,
 }
@@ -100,6 +100,18 @@ impl Page {
         let specs: Vec<ImageSpec> = (0..page.levels()).filter_map(|l| page.spec(l).cloned()).collect();
         let name = specs[0].string("name").unwrap_or_default().to_owned();
         Some(Self::build(name, specs, Arc::new(page), store, input.format_name()))
+    }
+
+    /// The same pixels, taken as a panorama by latitude and longitude.
+    #[must_use]
+    pub fn as_panorama(&self) -> Self {
+        Self { kind: TextureKind::LatLongEnvironment, layout: None, ..self.clone() }
+    }
+
+    /// The same pixels, their integers taken as colours for a screen, or as in proportion to light.
+    #[must_use]
+    pub fn with_encoding(&self, encoded: bool) -> Self {
+        Self { encoded, ..self.clone() }
     }
 
     /// Description of its largest level.
@@ -150,8 +162,8 @@ impl Picture {
         // Before it is opened: a change while that happens is seen afterwards.
         let stamp = Stamp::of(path);
         let input: Arc<dyn ImageInput> = Arc::from(formats.open(path)?);
-        let pages: Vec<Page> =
-            (0..input.images()).filter_map(|image| Page::open(&input, image, store)).collect();
+        let pages: Vec<Arc<Page>> =
+            (0..input.images()).filter_map(|image| Page::open(&input, image, store)).map(Arc::new).collect();
         if pages.is_empty() {
             let what = format!("{}: there is no picture in it that can be shown", path.display());
             return Err(ViewError::Misuse { what });

@@ -7,6 +7,9 @@ use crate::tile::{Reduce, TILE, Tile};
 use granita_image::PixelType;
 use std::sync::{Arc, Mutex, PoisonError};
 
+/// Levels are made down to this many pixels a side.
+const SMALLEST: u32 = 16;
+
 /// One level of a page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
@@ -65,7 +68,7 @@ impl Pyramid {
             let scale = (f64::from(width) / f64::from(w.max(1)), f64::from(height) / f64::from(h.max(1)));
             levels.push(Level { width: w, height: h, scale, stored: true });
         }
-        while let Some(last) = levels.last().filter(|l| l.width.max(l.height) > TILE) {
+        while let Some(last) = levels.last().filter(|l| l.width.max(l.height) > SMALLEST) {
             let next = Level {
                 width: last.width.div_ceil(2),
                 height: last.height.div_ceil(2),
@@ -92,6 +95,11 @@ impl Pyramid {
     /// Number of levels that the source itself has.
     pub fn stored_levels(&self) -> usize {
         self.levels.iter().filter(|l| l.stored).count()
+    }
+
+    /// A number that no other page of the store has.
+    pub fn number(&self) -> u64 {
+        self.page
     }
 
     /// Its numbers in the store, each with what is visible of it: `level` is looked at, `tiles` tiles of it.

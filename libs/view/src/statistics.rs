@@ -195,6 +195,22 @@ pub fn depth_range(page: &Page, channel: usize) -> Result<Option<(f32, f32)>> {
     Ok((near <= far).then_some((near, far)))
 }
 
+/// The range of the finite values of a layer, without its alpha; as [`depth_range`].
+///
+/// # Errors
+/// When it cannot be read.
+pub fn value_range(page: &Page, layer: usize) -> Result<Option<(f32, f32)>> {
+    let Some(layer) = page.layers.get(layer) else { return Ok(None) };
+    let mut range: Option<(f32, f32)> = None;
+    for channel in layer.channels.iter().filter(|c| Some(**c) != layer.alpha) {
+        if let Some((low, high)) = depth_range(page, *channel)? {
+            let (a, b) = range.unwrap_or((low, high));
+            range = Some((a.min(low), b.max(high)));
+        }
+    }
+    Ok(range)
+}
+
 /// How often values occur.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histogram {

@@ -10,6 +10,8 @@ mod info;
 mod listen;
 mod serve;
 mod still;
+#[cfg(feature = "window")]
+mod window;
 
 use args::Args;
 use granita_base::Reporter;
@@ -26,8 +28,16 @@ fn run(args: &Args, reporter: &Reporter) -> Status {
     if let Some(status) = still.run() {
         return status;
     }
-    reporter.error("there is no window in this build: choose what to do without one (-help lists it)");
-    Status::Failed
+    #[cfg(feature = "window")]
+    {
+        let live = granita_view::Live::default();
+        window::run(args, &live, &formats, reporter)
+    }
+    #[cfg(not(feature = "window"))]
+    {
+        reporter.error("there is no window in this build: choose what to do without one (-help lists it)");
+        Status::Failed
+    }
 }
 
 /// Runs the tool; `words` begins with the name it was called by.

@@ -1,0 +1,340 @@
+//! The list of pictures: files, and those that arrive. Files are opened when they are looked at.
+
+use super::desk::Choice;
+use granita_image::FormatRegistry;
+use granita_view::{
+    Arrangement, Display, Group, Live, LiveInfo, LivePage, Page, Picture, Sheet, Shown, Stamp, TileStore,
+    ViewCommand, groups,
+};
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Files that are open at once.
+const OPEN: usize = 24;
+
+/// What is drawn of an entry.
+#[derive(Clone, Debug)]
+pub(crate) struct Seen {
+    pub(crate) page: Arc<Page>,
+    pub(crate) sheet: Sheet,
+    pub(crate) layer: usize,
+    pub(crate) display: Display,
+}
+
+impl Seen {
+    pub(crate) fn shown(&self) -> Shown<'_> {
+        Shown { page: &self.page, sheet: &self.sheet, layer: self.layer, display: &self.display }
+    }
+}
+
+enum Opened {
+    Not,
+    File(Picture),
+    Live(LivePage),
+    /// And the file that could not be opened, as it was then.
+    Failed(String, Stamp),
+}
+
+struct Entry {
+    /// Name of the file, or of the live picture.
+    path: PathBuf,
+    live: bool,
+    opened: Opened,
+    choice: Choice,
+}
+
+/// The list.
+pub(crate) struct Entries {
+    list: Vec<Entry>,
+    pub(crate) current: usize,
+    /// Those that are open, the one used longest ago first.
+    open: VecDeque<usize>,
+    live: Live,
+    live_version: u64,
+    changes: u64,
+}
+
+impl Entries {
+    pub(crate) fn new(files: Vec<PathBuf>, live: Live) -> Self {
+        let mut entries = Self {
+            list: Vec::new(),
+            current: 0,
+            open: VecDeque::new(),
+            live,
+            live_version: u64::MAX,
+            changes: 0,
+        };
+        entries.add(files);
+        entries
+    }
+
+    /// Adds files at the end.
+    pub(crate) fn add(&mut self, files: Vec<PathBuf>) {
+        self.list.extend(files.into_iter().map(|path| Entry {
+            path,
+            live: false,
+            opened: Opened::Not,
+            choice: Choice::FIRST,
+        }));
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    /// Grows whenever what is drawn may be another thing for a reason besides the user and the loader.
+    pub(crate) fn changes(&self) -> u64 {
+        self.changes
+    }
+
+    /// Names, without folders.
+    pub(crate) fn name(&self, entry: usize) -> String {
+        let Some(e) = self.list.get(entry) else { return String::new() };
+        if e.live {
+            return e.path.display().to_string();
+        }
+        e.path.file_name().map_or_else(|| e.path.display().to_string(), |n| n.to_string_lossy().into_owned())
+    }
+
+    pub(crate) fn path(&self, entry: usize) -> Option<&Path> {
+        self.list.get(entry).map(|e| &*e.path)
+    }
+
+    pub(crate) fn is_live(&self, entry: usize) -> bool {
+        self.list.get(entry).is_some_and(|e| e.live)
+    }
+
+    /// The list in groups: sequences, folders, and what is live.
+    pub(crate) fn groups(&self) -> Vec<Group> {
+        let files: Vec<PathBuf> =
+            self.list.iter().map(|e| if e.live { Path::new("live").join(&e.path) } else { e.path.clone() }).collect();
+        groups(&files)
+    }
+
+    /// Opens an entry that is not open.
+    ///
+    /// # Errors
+    /// What is wrong, the first time.
+    pub(crate) fn open(
+        &mut self,
+        entry: usize,
+        formats: &FormatRegistry,
+        store: &TileStore,
+    ) -> Result<(), String> {
+        let Some(e) = self.list.get_mut(entry) else { return Ok(()) };
+        if !matches!(e.opened, Opened::Not) {
+            return Ok(());
+        }
+        if e.live {
+            let page = LivePage::new(&self.live, &e.path.to_string_lossy(), store);
+            if let Some(page) = page {
+                e.opened = Opened::Live(page);
+            }
+            return Ok(());
+        }
+        let stamp = Stamp::of(&e.path);
+        match Picture::open(&e.path, formats, store) {
+            Ok(picture) => e.opened = Opened::File(picture),
+            Err(error) => {
+                let text = error.to_string();
+                e.opened = Opened::Failed(text.clone(), stamp);
+                return Err(text);
+            }
+        }
+        self.open.retain(|i| *i != entry);
+        self.open.push_back(entry);
+        while self.open.len() > OPEN {
+            let Some(oldest) = self.open.pop_front() else { break };
+            if oldest != self.current && oldest != entry {
+                self.list[oldest].opened = Opened::Not;
+            }
+        }
+        Ok(())
+    }
+
+    /// What is wrong with an entry that cannot be opened.
+    pub(crate) fn error(&self, entry: usize) -> Option<&str> {
+        match &self.list.get(entry)?.opened {
+            Opened::Failed(text, _) => Some(text),
+            _ => None,
+        }
+    }
+
+    /// Number of pages of an open entry, and the one that is chosen.
+    pub(crate) fn page(&self, entry: usize) -> Option<(usize, Arc<Page>)> {
+        let e = self.list.get(entry)?;
+        match &e.opened {
+            Opened::File(picture) => {
+                let page = picture.pages.get(e.choice.page).or(picture.pages.first())?;
+                Some((picture.pages.len(), page.clone()))
+            }
+            Opened::Live(live) => Some((1, live.page.clone())),
+            Opened::Not | Opened::Failed(..) => None,
+        }
+    }
+
+    /// The file that is open.
+    pub(crate) fn picture(&self, entry: usize) -> Option<&Picture> {
+        match &self.list.get(entry)?.opened {
+            Opened::File(picture) => Some(picture),
+            _ => None,
+        }
+    }
+
+    /// What is known of a live picture.
+    pub(crate) fn live_info(&self, entry: usize) -> Option<&LiveInfo> {
+        match &self.list.get(entry)?.opened {
+            Opened::Live(live) => Some(live.info()),
+            _ => None,
+        }
+    }
+
+    pub(crate) fn choice(&self, entry: usize) -> Choice {
+        self.list.get(entry).map_or(Choice::FIRST, |e| e.choice)
+    }
+
+    pub(crate) fn choose(&mut self, entry: usize, choice: Choice) {
+        if let Some(e) = self.list.get_mut(entry) {
+            e.choice = choice;
+        }
+    }
+
+    /// Whether an open entry can be looked around in.
+    pub(crate) fn panorama(&self, entry: usize) -> Option<bool> {
+        self.page(entry).map(|(_, page)| page.is_panorama())
+    }
+
+    /// Takes the chosen page of a file as a panorama, although it does not say so.
+    pub(crate) fn as_panorama(&mut self, entry: usize, _store: &TileStore) {
+        let Some(e) = self.list.get_mut(entry) else { return };
+        let chosen = e.choice.page;
+        if let Opened::File(picture) = &mut e.opened
+            && let Some(page) = picture.pages.get_mut(chosen)
+        {
+            *page = Arc::new(page.as_panorama());
+            self.changes += 1;
+        }
+    }
+
+    /// Another entry is looked at in the same way where it has what that takes.
+    pub(crate) fn follow(&mut self, from: usize, to: usize) {
+        let choice = self.choice(from);
+        if let Some(e) = self.list.get_mut(to)
+            && e.choice == Choice::FIRST
+        {
+            e.choice = Choice { encoded: None, ..choice };
+        }
+    }
+
+    /// What is to be drawn of an open entry, with the user's display.
+    pub(crate) fn seen(&self, entry: usize, display: &Display) -> Option<Seen> {
+        let (_, mut page) = self.page(entry)?;
+        let choice = self.choice(entry);
+        if let Some(encoded) = choice.encoded.filter(|e| *e != page.encoded) {
+            page = Arc::new(page.with_encoding(encoded));
+        }
+        let layer = choice.layer.min(page.layers.len() - 1);
+        let level = choice.level.min(page.pyramid.stored_levels() - 1);
+        let arrangement: Arrangement = choice.arrangement.unwrap_or(page.arrangement());
+        let sheet = page.sheet(arrangement, level);
+        let mut display = *display;
+        // A channel that the page does not have.
+        if let granita_view::Channels::One(c) = display.channels
+            && c >= page.spec().nchannels()
+        {
+            display.channels = granita_view::Channels::Color;
+        }
+        Some(Seen { page, sheet, layer, display })
+    }
+
+    /// Opens a file anew.
+    pub(crate) fn reload(&mut self, entry: usize, formats: &FormatRegistry, store: &TileStore) {
+        let Some(e) = self.list.get_mut(entry).filter(|e| !e.live) else { return };
+        self.changes += 1;
+        let stamp = Stamp::of(&e.path);
+        match (Picture::open(&e.path, formats, store), &e.opened) {
+            (Ok(picture), _) => e.opened = Opened::File(picture),
+            // What was there stays on the screen.
+            (Err(_), Opened::File(_)) => {}
+            (Err(error), _) => e.opened = Opened::Failed(error.to_string(), stamp),
+        }
+    }
+
+    /// Opens a file anew if it changed; says so.
+    pub(crate) fn watch(&mut self, entry: usize, formats: &FormatRegistry, store: &TileStore) -> Option<String> {
+        let e = self.list.get_mut(entry).filter(|e| !e.live)?;
+        match &mut e.opened {
+            Opened::File(picture) if picture.has_changed() => {
+                let now = Stamp::of(&e.path);
+                match Picture::open(&e.path, formats, store) {
+                    Ok(new) => *picture = new,
+                    Err(_) => {
+                        // Being written: what was there stays, and it is looked at again when more has come.
+                        picture.stamp = now;
+                        return None;
+                    }
+                }
+                self.changes += 1;
+                Some(format!("{} has changed", e.path.display()))
+            }
+            Opened::Failed(_, stamp) => {
+                let now = Stamp::of(&e.path);
+                if now == *stamp || !now.is_there() {
+                    return None;
+                }
+                *stamp = now;
+                if let Ok(new) = Picture::open(&e.path, formats, store) {
+                    e.opened = Opened::File(new);
+                    self.changes += 1;
+                }
+                None
+            }
+            _ => None,
+        }
+    }
+
+    /// Takes note of what arrived; a live picture that is new.
+    pub(crate) fn poll_live(&mut self, _store: &TileStore) -> Option<usize> {
+        let version = self.live.version();
+        if version == self.live_version {
+            return None;
+        }
+        self.live_version = version;
+        let mut new = None;
+        for name in self.live.names() {
+            let place = self.list.iter().position(|e| e.live && e.path.as_os_str() == &*name);
+            let entry = match place {
+                Some(entry) => entry,
+                None => {
+                    self.list.push(Entry {
+                        path: PathBuf::from(&name),
+                        live: true,
+                        opened: Opened::Not,
+                        choice: Choice::FIRST,
+                    });
+                    new = Some(self.list.len() - 1);
+                    continue;
+                }
+            };
+            if let Opened::Live(page) = &mut self.list[entry].opened {
+                match page.refresh() {
+                    Some(changed) => self.changes += u64::from(changed),
+                    // Another one of this name.
+                    None => {
+                        self.list[entry].opened = Opened::Not;
+                        self.changes += 1;
+                        new = new.or(Some(entry));
+                    }
+                }
+            }
+        }
+        new
+    }
+
+    /// Tells the sender of a live picture something; whether anybody is there.
+    pub(crate) fn command(&self, entry: usize, command: ViewCommand) -> bool {
+        let name = self.list.get(entry).filter(|e| e.live).map(|e| e.path.to_string_lossy().into_owned());
+        name.and_then(|name| self.live.commands(&name)).is_some_and(|sender| sender.send(command))
+    }
+}

@@ -1,0 +1,254 @@
+//! The keys: one row of a table each. The window, its help and the manual all go by it.
+
+use eframe::egui::{Key, Modifiers};
+use granita_view::Channels;
+
+/// What can be done.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Action {
+    Next(isize),
+    First,
+    Last,
+    Other,
+    KeepOther,
+    Page(isize),
+    Layer(isize),
+    Level(isize),
+    Face(isize),
+    Around,
+    Fit,
+    Zoom(f64),
+    ZoomBy(f64),
+    Pan(f64, f64),
+    FullScreen,
+    Exposure(f32),
+    Gamma(f32),
+    ResetLook,
+    Show(Channels),
+    FalseColor,
+    FalseColorLog,
+    Normalize,
+    Marks,
+    Background,
+    ScreenEncoding,
+    FileEncoding,
+    Wipe,
+    WipeDirection,
+    Difference,
+    DifferenceGain(f32),
+    Over,
+    Reload,
+    SaveView,
+    SavePixels,
+    List,
+    Histogram,
+    Help,
+    Theme,
+    Abort,
+    Escape,
+    Quit,
+}
+
+/// One key.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Row {
+    /// As people write it; several, separated by ", ".
+    pub(crate) keys: &'static str,
+    pub(crate) action: Action,
+    /// What it does, where that is not in the row before it. Rows with an empty text share that.
+    pub(crate) text: &'static str,
+}
+
+const fn row(keys: &'static str, action: Action, text: &'static str) -> Row {
+    Row { keys, action, text }
+}
+
+/// The table in sections.
+pub(crate) const SECTIONS: [(&str, &[Row]); 6] = [
+    (
+        "Pictures",
+        &[
+            row("PageDown, Space", Action::Next(1), "next picture"),
+            row("PageUp, Backspace", Action::Next(-1), "previous picture"),
+            row("Home", Action::First, "first picture"),
+            row("End", Action::Last, "last picture"),
+            row("T", Action::Other, "the other picture, and back: the one seen before, or kept by Shift+T"),
+            row("Shift+T", Action::KeepOther, "keep this picture as the other one"),
+            row("Period", Action::Page(1), "next image of the file"),
+            row("Comma", Action::Page(-1), "previous image of the file"),
+            row("L", Action::Layer(1), "next layer"),
+            row("Shift+L", Action::Layer(-1), "previous layer"),
+            row("M", Action::Level(1), "next smaller MIP level"),
+            row("Shift+M", Action::Level(-1), "next larger MIP level"),
+            row("K", Action::Face(1), "cube: cross, as stored, each face"),
+            row("Shift+K", Action::Face(-1), "the same backwards"),
+            row("O", Action::Around, "panorama or cube: look around, and back"),
+            row("F5", Action::Reload, "read the file again (it is, by itself, when it changes)"),
+        ],
+    ),
+    (
+        "View",
+        &[
+            row("F", Action::Fit, "fit into the window"),
+            row("1", Action::Zoom(1.0), "one pixel for one"),
+            row("2", Action::Zoom(2.0), "two for one"),
+            row("4", Action::Zoom(4.0), "four for one"),
+            row("8", Action::Zoom(8.0), "eight for one"),
+            row("Plus, Equals", Action::ZoomBy(1.414_213_562_373_095_1), "nearer (wheel: at the pointer)"),
+            row("Minus", Action::ZoomBy(0.707_106_781_186_547_5), "farther"),
+            row("ArrowLeft", Action::Pan(64.0, 0.0), "move (drag: with the pointer)"),
+            row("ArrowRight", Action::Pan(-64.0, 0.0), ""),
+            row("ArrowUp", Action::Pan(0.0, 64.0), ""),
+            row("ArrowDown", Action::Pan(0.0, -64.0), ""),
+            row("F11, Enter", Action::FullScreen, "full screen, and back"),
+        ],
+    ),
+    (
+        "Looks",
+        &[
+            row("CloseBracket, E", Action::Exposure(0.5), "half a stop brighter"),
+            row("OpenBracket, Shift+E", Action::Exposure(-0.5), "half a stop darker"),
+            row("Y", Action::Gamma(0.1), "more gamma"),
+            row("Shift+Y", Action::Gamma(-0.1), "less gamma"),
+            row("0", Action::ResetLook, "exposure, gamma, range and colours as at first"),
+            row("C", Action::Show(Channels::Color), "colour"),
+            row("R", Action::Show(Channels::Red), "red alone, or the first channel of the layer"),
+            row("G", Action::Show(Channels::Green), "green alone, or the second"),
+            row("B", Action::Show(Channels::Blue), "blue alone, or the third"),
+            row("A", Action::Show(Channels::Alpha), "alpha alone"),
+            row("U", Action::Show(Channels::Luminance), "luminance"),
+            row("V", Action::FalseColor, "false colours: each map in turn, then none"),
+            row("Shift+V", Action::FalseColorLog, "false colours by ratio, or by difference"),
+            row("N", Action::Normalize, "black and white at the least and the largest value, and back"),
+            row("X", Action::Marks, "mark NaN and infinite values; also negative ones; nothing"),
+            row("J", Action::Background, "what is seen through alpha: nothing, black, grey, white, checker"),
+            row("I", Action::ScreenEncoding, "encode for an sRGB screen, or show in proportion"),
+            row("Shift+I", Action::FileEncoding, "take integers as encoded colours, or as in proportion to light"),
+            row("H", Action::Histogram, "histogram, numbers and metadata"),
+        ],
+    ),
+    (
+        "Comparing with the other picture",
+        &[
+            row("W", Action::Wipe, "wipe; the edge follows the pointer while Shift is down, or is dragged"),
+            row("Shift+W", Action::WipeDirection, "wipe from above, or from the left"),
+            row("D", Action::Difference, "difference"),
+            row("Shift+CloseBracket, Shift+D", Action::DifferenceGain(2.0), "difference twice as strong"),
+            row("Shift+OpenBracket", Action::DifferenceGain(0.5), "half as strong"),
+            row("P", Action::Over, "lay this picture over the other by its alpha"),
+        ],
+    ),
+    (
+        "Live pictures",
+        &[row("Delete", Action::Abort, "end the render (Shift+click: go on here; Ctrl+drag: this part first)")],
+    ),
+    (
+        "Others",
+        &[
+            row("Ctrl+S", Action::SaveView, "save what is seen"),
+            row("Ctrl+Shift+S", Action::SavePixels, "save the values of the layer, in any format"),
+            row("Tab", Action::List, "list of pictures"),
+            row("F2", Action::Theme, "dark, or light"),
+            row("Questionmark, F1", Action::Help, "these keys"),
+            row("Escape", Action::Escape, "close what is open, end a comparison, forget the probe"),
+            row("Q, Ctrl+Q", Action::Quit, "end"),
+        ],
+    ),
+];
+
+/// A key with its modifiers, from `Ctrl+Shift+S`.
+pub(crate) fn parse(text: &str) -> Option<(Key, Modifiers)> {
+    let mut modifiers = Modifiers::NONE;
+    let mut rest = text;
+    loop {
+        if let Some(r) = rest.strip_prefix("Ctrl+") {
+            (modifiers.ctrl, modifiers.command, rest) = (true, true, r);
+        } else if let Some(r) = rest.strip_prefix("Shift+") {
+            (modifiers.shift, rest) = (true, r);
+        } else if let Some(r) = rest.strip_prefix("Alt+") {
+            (modifiers.alt, rest) = (true, r);
+        } else {
+            break;
+        }
+    }
+    let name = match rest {
+        "ArrowLeft" => "Left",
+        "ArrowRight" => "Right",
+        "ArrowUp" => "Up",
+        "ArrowDown" => "Down",
+        other => other,
+    };
+    Key::from_name(rest).or_else(|| Key::from_name(name)).map(|key| (key, modifiers))
+}
+
+/// What a key does.
+pub(crate) fn action_of(key: Key, modifiers: Modifiers) -> Option<Action> {
+    // Characters that may need Shift on one keyboard and not on another stand for themselves.
+    let itself = matches!(key, Key::Questionmark | Key::Plus | Key::Equals | Key::Minus);
+    let rows = SECTIONS.iter().flat_map(|s| s.1);
+    for row in rows {
+        for text in row.keys.split(", ") {
+            let Some((k, m)) = parse(text) else { continue };
+            if k == key
+                && (m.shift == modifiers.shift || itself)
+                && (m.ctrl || m.command) == (modifiers.ctrl || modifiers.command)
+                && m.alt == modifiers.alt
+            {
+                return Some(row.action);
+            }
+        }
+    }
+    None
+}
+
+/// How a key is written for people.
+pub(crate) fn written(keys: &str) -> String {
+    let mut text = keys.to_owned();
+    for (name, sign) in [
+        ("CloseBracket", "]"),
+        ("OpenBracket", "["),
+        ("Questionmark", "?"),
+        ("Period", "."),
+        ("Comma", ","),
+        ("Plus", "+"),
+        ("Equals", "="),
+        ("Minus", "-"),
+        ("Arrow", ""),
+        (", ", " "),
+    ] {
+        // The separator last: a comma is also a key.
+        text = text.replace(name, sign);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_row_is_a_key_of_its_own() {
+        let mut seen: Vec<(Key, Modifiers)> = Vec::new();
+        for row in SECTIONS.iter().flat_map(|s| s.1) {
+            for text in row.keys.split(", ") {
+                let key = parse(text).unwrap_or_else(|| panic!("{text} is no key"));
+                assert!(!seen.contains(&key), "{text} twice");
+                assert_eq!(action_of(key.0, key.1), Some(row.action), "{text}");
+                seen.push(key);
+            }
+        }
+        assert_eq!(action_of(Key::Questionmark, Modifiers::SHIFT), Some(Action::Help));
+        assert_eq!(action_of(Key::Z, Modifiers::NONE), None);
+        assert_eq!(written("Shift+CloseBracket, Comma"), "Shift+] ,");
+    }
+
+    #[test]
+    fn the_manual_has_them_all() {
+        let manual = include_str!("../../../../docs/iv.md");
+        for row in SECTIONS.iter().flat_map(|s| s.1).filter(|r| !r.text.is_empty()) {
+            let keys = row.keys.split(", ").map(|k| format!("`{}`", written(k))).collect::<Vec<_>>().join(" ");
+            let line = format!("| {keys} | {} |", row.text);
+            assert!(manual.contains(&line), "docs/iv.md lacks: {line}");
+        }
+    }
+}

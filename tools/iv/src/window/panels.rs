@@ -1,0 +1,449 @@
+//! What is around and over the picture: status, list, numbers, keys.
+
+use super::desk::Desk;
+use super::keys;
+use super::shell::Shell;
+use crate::{info, still};
+use eframe::egui;
+use egui::{Align2, Color32, FontId, Pos2, RichText, Stroke, StrokeKind};
+use granita_image::Pixels;
+use granita_view::{Arrangement, Channels, Histogram, Mix, Statistics};
+
+/// A value as it is stored, and what it stands for.
+fn value_text(pixels: &Pixels, c: usize) -> String {
+    match pixels {
+        Pixels::U8(v) => format!("{} ({:.4})", v[c], pixels.get(c)),
+        Pixels::U16(v) => format!("{} ({:.5})", v[c], pixels.get(c)),
+        Pixels::U32(v) => v[c].to_string(),
+        Pixels::Half(_) | Pixels::Float(_) => still::number(f64::from(pixels.get(c))),
+    }
+}
+
+/// What is under the pointer.
+fn readout(shell: &mut Shell, ppp: f32) -> Option<String> {
+    let pos = shell.pointer.filter(|p| shell.area.contains(*p))?;
+    let (x, y) = shell.in_area(pos, ppp);
+    let (seen, level, px, py) = shell.desk.pixel_under(x, y)?;
+    let spec = seen.page.spec();
+    let place = if level == 0 {
+        format!("{} {}", i64::from(px) + i64::from(spec.x), i64::from(py) + i64::from(spec.y))
+    } else {
+        format!("{px} {py} of level {level}")
+    };
+    // Values come from what is in memory: the pointer does not wait for files.
+    let tile = granita_view::TILE;
+    let held = seen.page.pyramid.held(level, px / tile, py / tile)?;
+    let at = ((py % tile) * held.width + px % tile) as usize * held.channels;
+    let mut pixels = Pixels::zeros(held.pixels.pixel_type(), held.channels);
+    pixels.copy_from(0, &held.pixels, at, held.channels);
+    let layer = &seen.page.layers[seen.layer];
+    let values: Vec<String> = layer
+        .channels
+        .iter()
+        .map(|c| {
+            let name = spec.channels[*c].rsplit('.').next().unwrap_or_default();
+            format!("{name} {}", value_text(&pixels, *c))
+        })
+        .collect();
+    Some(format!("[{place}]  {}", values.join("  ")))
+}
+
+/// The status line.
+pub(crate) fn status(shell: &mut Shell, ppp: f32) -> String {
+    let pointer = readout(shell, ppp);
+    let desk = &mut shell.desk;
+    let (current, count) = (desk.entries.current, desk.entries.len());
+    if count == 0 {
+        return "no pictures: give files, or drop some here; ? lists the keys".to_owned();
+    }
+    let mut parts = vec![format!("{}/{count} {}", current + 1, desk.entries.name(current))];
+    if let Some(error) = desk.entries.error(current) {
+        parts.push(error.to_owned());
+    }
+    if let Some((pages, page)) = desk.entries.page(current) {
+        let spec = page.spec();
+        let choice = desk.entries.choice(current);
+        parts.push(format!("{} x {} {}", spec.width, spec.height, info::type_word(spec.pixel_type)));
+        if pages > 1 {
+            let name = if page.name.is_empty() { String::new() } else { format!(" {}", page.name) };
+            parts.push(format!("image {}/{pages}{name}", choice.page + 1));
+        }
+        let layer = choice.layer.min(page.layers.len() - 1);
+        parts.push(page.layers[layer].title(&spec.channels));
+        if page.pyramid.stored_levels() > 1 {
+            parts.push(format!("level {}/{}", choice.level, page.pyramid.stored_levels()));
+        }
+        if page.layout.is_some() {
+            parts.push(match choice.arrangement.unwrap_or(page.arrangement()) {
+                Arrangement::Stored => "as stored".to_owned(),
+                Arrangement::Cross => "cross".to_owned(),
+                Arrangement::Face(face) => {
+                    format!("face {}", granita_texture::FACE_NAMES.get(face).unwrap_or(&"?"))
+                }
+            });
+        }
+        if page.fault().is_some() {
+            parts.push("not all of it could be read".to_owned());
+        }
+    }
+    let view = &desk.view;
+    parts.push(match view.around {
+        Some(a) => format!("to {:.0} {:.0}, {:.0} degrees", a.yaw_deg, a.pitch_deg, a.fov_deg),
+        None => format!("{:.4}", view.zoom * 100.0).trim_end_matches('0').trim_end_matches('.').to_owned() + " %",
+    });
+    let d = &desk.display;
+    if d.exposure != 0.0 {
+        parts.push(format!("{:+} EV", d.exposure));
+    }
+    if d.gamma != 1.0 {
+        parts.push(format!("gamma {:.1}", d.gamma));
+    }
+    if d.channels != Channels::Color {
+        parts.push(format!("{:?}", d.channels).to_lowercase());
+    }
+    if let Some(f) = d.false_color {
+        parts.push(f.map.word().to_owned());
+    }
+    match desk.mix {
+        Mix::First => {}
+        Mix::Second => parts.push("the other".to_owned()),
+        Mix::Wipe { .. } => parts.push("wipe".to_owned()),
+        Mix::Difference { gain } => parts.push(format!("difference x{gain}")),
+        Mix::Over => parts.push("over".to_owned()),
+    }
+    if let Some(note) = desk.entries.live_info(current).and_then(|i| i.note.clone()) {
+        parts.push(note);
+    }
+    parts.extend(pointer);
+    parts.join("  \u{b7}  ")
+}
+
+fn statistics_lines(title: String, names: &[String], found: &[Statistics]) -> Vec<String> {
+    let words = ["", "min", "max", "mean", "dev", "NaN", "inf"];
+    let mut rows = vec![words.map(str::to_owned).to_vec()];
+    for (name, s) in names.iter().zip(found) {
+        let value = |v: f64| if s.count > 0 { still::number(v) } else { "-".to_owned() };
+        rows.push(vec![
+            name.clone(),
+            value(f64::from(s.min)),
+            value(f64::from(s.max)),
+            value(s.mean),
+            value(s.deviation()),
+            s.nan.to_string(),
+            s.infinite.to_string(),
+        ]);
+    }
+    let mut lines = vec![title];
+    lines.extend(still::table(&rows).lines().map(str::to_owned));
+    lines
+}
+
+/// The numbers that are known by now: of the probe, of the comparison.
+pub(crate) fn numbers(desk: &mut Desk) -> Vec<String> {
+    let answers = desk.answers();
+    let mut lines = Vec::new();
+    let current = desk.entries.current;
+    if let (Some(found), Some(part), Some((_, page))) = (&answers.probe, desk.probe, desk.entries.page(current)) {
+        let title = format!("area of {} x {} at {} {}", part.width(), part.height(), part.x0, part.y0);
+        match found {
+            Ok(found) => lines.extend(statistics_lines(title, &page.spec().channels, found)),
+            Err(what) => lines.push(what.clone()),
+        }
+    }
+    if let Some(found) = &answers.comparison {
+        match found {
+            Ok(c) => {
+                let other = desk.other.map(|o| desk.entries.name(o)).unwrap_or_default();
+                let psnr = if c.psnr.is_finite() { format!("{:.2} dB", c.psnr) } else { "infinite".to_owned() };
+                lines.push(format!("against {other}"));
+                lines.push(format!("  RMS {}  PSNR {psnr}  max {}", still::number(c.rms), still::number(c.max.into())));
+                if let Some((mean, max)) = c.flip {
+                    lines.push(format!("  FLIP {mean:.5} (largest {max:.4})"));
+                }
+                let pixels = f64::from(c.size.0) * f64::from(c.size.1);
+                lines.push(format!("  {:.3} % of the pixels differ", 100.0 * c.pixels_beyond as f64 / pixels));
+            }
+            Err(what) => lines.push(what.clone()),
+        }
+    }
+    lines
+}
+
+fn histogram_plot(ui: &mut egui::Ui, histogram: &Histogram, grey: bool) {
+    let size = egui::Vec2::new(ui.available_width().min(256.0), 90.0);
+    let (rect, _) = ui.allocate_exact_size(size, egui::Sense::hover());
+    let painter = ui.painter();
+    painter.rect_filled(rect, 0.0, Color32::from_gray(12));
+    let most = histogram.bins.iter().flatten().copied().max().unwrap_or(0).max(1);
+    let colors = [Color32::from_rgb(230, 70, 60), Color32::from_rgb(80, 200, 80), Color32::from_rgb(80, 120, 255)];
+    let planes = if grey { 1 } else { 3 };
+    for (bins, color) in histogram.bins.iter().zip(colors).take(planes) {
+        let color = if grey { Color32::from_gray(200) } else { color.gamma_multiply(0.7) };
+        let width = rect.width() / bins.len() as f32;
+        for (i, n) in bins.iter().enumerate().filter(|(_, n)| **n > 0) {
+            // What is rare is seen as well.
+            let share = (f64::from(*n).ln_1p() / f64::from(most).ln_1p()) as f32;
+            let x = rect.left() + (i as f32 + 0.5) * width;
+            let line = [Pos2::new(x, rect.bottom()), Pos2::new(x, rect.bottom() - share * rect.height())];
+            painter.line_segment(line, Stroke::new(width.max(1.0), color));
+        }
+    }
+    let low = still::number(f64::from(histogram.low));
+    let high = still::number(f64::from(histogram.high));
+    let font = FontId::monospace(10.0);
+    let text = Color32::from_gray(220);
+    painter.text(rect.left_top(), Align2::LEFT_TOP, low, font.clone(), text);
+    painter.text(rect.right_top(), Align2::RIGHT_TOP, high, font, text);
+}
+
+/// The colours of the map, from its lower to its upper end.
+fn scale(ui: &mut egui::Ui, map: granita_view::ColorMap) {
+    let size = egui::Vec2::new(ui.available_width().min(256.0), 12.0);
+    let (rect, _) = ui.allocate_exact_size(size, egui::Sense::hover());
+    for i in 0..64 {
+        let [r, g, b] = map.at((i as f32 + 0.5) / 64.0);
+        let left = rect.left() + rect.width() * i as f32 / 64.0;
+        let part = egui::Rect::from_min_size(
+            Pos2::new(left, rect.top()),
+            egui::Vec2::new(rect.width() / 64.0 + 0.5, rect.height()),
+        );
+        ui.painter().rect_filled(part, 0.0, Color32::from_rgb(r, g, b));
+    }
+}
+
+/// The panels at the edges of the window.
+pub(crate) fn around(shell: &mut Shell, ui: &mut egui::Ui) {
+    let ppp = ui.ctx().pixels_per_point();
+    let line = status(shell, ppp);
+    egui::Panel::bottom("status").exact_size(24.0).show(ui, |ui| {
+        ui.add(egui::Label::new(RichText::new(line).size(12.0)).truncate());
+    });
+    if shell.desk.list_open {
+        egui::Panel::left("list").default_size(220.0).show(ui, |ui| list(shell, ui));
+    }
+    if shell.desk.side_open {
+        egui::Panel::right("side").default_size(300.0).show(ui, |ui| side(shell, ui));
+    }
+}
+
+fn list(shell: &mut Shell, ui: &mut egui::Ui) {
+    let groups = shell.desk.entries.groups();
+    // Rows of equal height: of thousands, only those in sight are laid out.
+    let rows: Vec<Result<usize, &str>> = groups
+        .iter()
+        .flat_map(|g| {
+            let title = if g.title.is_empty() { "." } else { &*g.title };
+            std::iter::once(Err(title)).chain((g.first..g.first + g.count).map(Ok))
+        })
+        .collect();
+    let mut chosen = None;
+    egui::ScrollArea::vertical().auto_shrink(false).show_rows(ui, 18.0, rows.len(), |ui, range| {
+        for row in &rows[range] {
+            match row {
+                Err(title) => {
+                    ui.add(egui::Label::new(RichText::new(*title).size(11.0).weak()).truncate());
+                }
+                Ok(entry) => {
+                    let name = shell.desk.entries.name(*entry);
+                    let mark = match shell.desk.entries.is_live(*entry) {
+                        true => "\u{25cf} ",
+                        false if shell.desk.other == Some(*entry) => "\u{25c7} ",
+                        false => "",
+                    };
+                    let text = RichText::new(format!("{mark}{name}")).size(12.0);
+                    if ui.selectable_label(*entry == shell.desk.entries.current, text).clicked() {
+                        chosen = Some(*entry);
+                    }
+                }
+            }
+        }
+    });
+    if let Some(entry) = chosen {
+        shell.desk.show(entry);
+    }
+}
+
+fn side(shell: &mut Shell, ui: &mut egui::Ui) {
+    let answers = shell.desk.answers();
+    let current = shell.desk.entries.current;
+    egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+        if let Some(histogram) = &answers.histogram {
+            let one = shell.desk.display.channels != Channels::Color && shell.desk.display.channels != Channels::Luminance;
+            histogram_plot(ui, histogram, one);
+            if let Some(f) = shell.desk.display.false_color {
+                scale(ui, f.map);
+            }
+        }
+        for line in numbers(&mut shell.desk) {
+            ui.label(RichText::new(line).monospace().size(10.5));
+        }
+        if let Some(picture) = shell.desk.entries.picture(current) {
+            ui.separator();
+            ui.label(RichText::new(info::text(picture)).monospace().size(10.5));
+        }
+    });
+}
+
+/// What is drawn over the picture.
+pub(crate) fn over(shell: &mut Shell, ui: &mut egui::Ui) {
+    let ppp = ui.ctx().pixels_per_point();
+    let painter = ui.painter_at(shell.area);
+    let current = shell.desk.entries.current;
+    let seen = shell.desk.seen(current);
+    let area = shell.area;
+    if let Some(seen) = &seen
+        && shell.desk.view.around.is_none()
+    {
+        let view = shell.desk.view;
+        let point = |x: f64, y: f64| {
+            let (x, y) = view.to_screen(x, y);
+            area.min + egui::Vec2::new(x as f32, y as f32) / ppp
+        };
+        let spec = seen.page.spec();
+        // Only what is as it is stored has a place for rectangles of its pixels.
+        let origin = (f64::from(spec.x), f64::from(spec.y));
+        let frame = |x0: f64, y0: f64, x1: f64, y1: f64, color: Color32| {
+            let rect = egui::Rect::from_min_max(point(x0, y0), point(x1, y1));
+            painter.rect_stroke(rect, 0.0, Stroke::new(1.0, color), StrokeKind::Outside);
+        };
+        let plain = seen.sheet.patches.len() == 1 && seen.page.layout.is_none();
+        let pixels = |r: &granita_view::Rect, color: Color32| {
+            let (x0, y0) = (origin.0 + f64::from(r.x0), origin.1 + f64::from(r.y0));
+            frame(x0, y0, origin.0 + f64::from(r.x1), origin.1 + f64::from(r.y1), color);
+        };
+        if plain {
+            let display = (spec.full_x, spec.full_y, spec.full_width, spec.full_height);
+            if display != (spec.x, spec.y, spec.width, spec.height) {
+                let (x, y) = (f64::from(display.0), f64::from(display.1));
+                let (w, h) = (f64::from(display.2), f64::from(display.3));
+                frame(x, y, x + w, y + h, Color32::from_rgb(90, 130, 90));
+            }
+            if let Some(part) = &shell.desk.probe {
+                pixels(part, Color32::from_rgb(255, 220, 80));
+            }
+            if let Some(info) = shell.desk.entries.live_info(current) {
+                for mark in &info.marks {
+                    pixels(mark, Color32::from_rgb(255, 140, 40));
+                }
+            }
+        }
+    }
+    if let Mix::Wipe { at, down } = shell.desk.mix {
+        let (a, b) = if down {
+            let y = area.top() + at * area.height();
+            (Pos2::new(area.left(), y), Pos2::new(area.right(), y))
+        } else {
+            let x = area.left() + at * area.width();
+            (Pos2::new(x, area.top()), Pos2::new(x, area.bottom()))
+        };
+        painter.line_segment([a, b], Stroke::new(1.0, Color32::from_white_alpha(160)));
+    }
+    boxes(shell, &painter);
+    help_and_prompt(shell, ui);
+}
+
+/// Lines of text in a corner.
+fn boxes(shell: &mut Shell, painter: &egui::Painter) {
+    let write = |at: Pos2, anchor: Align2, text: &str| {
+        let font = FontId::monospace(11.5);
+        let galley = painter.layout_no_wrap(text.to_owned(), font, Color32::from_gray(235));
+        let rect = anchor.anchor_size(at, galley.size());
+        painter.rect_filled(rect.expand(5.0), 3.0, Color32::from_black_alpha(190));
+        painter.galley(rect.min, galley, Color32::WHITE);
+    };
+    let area = shell.area;
+    if !shell.desk.side_open {
+        let lines = numbers(&mut shell.desk);
+        if !lines.is_empty() {
+            write(area.left_top() + egui::Vec2::splat(10.0), Align2::LEFT_TOP, &lines.join("\n"));
+        }
+    }
+    let current = shell.desk.entries.current;
+    let error = shell.desk.entries.error(current).map(str::to_owned);
+    if let Some(text) = error {
+        write(area.center(), Align2::CENTER_CENTER, &text);
+    } else if shell.desk.entries.len() == 0 {
+        write(area.center(), Align2::CENTER_CENTER, "iv  \u{b7}  drop pictures here  \u{b7}  ? lists the keys");
+    }
+    if let Some(note) = shell.desk.entries.live_info(current).and_then(|i| i.note.clone()) {
+        write(area.center_top() + egui::Vec2::new(0.0, 10.0), Align2::CENTER_TOP, &note);
+    }
+    if let Some((text, _)) = &shell.desk.message {
+        write(area.center_bottom() - egui::Vec2::new(0.0, 12.0), Align2::CENTER_BOTTOM, text);
+    }
+}
+
+fn help_and_prompt(shell: &mut Shell, ui: &mut egui::Ui) {
+    let ctx = ui.ctx().clone();
+    if shell.desk.help_open {
+        egui::Area::new(egui::Id::unique("help")).anchor(Align2::CENTER_CENTER, egui::Vec2::ZERO).show(&ctx, |ui| {
+            egui::Frame::popup(ui.style()).show(ui, |ui| {
+                let height = (shell.area.height() - 60.0).max(80.0);
+                egui::ScrollArea::vertical().max_height(height).show(ui, |ui| {
+                    egui::Grid::new("keys").num_columns(4).spacing([14.0, 2.0]).show(ui, |ui| {
+                        let rows = help_rows();
+                        let half = rows.len().div_ceil(2);
+                        for i in 0..half {
+                            for row in [rows.get(i), rows.get(half + i)].into_iter().flatten() {
+                                match row {
+                                    Ok((keys, text)) => {
+                                        ui.label(RichText::new(keys).monospace().size(11.0).strong());
+                                        ui.label(RichText::new(*text).size(11.0));
+                                    }
+                                    Err(title) => {
+                                        ui.label("");
+                                        ui.label(RichText::new(*title).size(12.0).strong());
+                                    }
+                                }
+                            }
+                            ui.end_row();
+                        }
+                    });
+                });
+            });
+        });
+    }
+    let Some(mut prompt) = shell.prompt.take() else { return };
+    let mut done = None;
+    egui::Area::new(egui::Id::unique("prompt")).anchor(Align2::CENTER_BOTTOM, egui::Vec2::new(0.0, -60.0)).show(&ctx, |ui| {
+        egui::Frame::popup(ui.style()).show(ui, |ui| {
+            ui.label(if prompt.pixels { "save the values of this layer as" } else { "save what is seen as" });
+            let edit = ui.add(egui::TextEdit::singleline(&mut prompt.text).desired_width(420.0));
+            if ui.input(|i| i.key_pressed(egui::Key::Enter)) {
+                done = Some(true);
+            } else if ui.input(|i| i.key_pressed(egui::Key::Escape)) {
+                done = Some(false);
+            } else {
+                edit.request_focus();
+            }
+        });
+    });
+    match done {
+        None => shell.prompt = Some(prompt),
+        Some(true) => shell.save(&prompt),
+        Some(false) => {}
+    }
+}
+
+/// Titles of sections, and keys with what they do.
+fn help_rows() -> Vec<Result<(String, &'static str), &'static str>> {
+    let mut rows = Vec::new();
+    for (title, section) in keys::SECTIONS {
+        rows.push(Err(title));
+        let mut last: Option<(String, &'static str)> = None;
+        for row in section {
+            match &mut last {
+                Some((keys, _)) if row.text.is_empty() => {
+                    keys.push(' ');
+                    keys.push_str(&keys::written(row.keys));
+                }
+                _ => {
+                    rows.extend(last.take().map(Ok));
+                    last = Some((keys::written(row.keys), row.text));
+                }
+            }
+        }
+        rows.extend(last.map(Ok));
+    }
+    rows
+}
