@@ -125,6 +125,18 @@ pub fn compare(a: &Page, b: &Page, options: &CompareOptions) -> Result<Compariso
         pairs = (0..sa.nchannels()).map(|c| (c, c)).collect();
         single.clear();
     }
+    // Grey is compared with each colour.
+    let colors = |page: &Page| -> Vec<usize> {
+        let layer = &page.layers[0];
+        layer.channels.iter().copied().filter(|c| Some(*c) != layer.alpha).collect()
+    };
+    if pairs.is_empty() {
+        let (p, q) = (colors(a), colors(b));
+        if p.len() == 1 || q.len() == 1 {
+            pairs = p.iter().flat_map(|i| q.iter().map(|j| (*i, *j))).collect();
+            single.clear();
+        }
+    }
     if pairs.is_empty() {
         let what =
             format!("no channel is common to both: {} and {}", sa.channels.join(" "), sb.channels.join(" "));

@@ -327,6 +327,11 @@ impl Prepared {
         Self::new(&self.display, meaning, false, false)
     }
 
+    /// The same for differences of encoded values, which are no colours: they are shown in proportion.
+    pub(crate) fn for_differences(&self) -> Self {
+        Self::new(&Display { srgb: false, ..self.display }, Meaning::Color, false, false)
+    }
+
     /// Whether stored values are encoded.
     pub(crate) fn is_encoded(&self) -> bool {
         self.encoded

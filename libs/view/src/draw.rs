@@ -321,7 +321,11 @@ pub fn draw_into(
     (canvas.width, canvas.height) = (view.width, view.height);
     canvas.bytes.resize(4 * pixels as usize, 0);
     let alike = b.as_ref().is_none_or(|b| a.ready.is_encoded() == b.ready.is_encoded());
-    let linear = (!alike || how == Mix::Over).then(|| a.ready.for_linear());
+    let mixed = match how {
+        Mix::Difference { .. } if alike && a.ready.is_encoded() => Some(a.ready.for_differences()),
+        _ if !alike || how == Mix::Over => Some(a.ready.for_linear()),
+        _ => None,
+    };
     let row_bytes = 4 * view.width as usize;
     if row_bytes == 0 {
         return Ok(());
@@ -344,7 +348,7 @@ pub fn draw_into(
                 let i = x as usize;
                 let (p, q) = (one.pixels[i], two.pixels[i]);
                 let covered = (one.covered[i], two.covered[i]);
-                let shown = blend(how, (&a.ready, p), (&b.ready, q), covered, linear.as_ref(), view, x, y);
+                let shown = blend(how, (&a.ready, p), (&b.ready, q), covered, mixed.as_ref(), view, x, y);
                 out.copy_from_slice(&shown);
             }
         }
@@ -359,7 +363,7 @@ fn blend(
     (a, p): (&Prepared, [f32; 4]),
     (b, q): (&Prepared, [f32; 4]),
     (covered_a, covered_b): (bool, bool),
-    linear: Option<&Prepared>,
+    mixed: Option<&Prepared>,
     view: &View,
     x: u32,
     y: u32,
@@ -373,19 +377,16 @@ fn blend(
             let (place, side) = if down { (y, view.height) } else { (x, view.width) };
             if (place as f32) < at * side as f32 { one() } else { two() }
         }
-        Mix::Difference { gain } => match linear {
-            _ if !covered_a || !covered_b => BESIDE,
-            None => {
-                let d = [0, 1, 2].map(|c| (p[c] - q[c]).abs() * gain);
-                a.show([d[0], d[1], d[2], 1.0], x, y)
-            }
-            Some(linear) => {
-                let d = [0, 1, 2].map(|c| (a.linear(p[c]) - b.linear(q[c])).abs() * gain);
-                linear.show([d[0], d[1], d[2], 1.0], x, y)
-            }
-        },
+        Mix::Difference { .. } if !covered_a || !covered_b => BESIDE,
+        Mix::Difference { gain } => {
+            // Stored values where they are of one kind, else what they stand for.
+            let alike = a.is_encoded() == b.is_encoded();
+            let value = |side: &Prepared, v: f32| if alike { v } else { side.linear(v) };
+            let d = [0, 1, 2].map(|c| (value(a, p[c]) - value(b, q[c])).abs() * gain);
+            mixed.unwrap_or(a).show([d[0], d[1], d[2], 1.0], x, y)
+        }
         Mix::Over => {
-            let Some(linear) = linear.filter(|_| covered_a) else { return two() };
+            let Some(linear) = mixed.filter(|_| covered_a) else { return two() };
             let p = a.premultiplied(p);
             let q = if covered_b { b.premultiplied(q) } else { [0.0; 4] };
             let behind = 1.0 - p[3].clamp(0.0, 1.0);

@@ -202,13 +202,11 @@ impl<'a> Grid<'a> {
     /// Collects what is in memory.
     pub(crate) fn collect(pyramid: &'a Pyramid, needs: &Needs, pick: [Pick; 4]) -> Self {
         let level = needs.level;
-        let (mut x, mut y) = (u32::MAX..0, u32::MAX..0);
+        let (tx, ty) = needs.tiles.first().copied().unwrap_or_default();
+        let (mut x, mut y) = (tx..tx, ty..ty);
         for (tx, ty) in &needs.tiles {
             x = x.start.min(*tx)..x.end.max(tx + 1);
             y = y.start.min(*ty)..y.end.max(ty + 1);
-        }
-        if needs.tiles.is_empty() {
-            (x, y) = (0..0, 0..0);
         }
         let size = (x.end - x.start, y.end - y.start);
         let mut cells = vec![Cell::Nothing; size.0 as usize * size.1 as usize];
@@ -254,7 +252,7 @@ impl<'a> Grid<'a> {
     }
 
     /// The value of pixel (x, y) of this level in a coarser tile.
-    fn from_coarser(&self, tile: &Tile, level: usize, x: u32, y: u32) -> [f32; 4] {
+    fn of_coarser(&self, tile: &Tile, level: usize, x: u32, y: u32) -> [f32; 4] {
         let (fine, coarse) = (self.pyramid.levels()[self.level], self.pyramid.levels()[level]);
         let place = |v: u32, fine: f64, coarse: f64, size: u32| {
             ((((f64::from(v) + 0.5) * fine / coarse) as u32) % TILE).min(size - 1)
@@ -279,7 +277,7 @@ impl<'a> Grid<'a> {
                 let (i, j) = (x % TILE, y % TILE);
                 (i < tile.width && j < tile.height).then(|| self.value(tile, i, j))
             }
-            Cell::Coarser(tile, level) => Some(self.from_coarser(tile, *level, x, y)),
+            Cell::Coarser(tile, level) => Some(self.of_coarser(tile, *level, x, y)),
             Cell::Nothing => None,
         }
     }
@@ -298,7 +296,7 @@ impl<'a> Grid<'a> {
                     out.resize((end - x0) as usize, [0.0; 4]);
                 }
                 Cell::Coarser(tile, level) => {
-                    out.extend((x..end).map(|x| self.from_coarser(tile, *level, x, y)));
+                    out.extend((x..end).map(|x| self.of_coarser(tile, *level, x, y)));
                 }
                 Cell::Here(_) | Cell::Nothing => out.resize((end - x0) as usize, [0.0; 4]),
             }

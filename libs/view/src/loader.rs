@@ -79,11 +79,13 @@ impl Loader {
         let mut jobs = VecDeque::new();
         let mut state = self.shared.lock();
         for (pyramid, needs) in wanted {
-            let failed = |t: &(u32, u32)| {
-                state.failed.contains(&(pyramid.number(), needs.level, t.0, t.1))
-            };
+            let failed = |t: &(u32, u32)| state.failed.contains(&(pyramid.number(), needs.level, t.0, t.1));
             let missing = needs.tiles.iter().filter(|t| !pyramid.has(needs.level, t.0, t.1) && !failed(t));
-            jobs.extend(missing.map(|tile| Job { pyramid: pyramid.clone(), level: needs.level, tile: *tile }));
+            jobs.extend(missing.map(|tile| Job {
+                pyramid: pyramid.clone(),
+                level: needs.level,
+                tile: *tile,
+            }));
         }
         state.jobs = jobs;
         drop(state);

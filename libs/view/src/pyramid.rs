@@ -154,12 +154,12 @@ impl Pyramid {
         }
         let Some(next) = self.levels.get(level + 1) else { return };
         let last = ty + 1 == self.levels[level].tiles().1;
-        if ty % 2 == 0 && !last {
+        if ty.is_multiple_of(2) && !last {
             pending[level] = row;
             return;
         }
         let (above, below) =
-            if ty % 2 == 0 { (row, Vec::new()) } else { (std::mem::take(&mut pending[level]), row) };
+            if ty.is_multiple_of(2) { (row, Vec::new()) } else { (std::mem::take(&mut pending[level]), row) };
         let made = (0..next.tiles().0)
             .map(|tx| {
                 let at = |row: &[Arc<Tile>], i: u32| row.get((2 * tx + i) as usize).cloned();

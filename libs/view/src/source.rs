@@ -120,7 +120,11 @@ impl FilePage {
             // Anything may be missing: files are written from several threads, or were damaged.
             for a in (y0..y1).step_by(16) {
                 let b = (a + 16).min(y1);
-                found |= take(a, b) || (a..b).fold(false, |any, y| take(y, y + 1) || any);
+                if take(a, b) {
+                    found = true;
+                } else {
+                    (a..b).for_each(|y| found |= take(y, y + 1));
+                }
             }
         } else {
             // The file ends early: everything up to some row is there.

@@ -1,10 +1,12 @@
 //! Files of real formats, from opening to what is on the screen.
 
+#![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
+
 use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
 use granita_texture::make::{MakeOptions, Mode, make};
 use granita_view::{
-    Arrangement, Around, Background, Display, Mix, Picture, Rect, Shown, StoreLimits, TILE, TileStore, View, ascii,
-    draw, save_canvas, save_pixels, statistics, suited, thumbnail,
+    Around, Arrangement, Background, Display, Mix, Picture, Rect, Shown, StoreLimits, TILE, TileStore, View,
+    ascii, draw, save_canvas, save_pixels, statistics, suited, thumbnail,
 };
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,7 @@
 //! Files that are not complete: cut short, damaged, still being written, gone.
 
+#![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
+
 use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
 use granita_view::{Display, Picture, Stamp, TileStore, thumbnail};
 use std::path::Path;
@@ -37,8 +39,7 @@ fn seen(path: &Path) -> Option<(f64, bool)> {
 #[test]
 fn what_is_there_is_shown() {
     let folder = tempfile::tempdir().unwrap();
-    for (format, tiled) in [("exr", false), ("exr", true), ("tiff", true), ("png", false), ("pnm", false), ("pfm", false)]
-    {
+    for (format, tiled) in [("exr", false), ("exr", true), ("tiff", true), ("png", false)] {
         let path = folder.path().join(format!("a{tiled}.{format}"));
         white(&path, format, tiled);
         assert_eq!(seen(&path), Some((1.0, false)), "{format}");
@@ -60,7 +61,9 @@ fn what_is_there_is_shown() {
 #[test]
 fn nothing_breaks_wherever_a_file_ends() {
     let folder = tempfile::tempdir().unwrap();
-    for format in ["exr", "png", "tiff", "jpeg", "pnm", "hdr", "sgi", "iff", "dds", "qoi", "webp", "bmp", "tga"] {
+    for format in
+        ["exr", "png", "tiff", "jpeg", "pnm", "hdr", "sgi", "iff", "dds", "qoi", "webp", "bmp", "tga"]
+    {
         let path = folder.path().join(format!("a.{format}"));
         let mut spec = ImageSpec::new(64, 48, 3, PixelType::U8);
         if matches!(format, "exr" | "hdr") {

@@ -2,11 +2,11 @@
 
 use super::entries::{Entries, Seen};
 use super::keys::Action;
-use super::tasks::{Answers, Tasks};
+use super::tasks::{Answers, Tasks, Wishes};
 use granita_image::FormatRegistry;
 use granita_view::{
-    Arrangement, Around, Background, Canvas, Channels, ColorMap, Display, FalseColor, Live, Loader, Marks, Mix,
-    Needs, Rect, Shown, TileStore, View, ViewCommand, draw_into, needs, pixel_under,
+    Around, Arrangement, Background, Canvas, Channels, ColorMap, Display, FalseColor, Live, Loader, Marks,
+    Mix, Needs, Rect, Shown, TileStore, View, ViewCommand, draw_into, needs, pixel_under,
 };
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -41,15 +41,20 @@ pub(crate) enum Request {
     Theme,
     Quit,
     /// Ask for a name.
-    Save { pixels: bool },
+    Save {
+        pixels: bool,
+    },
 }
+
+/// Number of the page, layer, display, places of patches, finest level.
+type SideKey = (u64, usize, Display, Vec<[f64; 4]>, usize);
 
 /// All that the picture on the screen depends on.
 #[derive(Clone, Debug, PartialEq)]
 struct Key {
     view: View,
     mix: Mix,
-    sides: Vec<(u64, usize, Display, Vec<[f64; 4]>, usize)>,
+    sides: Vec<SideKey>,
     arrivals: u64,
     changes: u64,
 }
@@ -216,7 +221,11 @@ impl Desk {
                 (self.other, self.keep_other) = (Some(current), true);
                 self.say("this is the other picture now");
             }
-            Action::Page(_) | Action::Layer(_) | Action::Level(_) | Action::Face(_) | Action::FileEncoding
+            Action::Page(_)
+            | Action::Layer(_)
+            | Action::Level(_)
+            | Action::Face(_)
+            | Action::FileEncoding
             | Action::Normalize => self.choose(action),
             Action::Around => self.look_around(),
             Action::Fit => {
@@ -240,7 +249,11 @@ impl Desk {
             Action::Quit => return Some(Request::Quit),
             Action::SaveView => return Some(Request::Save { pixels: false }),
             Action::SavePixels => return Some(Request::Save { pixels: true }),
-            Action::Wipe | Action::WipeDirection | Action::Difference | Action::DifferenceGain(_) | Action::Over => {
+            Action::Wipe
+            | Action::WipeDirection
+            | Action::Difference
+            | Action::DifferenceGain(_)
+            | Action::Over => {
                 self.compare(action);
             }
             Action::Reload => {
@@ -312,7 +325,8 @@ impl Desk {
             Action::Face(_) => self.say("there are no faces of a cube in it"),
             Action::FileEncoding if integers => {
                 choice.encoded = Some(!choice.encoded.unwrap_or(encoded));
-                let words = if choice.encoded == Some(true) { "encoded (sRGB)" } else { "in proportion to light" };
+                let words =
+                    if choice.encoded == Some(true) { "encoded (sRGB)" } else { "in proportion to light" };
                 self.say(format!("values of this file are taken as {words}"));
             }
             Action::Normalize => choice.normalize = !choice.normalize,
@@ -414,7 +428,9 @@ impl Desk {
         self.mix = match action {
             Action::Wipe => off(matches!(self.mix, Mix::Wipe { .. }), Mix::Wipe { at: 0.5, down: false }),
             Action::WipeDirection => Mix::Wipe { at: 0.5, down: !down },
-            Action::Difference => off(matches!(self.mix, Mix::Difference { .. }), Mix::Difference { gain: 1.0 }),
+            Action::Difference => {
+                off(matches!(self.mix, Mix::Difference { .. }), Mix::Difference { gain: 1.0 })
+            }
             Action::DifferenceGain(by) => Mix::Difference { gain: (gain * by).clamp(1.0 / 1024.0, 65536.0) },
             Action::Over => off(self.mix == Mix::Over, Mix::Over),
             _ => self.mix,
@@ -559,6 +575,11 @@ impl Desk {
         };
         let needs = needs(&seen.page, &seen.sheet, &self.view);
         let settled = self.complete;
-        self.tasks.answers(&self.loader, &seen, second.as_ref(), self.probe, self.side_open && settled, &needs)
+        let wishes = Wishes {
+            second: second.as_ref(),
+            probe: self.probe,
+            histogram: Some(&needs).filter(|_| self.side_open && settled),
+        };
+        self.tasks.answers(&self.loader, &seen, &wishes)
     }
 }

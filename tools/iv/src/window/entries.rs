@@ -97,18 +97,17 @@ impl Entries {
         e.path.file_name().map_or_else(|| e.path.display().to_string(), |n| n.to_string_lossy().into_owned())
     }
 
-    pub(crate) fn path(&self, entry: usize) -> Option<&Path> {
-        self.list.get(entry).map(|e| &*e.path)
-    }
-
     pub(crate) fn is_live(&self, entry: usize) -> bool {
         self.list.get(entry).is_some_and(|e| e.live)
     }
 
     /// The list in groups: sequences, folders, and what is live.
     pub(crate) fn groups(&self) -> Vec<Group> {
-        let files: Vec<PathBuf> =
-            self.list.iter().map(|e| if e.live { Path::new("live").join(&e.path) } else { e.path.clone() }).collect();
+        let files: Vec<PathBuf> = self
+            .list
+            .iter()
+            .map(|e| if e.live { Path::new("live").join(&e.path) } else { e.path.clone() })
+            .collect();
         groups(&files)
     }
 
@@ -262,7 +261,12 @@ impl Entries {
     }
 
     /// Opens a file anew if it changed; says so.
-    pub(crate) fn watch(&mut self, entry: usize, formats: &FormatRegistry, store: &TileStore) -> Option<String> {
+    pub(crate) fn watch(
+        &mut self,
+        entry: usize,
+        formats: &FormatRegistry,
+        store: &TileStore,
+    ) -> Option<String> {
         let e = self.list.get_mut(entry).filter(|e| !e.live)?;
         match &mut e.opened {
             Opened::File(picture) if picture.has_changed() => {

@@ -94,8 +94,8 @@ pub(crate) const SECTIONS: [(&str, &[Row]); 6] = [
             row("2", Action::Zoom(2.0), "two for one"),
             row("4", Action::Zoom(4.0), "four for one"),
             row("8", Action::Zoom(8.0), "eight for one"),
-            row("Plus, Equals", Action::ZoomBy(1.414_213_562_373_095_1), "nearer (wheel: at the pointer)"),
-            row("Minus", Action::ZoomBy(0.707_106_781_186_547_5), "farther"),
+            row("Plus, Equals", Action::ZoomBy(std::f64::consts::SQRT_2), "nearer (wheel: at the pointer)"),
+            row("Minus", Action::ZoomBy(std::f64::consts::FRAC_1_SQRT_2), "farther"),
             row("ArrowLeft", Action::Pan(64.0, 0.0), "move (drag: with the pointer)"),
             row("ArrowRight", Action::Pan(-64.0, 0.0), ""),
             row("ArrowUp", Action::Pan(0.0, 64.0), ""),
@@ -123,7 +123,11 @@ pub(crate) const SECTIONS: [(&str, &[Row]); 6] = [
             row("X", Action::Marks, "mark NaN and infinite values; also negative ones; nothing"),
             row("J", Action::Background, "what is seen through alpha: nothing, black, grey, white, checker"),
             row("I", Action::ScreenEncoding, "encode for an sRGB screen, or show in proportion"),
-            row("Shift+I", Action::FileEncoding, "take integers as encoded colours, or as in proportion to light"),
+            row(
+                "Shift+I",
+                Action::FileEncoding,
+                "take integers as encoded colours, or as in proportion to light",
+            ),
             row("H", Action::Histogram, "histogram, numbers and metadata"),
         ],
     ),
@@ -140,7 +144,11 @@ pub(crate) const SECTIONS: [(&str, &[Row]); 6] = [
     ),
     (
         "Live pictures",
-        &[row("Delete", Action::Abort, "end the render (Shift+click: go on here; Ctrl+drag: this part first)")],
+        &[row(
+            "Delete",
+            Action::Abort,
+            "end the render (Shift+click: go on here; Ctrl+drag: this part first)",
+        )],
     ),
     (
         "Others",
@@ -246,7 +254,8 @@ mod tests {
     fn the_manual_has_them_all() {
         let manual = include_str!("../../../../docs/iv.md");
         for row in SECTIONS.iter().flat_map(|s| s.1).filter(|r| !r.text.is_empty()) {
-            let keys = row.keys.split(", ").map(|k| format!("`{}`", written(k))).collect::<Vec<_>>().join(" ");
+            let keys =
+                row.keys.split(", ").map(|k| format!("`{}`", written(k))).collect::<Vec<_>>().join(" ");
             let line = format!("| {keys} | {} |", row.text);
             assert!(manual.contains(&line), "docs/iv.md lacks: {line}");
         }

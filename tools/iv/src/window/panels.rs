@@ -89,7 +89,9 @@ pub(crate) fn status(shell: &mut Shell, ppp: f32) -> String {
     let view = &desk.view;
     parts.push(match view.around {
         Some(a) => format!("to {:.0} {:.0}, {:.0} degrees", a.yaw_deg, a.pitch_deg, a.fov_deg),
-        None => format!("{:.4}", view.zoom * 100.0).trim_end_matches('0').trim_end_matches('.').to_owned() + " %",
+        None => {
+            format!("{:.4}", view.zoom * 100.0).trim_end_matches('0').trim_end_matches('.').to_owned() + " %"
+        }
     });
     let d = &desk.display;
     if d.exposure != 0.0 {
@@ -143,7 +145,9 @@ pub(crate) fn numbers(desk: &mut Desk) -> Vec<String> {
     let answers = desk.answers();
     let mut lines = Vec::new();
     let current = desk.entries.current;
-    if let (Some(found), Some(part), Some((_, page))) = (&answers.probe, desk.probe, desk.entries.page(current)) {
+    if let (Some(found), Some(part), Some((_, page))) =
+        (&answers.probe, desk.probe, desk.entries.page(current))
+    {
         let title = format!("area of {} x {} at {} {}", part.width(), part.height(), part.x0, part.y0);
         match found {
             Ok(found) => lines.extend(statistics_lines(title, &page.spec().channels, found)),
@@ -154,14 +158,20 @@ pub(crate) fn numbers(desk: &mut Desk) -> Vec<String> {
         match found {
             Ok(c) => {
                 let other = desk.other.map(|o| desk.entries.name(o)).unwrap_or_default();
-                let psnr = if c.psnr.is_finite() { format!("{:.2} dB", c.psnr) } else { "infinite".to_owned() };
+                let psnr =
+                    if c.psnr.is_finite() { format!("{:.2} dB", c.psnr) } else { "infinite".to_owned() };
                 lines.push(format!("against {other}"));
-                lines.push(format!("  RMS {}  PSNR {psnr}  max {}", still::number(c.rms), still::number(c.max.into())));
+                lines.push(format!(
+                    "  RMS {}  PSNR {psnr}  max {}",
+                    still::number(c.rms),
+                    still::number(c.max.into())
+                ));
                 if let Some((mean, max)) = c.flip {
                     lines.push(format!("  FLIP {mean:.5} (largest {max:.4})"));
                 }
                 let pixels = f64::from(c.size.0) * f64::from(c.size.1);
-                lines.push(format!("  {:.3} % of the pixels differ", 100.0 * c.pixels_beyond as f64 / pixels));
+                lines
+                    .push(format!("  {:.3} % of the pixels differ", 100.0 * c.pixels_beyond as f64 / pixels));
             }
             Err(what) => lines.push(what.clone()),
         }
@@ -175,7 +185,8 @@ fn histogram_plot(ui: &mut egui::Ui, histogram: &Histogram, grey: bool) {
     let painter = ui.painter();
     painter.rect_filled(rect, 0.0, Color32::from_gray(12));
     let most = histogram.bins.iter().flatten().copied().max().unwrap_or(0).max(1);
-    let colors = [Color32::from_rgb(230, 70, 60), Color32::from_rgb(80, 200, 80), Color32::from_rgb(80, 120, 255)];
+    let colors =
+        [Color32::from_rgb(230, 70, 60), Color32::from_rgb(80, 200, 80), Color32::from_rgb(80, 120, 255)];
     let planes = if grey { 1 } else { 3 };
     for (bins, color) in histogram.bins.iter().zip(colors).take(planes) {
         let color = if grey { Color32::from_gray(200) } else { color.gamma_multiply(0.7) };
@@ -245,12 +256,9 @@ fn list(shell: &mut Shell, ui: &mut egui::Ui) {
                 }
                 Ok(entry) => {
                     let name = shell.desk.entries.name(*entry);
-                    let mark = match shell.desk.entries.is_live(*entry) {
-                        true => "\u{25cf} ",
-                        false if shell.desk.other == Some(*entry) => "\u{25c7} ",
-                        false => "",
-                    };
-                    let text = RichText::new(format!("{mark}{name}")).size(12.0);
+                    let live = if shell.desk.entries.is_live(*entry) { " (live)" } else { "" };
+                    let other = if shell.desk.other == Some(*entry) { " (other)" } else { "" };
+                    let text = RichText::new(format!("{name}{live}{other}")).size(12.0);
                     if ui.selectable_label(*entry == shell.desk.entries.current, text).clicked() {
                         chosen = Some(*entry);
                     }
@@ -268,7 +276,8 @@ fn side(shell: &mut Shell, ui: &mut egui::Ui) {
     let current = shell.desk.entries.current;
     egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         if let Some(histogram) = &answers.histogram {
-            let one = shell.desk.display.channels != Channels::Color && shell.desk.display.channels != Channels::Luminance;
+            let one = shell.desk.display.channels != Channels::Color
+                && shell.desk.display.channels != Channels::Luminance;
             histogram_plot(ui, histogram, one);
             if let Some(f) = shell.desk.display.false_color {
                 scale(ui, f.map);
@@ -363,7 +372,11 @@ fn boxes(shell: &mut Shell, painter: &egui::Painter) {
     if let Some(text) = error {
         write(area.center(), Align2::CENTER_CENTER, &text);
     } else if shell.desk.entries.len() == 0 {
-        write(area.center(), Align2::CENTER_CENTER, "iv  \u{b7}  drop pictures here  \u{b7}  ? lists the keys");
+        write(
+            area.center(),
+            Align2::CENTER_CENTER,
+            "iv  \u{b7}  drop pictures here  \u{b7}  ? lists the keys",
+        );
     }
     if let Some(note) = shell.desk.entries.live_info(current).and_then(|i| i.note.clone()) {
         write(area.center_top() + egui::Vec2::new(0.0, 10.0), Align2::CENTER_TOP, &note);
@@ -376,48 +389,58 @@ fn boxes(shell: &mut Shell, painter: &egui::Painter) {
 fn help_and_prompt(shell: &mut Shell, ui: &mut egui::Ui) {
     let ctx = ui.ctx().clone();
     if shell.desk.help_open {
-        egui::Area::new(egui::Id::unique("help")).anchor(Align2::CENTER_CENTER, egui::Vec2::ZERO).show(&ctx, |ui| {
-            egui::Frame::popup(ui.style()).show(ui, |ui| {
-                let height = (shell.area.height() - 60.0).max(80.0);
-                egui::ScrollArea::vertical().max_height(height).show(ui, |ui| {
-                    egui::Grid::new("keys").num_columns(4).spacing([14.0, 2.0]).show(ui, |ui| {
-                        let rows = help_rows();
-                        let half = rows.len().div_ceil(2);
-                        for i in 0..half {
-                            for row in [rows.get(i), rows.get(half + i)].into_iter().flatten() {
-                                match row {
-                                    Ok((keys, text)) => {
-                                        ui.label(RichText::new(keys).monospace().size(11.0).strong());
-                                        ui.label(RichText::new(*text).size(11.0));
-                                    }
-                                    Err(title) => {
-                                        ui.label("");
-                                        ui.label(RichText::new(*title).size(12.0).strong());
+        egui::Area::new(egui::Id::unique("help")).anchor(Align2::CENTER_CENTER, egui::Vec2::ZERO).show(
+            &ctx,
+            |ui| {
+                egui::Frame::popup(ui.style()).show(ui, |ui| {
+                    let height = (shell.area.height() - 60.0).max(80.0);
+                    egui::ScrollArea::vertical().max_height(height).show(ui, |ui| {
+                        ui.spacing_mut().interact_size.y = 0.0;
+                        egui::Grid::new("keys").num_columns(4).spacing([14.0, 2.0]).show(ui, |ui| {
+                            let rows = help_rows();
+                            let half = rows.len().div_ceil(2);
+                            for i in 0..half {
+                                for row in [rows.get(i), rows.get(half + i)].into_iter().flatten() {
+                                    match row {
+                                        Ok((keys, text)) => {
+                                            ui.label(RichText::new(keys).monospace().size(11.0).strong());
+                                            ui.label(RichText::new(*text).size(11.0));
+                                        }
+                                        Err(title) => {
+                                            ui.label("");
+                                            ui.label(RichText::new(*title).size(12.0).strong());
+                                        }
                                     }
                                 }
+                                ui.end_row();
                             }
-                            ui.end_row();
-                        }
+                        });
                     });
                 });
-            });
-        });
+            },
+        );
     }
     let Some(mut prompt) = shell.prompt.take() else { return };
     let mut done = None;
-    egui::Area::new(egui::Id::unique("prompt")).anchor(Align2::CENTER_BOTTOM, egui::Vec2::new(0.0, -60.0)).show(&ctx, |ui| {
-        egui::Frame::popup(ui.style()).show(ui, |ui| {
-            ui.label(if prompt.pixels { "save the values of this layer as" } else { "save what is seen as" });
-            let edit = ui.add(egui::TextEdit::singleline(&mut prompt.text).desired_width(420.0));
-            if ui.input(|i| i.key_pressed(egui::Key::Enter)) {
-                done = Some(true);
-            } else if ui.input(|i| i.key_pressed(egui::Key::Escape)) {
-                done = Some(false);
-            } else {
-                edit.request_focus();
-            }
+    egui::Area::new(egui::Id::unique("prompt"))
+        .anchor(Align2::CENTER_BOTTOM, egui::Vec2::new(0.0, -60.0))
+        .show(&ctx, |ui| {
+            egui::Frame::popup(ui.style()).show(ui, |ui| {
+                ui.label(if prompt.pixels {
+                    "save the values of this layer as"
+                } else {
+                    "save what is seen as"
+                });
+                let edit = ui.add(egui::TextEdit::singleline(&mut prompt.text).desired_width(420.0));
+                if ui.input(|i| i.key_pressed(egui::Key::Enter)) {
+                    done = Some(true);
+                } else if ui.input(|i| i.key_pressed(egui::Key::Escape)) {
+                    done = Some(false);
+                } else {
+                    edit.request_focus();
+                }
+            });
         });
-    });
     match done {
         None => shell.prompt = Some(prompt),
         Some(true) => shell.save(&prompt),

@@ -6,7 +6,9 @@ use super::keys;
 use super::panels;
 use super::script::Step;
 use eframe::egui;
-use egui::{Color32, ColorImage, Event, Key, Modifiers, PointerButton, Pos2, TextureHandle, TextureOptions, Vec2};
+use egui::{
+    Color32, ColorImage, Event, Key, Modifiers, PointerButton, Pos2, TextureHandle, TextureOptions, Vec2,
+};
 use granita_cli::Status;
 use granita_view::{Mix, Rect, ViewCommand, save_canvas, save_pixels};
 use std::collections::VecDeque;
@@ -163,7 +165,12 @@ impl Shell {
             }
             Event::PointerMoved(pos) => self.moved(*pos, ppp, ctx.input(|i| i.modifiers)),
             Event::PointerGone => self.pointer = None,
-            Event::PointerButton { pos, button: PointerButton::Primary | PointerButton::Middle, pressed, modifiers } => {
+            Event::PointerButton {
+                pos,
+                button: PointerButton::Primary | PointerButton::Middle,
+                pressed,
+                modifiers,
+            } => {
                 if *pressed && self.area.contains(*pos) && self.prompt.is_none() {
                     self.press(*pos, *modifiers, ppp);
                 } else if !*pressed {
@@ -210,9 +217,9 @@ impl Shell {
     fn press(&mut self, pos: Pos2, modifiers: Modifiers, ppp: f32) {
         self.pressed = Some((pos, modifiers));
         let live = self.desk.entries.is_live(self.desk.entries.current);
-        let near_edge = self.wipe_edge().is_some_and(|(place, down)| {
-            (if down { pos.y } else { pos.x } - place).abs() * ppp < 10.0
-        });
+        let near_edge = self
+            .wipe_edge()
+            .is_some_and(|(place, down)| (if down { pos.y } else { pos.x } - place).abs() * ppp < 10.0);
         let drag = if near_edge {
             Drag::Wipe
         } else if modifiers.command && live {
@@ -381,10 +388,13 @@ impl Shell {
         match step {
             Step::Wait => {}
             Step::Frames(n) => script.frames = n,
-            Step::Sleep(s) => script.until = Some(Instant::now() + Duration::from_secs_f64(s.clamp(0.0, 60.0))),
+            Step::Sleep(s) => {
+                script.until = Some(Instant::now() + Duration::from_secs_f64(s.clamp(0.0, 60.0)))
+            }
             Step::Key(text) => {
                 if let Some((key, modifiers)) = keys::parse(&text) {
-                    let event = |pressed| Event::Key { key, physical_key: None, pressed, repeat: false, modifiers };
+                    let event =
+                        |pressed| Event::Key { key, physical_key: None, pressed, repeat: false, modifiers };
                     script.events.extend([vec![event(true)], vec![event(false)]]);
                 }
             }
@@ -396,7 +406,9 @@ impl Shell {
             }
             Step::Drag([x0, y0, x1, y1], text) => {
                 let m = modifiers(&text);
-                script.events.push_back(vec![Event::PointerMoved(point(x0, y0)), button(point(x0, y0), true, m)]);
+                script
+                    .events
+                    .push_back(vec![Event::PointerMoved(point(x0, y0)), button(point(x0, y0), true, m)]);
                 for i in 1..=8 {
                     let f = i as f32 / 8.0;
                     let p = point(x0 + (x1 - x0) * f, y0 + (y1 - y0) * f);
@@ -521,7 +533,13 @@ impl eframe::App for Shell {
         if let Some(script) = &mut self.script {
             // Nobody else has a hand in it.
             raw_input.events.retain(|e| {
-                !matches!(e, Event::PointerMoved(_) | Event::PointerButton { .. } | Event::Key { .. } | Event::PointerGone)
+                !matches!(
+                    e,
+                    Event::PointerMoved(_)
+                        | Event::PointerButton { .. }
+                        | Event::Key { .. }
+                        | Event::PointerGone
+                )
             });
             if let Some(events) = script.events.pop_front() {
                 for event in &events {
@@ -556,7 +574,9 @@ impl eframe::App for Shell {
         for event in &events {
             self.handle(event, ppp, &ctx);
         }
-        if self.prompt.is_some() && events.iter().any(|e| matches!(e, Event::Key { key: Key::Escape, pressed: true, .. })) {
+        if self.prompt.is_some()
+            && events.iter().any(|e| matches!(e, Event::Key { key: Key::Escape, pressed: true, .. }))
+        {
             self.prompt = None;
         }
         if !self.full_screen || self.desk.list_open || self.desk.side_open {

@@ -31,6 +31,16 @@ pub(crate) struct Answers {
     pub(crate) histogram: Option<Histogram>,
 }
 
+/// What is asked about a page.
+pub(crate) struct Wishes<'a> {
+    /// What it is compared with.
+    pub(crate) second: Option<&'a Seen>,
+    /// The area that is measured.
+    pub(crate) probe: Option<Rect>,
+    /// The tiles of which there is to be a histogram.
+    pub(crate) histogram: Option<&'a Needs>,
+}
+
 /// Least and largest value of a layer of a page, where there are any.
 type Ranges = BTreeMap<(u64, usize), Option<(f32, f32)>>;
 
@@ -96,27 +106,20 @@ impl Tasks {
     }
 
     /// What is known by now; asks for what is not.
-    pub(crate) fn answers(
-        &mut self,
-        loader: &Loader,
-        seen: &Seen,
-        second: Option<&Seen>,
-        probe: Option<Rect>,
-        histogram: bool,
-        needs: &Needs,
-    ) -> Answers {
+    pub(crate) fn answers(&mut self, loader: &Loader, seen: &Seen, wishes: &Wishes<'_>) -> Answers {
         let number = seen.page.pyramid.number();
         let mut out = Answers::default();
-        if let Some(part) = probe {
+        if let Some(part) = wishes.probe {
             let page = seen.page.clone();
             let ask = Question::Probe { page: number, part };
-            let answer =
-                self.ask(loader, ask, move || Answer::Probe(statistics(&page, 0, part).map_err(|e| e.to_string())));
+            let answer = self.ask(loader, ask, move || {
+                Answer::Probe(statistics(&page, 0, part).map_err(|e| e.to_string()))
+            });
             if let Some(Answer::Probe(found)) = answer {
                 out.probe = Some(found);
             }
         }
-        if let Some(second) = second {
+        if let Some(second) = wishes.second {
             let (a, b) = (seen.page.clone(), second.page.clone());
             let ask = Question::Compare { first: number, second: b.pyramid.number() };
             let answer = self.ask(loader, ask, move || {
@@ -127,7 +130,7 @@ impl Tasks {
                 out.comparison = Some(*found);
             }
         }
-        if histogram {
+        if let Some(needs) = wishes.histogram {
             out.histogram = self.histogram(loader, seen, needs);
         }
         out
@@ -142,9 +145,10 @@ impl Tasks {
             (None, Some((a, b))) => (a.min(b), a.max(b), false),
             (None, None) => (0.0, (-seen.display.exposure).exp2(), false),
         };
-        let tiles = needs.tiles.iter().fold(u64::from(seen.display.pick(layer)[0] == Pick::Value(0.0)), |h, t| {
-            h.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(u64::from(t.0) << 32 | u64::from(t.1))
-        });
+        let tiles =
+            needs.tiles.iter().fold(u64::from(seen.display.pick(layer)[0] == Pick::Value(0.0)), |h, t| {
+                h.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(u64::from(t.0) << 32 | u64::from(t.1))
+            });
         let level = needs.level;
         let number = page.pyramid.number();
         let ask = Question::Histogram { page: number, layer: seen.layer, level, tiles, low, high, log };

@@ -1,0 +1,172 @@
+//! `iv` without a window: what it prints, what it writes, how it ends.
+
+#![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
+
+use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn formats() -> FormatRegistry {
+    granita_plugin::bundled_formats(Limits::default())
+}
+
+fn write(path: &Path, spec: &ImageSpec, values: &[f32]) {
+    let format = path.extension().unwrap().to_str().unwrap();
+    let mut file = formats().create(path, format, &CreateOptions { spec, levels: 1 }).unwrap();
+    file.write_rows(&Pixels::from_floats(spec.pixel_type, values)).unwrap();
+    file.close().unwrap();
+}
+
+/// Status, standard output, standard error of a run in `folder`.
+fn iv(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
+    let program = env!("CARGO_BIN_EXE_iv");
+    let Output { status, stdout, stderr } =
+        Command::new(program).current_dir(folder).env_remove("COLUMNS").args(arguments).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (status.code().unwrap_or(-1), text(stdout), text(stderr))
+}
+
+fn pictures() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let spec = ImageSpec::new(4, 2, 3, PixelType::U8);
+    let grey: Vec<f32> = (0..24).map(|i| (i / 3) as f32 / 8.0).collect();
+    write(&folder.path().join("a.png"), &spec, &grey);
+    let mut other = grey.clone();
+    other[5 * 3] += 0.2;
+    write(&folder.path().join("b.png"), &spec, &other);
+    let mut layered = ImageSpec::new(2, 2, 5, PixelType::Float).tiled(16, 16);
+    layered.channels = ["R", "G", "B", "Z", "N.x"].map(str::to_owned).to_vec();
+    let mut values = vec![0.5; 20];
+    (values[3], values[8], values[13]) = (7.0, f32::NAN, f32::INFINITY);
+    values[0] = -1.0;
+    write(&folder.path().join("c.exr"), &layered, &values);
+    folder
+}
+
+#[test]
+fn info() {
+    let folder = pictures();
+    let (status, out, error) = iv(folder.path(), &["-info", "a.png", "c.exr"]);
+    assert_eq!((status, &*error), (0, ""));
+    let wanted = "a.png: png
+  4 x 2, 3 channels (R G B) of uint8
+c.exr: exr
+  2 x 2, 5 channels (R G B Z N.x) of float
+    tiles            16 x 16
+    layers           RGB, Z, N
+";
+    assert!(out.starts_with(wanted), "{out}");
+    assert!(out.contains("    compression      \"zip\"\n"), "{out}");
+}
+
+#[test]
+fn statistics() {
+    let folder = pictures();
+    let (status, out, _) = iv(folder.path(), &["--stats", "c.exr"]);
+    assert_eq!(status, 0);
+    assert_eq!(
+        out,
+        "c.exr: 2 x 2, 5 channels (R G B Z N.x) of float
+  channel  min  max   mean  deviation  negative  NaN  inf
+  R         -1  0.5  0.125  0.6495191         1    0    0
+  G        0.5  0.5    0.5          0         0    0    0
+  B        0.5  0.5    0.5          0         0    0    0
+  Z        0.5    7   3.75       3.25         0    1    1
+  N.x      0.5  0.5    0.5          0         0    0    0
+"
+    );
+}
+
+#[test]
+fn comparing_by_limits() {
+    let folder = pictures();
+    let run = |arguments: &[&str]| {
+        let (status, out, error) = iv(folder.path(), &[&["-compare"], arguments].concat());
+        (status, out + &error)
+    };
+    let (status, text) = run(&["a.png", "a.png"]);
+    assert!(status == 0 && text.contains("PSNR infinite") && text.ends_with("alike\n"), "{text}");
+    let (status, text) = run(&["a.png", "b.png"]);
+    assert_eq!(status, 1);
+    assert!(text.contains("  R        0.025"), "{text}");
+    assert!(text.contains("1,1"), "the place of the largest difference: {text}");
+    assert!(
+        text.contains("12.5000 % of the pixels differ by more than 0, 0 % may")
+            && text.ends_with("different\n")
+    );
+    for (limits, wanted) in [
+        (&["-fail", "0.21"][..], 0),
+        (&["-fail", "0.19"], 1),
+        (&["-failpercent", "12.5"], 0),
+        (&["-failpercent", "12"], 1),
+        (&["-maxrms", "0.05"], 0),
+        (&["-maxrms", "0.04"], 1),
+        (&["-minpsnr", "27"], 0),
+        (&["-minpsnr", "28"], 1),
+        (&["-maxflip", "0.9"], 0),
+        (&["-maxflip", "0.0001"], 1),
+        (&["-maxrms", "0.05", "-minpsnr", "28"], 1),
+    ] {
+        let (status, text) = run(&[&["a.png", "b.png"], limits].concat());
+        assert_eq!(status, wanted, "{limits:?}: {text}");
+    }
+    for wrong in [&["a.png"][..], &["a.png", "c.exr"], &["a.png", "none.png"], &["a.png", "a.png", "a.png"]] {
+        let (status, text) = run(wrong);
+        assert!(status == 2 && text.contains("iv: error: "), "{wrong:?}: {text}");
+    }
+}
+
+#[test]
+fn a_picture_that_is_cut_short_is_not_alike_to_black() {
+    let folder = pictures();
+    let spec = ImageSpec::new(64, 64, 3, PixelType::U8);
+    // What does not pack is cut in the middle.
+    let noise: Vec<f32> =
+        (0..64 * 64 * 3_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as f32 / 255.0).collect();
+    write(&folder.path().join("d.png"), &spec, &noise);
+    let whole = folder.path().join("d.png");
+    let bytes = std::fs::read(&whole).unwrap();
+    std::fs::write(folder.path().join("e.png"), &bytes[..bytes.len() / 2]).unwrap();
+    let (status, _, error) = iv(folder.path(), &["-compare", "d.png", "e.png"]);
+    assert!(status == 2 && error.contains("not all of it can be read"), "{error}");
+}
+
+#[test]
+fn thumbnails_and_characters() {
+    let folder = pictures();
+    let (status, _, error) = iv(folder.path(), &["-thumbnail", "t.png", "-size", "2", "a.png"]);
+    assert_eq!((status, &*error), (0, ""));
+    let small = formats().open(&folder.path().join("t.png")).unwrap();
+    let spec = small.spec(0, 0).unwrap();
+    assert_eq!((spec.width, spec.height, spec.nchannels()), (2, 1, 3));
+    std::fs::create_dir(folder.path().join("many")).unwrap();
+    let (status, ..) = iv(folder.path(), &["-thumbnail", "many", "a.png", "b.png"]);
+    assert!(status == 0 && folder.path().join("many/b.png.png").is_file());
+    let (status, text, _) = iv(folder.path(), &["-ascii", "-width", "8", "a.png"]);
+    assert_eq!((status, text.lines().count()), (0, 2));
+    assert!(text.starts_with(' ') && text.ends_with("%%\n"), "{text}");
+    let (_, text, _) = iv(folder.path(), &["-ascii", "-width", "8", "-color", "a.png"]);
+    assert_eq!(text.matches('\u{2580}').count(), 16);
+}
+
+#[test]
+fn mistakes_are_told() {
+    let folder = pictures();
+    std::fs::write(folder.path().join("text.txt"), "no picture").unwrap();
+    for (arguments, wanted, words) in [
+        (&["-info"][..], 2, "no files are given"),
+        (&["-info", "text.txt"], 2, "text.txt: not an image of a known format"),
+        (&["-info", "none.exr", "a.png"], 1, "none.exr: "),
+        (&["-ascii", "-layer", "nothing", "c.exr"], 2, "there is no layer \"nothing\", only RGB, Z, N"),
+        (&["-ascii", "-page", "3", "a.png"], 2, "there is no image 3"),
+        (&["-ascii", "-channel", "Q", "a.png"], 2, "there is no channel \"Q\", only R G B"),
+        (&["-ascii", "-gamma", "0", "a.png"], 2, "-gamma is 0"),
+        (&["-thumbnail", "t.nothing", "a.png"], 2, "nothing"),
+        (&["-thumbnail", "no/where.png", "a.png"], 2, "where.png"),
+        (&["-info", "-stats", "a.png"], 2, "cannot be used with"),
+        (&["-falsecolor", "pink", "-ascii", "a.png"], 2, "a map is one of helix"),
+    ] {
+        let (status, _, error) = iv(folder.path(), arguments);
+        assert!(status == wanted && error.contains(words), "{arguments:?}: {status}: {error}");
+    }
+}

@@ -1,0 +1,217 @@
+//! The window, under Xvfb with software rendering, driven by scripts. Skipped with a notice where Xvfb is not installed, or
+//! where no driver can draw.
+
+#![cfg(feature = "window")]
+#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "what fails here fails the test")]
+
+use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::OnceLock;
+
+fn formats() -> FormatRegistry {
+    granita_plugin::bundled_formats(Limits::default())
+}
+
+/// A screen of its own, of 1024 x 768 pixels.
+struct Screen {
+    server: Child,
+    name: String,
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+impl Screen {
+    fn start() -> Option<Self> {
+        static FOUND: OnceLock<bool> = OnceLock::new();
+        let found = *FOUND.get_or_init(|| {
+            let path = std::env::var_os("PATH").unwrap_or_default();
+            std::env::split_paths(&path).any(|folder| folder.join("Xvfb").is_file())
+        });
+        if !found {
+            eprintln!("skipped: Xvfb is not installed");
+            return None;
+        }
+        // The server says on its standard output which number it took.
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", "1024x768x24", "-nolisten", "tcp"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .ok()?;
+        let mut line = String::new();
+        std::io::BufRead::read_line(&mut std::io::BufReader::new(server.stdout.take()?), &mut line).ok()?;
+        Some(Self { server, name: format!(":{}", line.trim()) })
+    }
+
+    /// Runs a script in `folder`; `None` when there is no driver that can draw here.
+    fn run(&self, folder: &Path, files: &[&str], script: &str) -> Option<String> {
+        std::fs::write(folder.join("script.txt"), script).unwrap();
+        let out = Command::new(env!("CARGO_BIN_EXE_iv"))
+            .current_dir(folder)
+            .env("DISPLAY", &self.name)
+            .env_remove("WAYLAND_DISPLAY")
+            .args(["-window", "800", "600", "-script", "script.txt"])
+            .args(files)
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&out.stdout).into_owned();
+        let error = String::from_utf8_lossy(&out.stderr).into_owned();
+        if error.contains("there can be no window") {
+            eprintln!("skipped: {error}");
+            return None;
+        }
+        assert!(out.status.success(), "{}: {text}{error}", out.status);
+        Some(text)
+    }
+}
+
+fn write(path: PathBuf, spec: &ImageSpec, value: impl Fn(u32, u32, usize) -> f32) {
+    let n = spec.nchannels();
+    let format = path.extension().unwrap().to_str().unwrap().to_owned();
+    let values: Vec<f32> = (0..spec.width as usize * spec.height as usize * n)
+        .map(|i| {
+            let (pixel, c) = (i / n, i % n);
+            value((pixel % spec.width as usize) as u32, (pixel / spec.width as usize) as u32, c)
+        })
+        .collect();
+    let mut file = formats().create(&path, &format, &CreateOptions { spec, levels: 1 }).unwrap();
+    file.write_rows(&Pixels::from_floats(spec.pixel_type, &values)).unwrap();
+    file.close().unwrap();
+}
+
+/// A folder with pictures of 400 x 300 pixels.
+fn pictures() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let spec = ImageSpec::new(400, 300, 3, PixelType::U8);
+    write(folder.path().join("a.png"), &spec, |x, y, c| [x as f32 / 400.0, y as f32 / 300.0, 0.5][c]);
+    write(folder.path().join("b.png"), &spec, |x, y, c| [x as f32 / 400.0, y as f32 / 300.0, 0.25][c]);
+    let mut layers = ImageSpec::new(400, 300, 4, PixelType::Float).tiled(64, 64);
+    layers.channels = ["R", "G", "B", "Z"].map(str::to_owned).to_vec();
+    write(folder.path().join("c.exr"), &layers, |x, y, c| match c {
+        3 => 10.0 + y as f32,
+        _ if (x, y) == (10, 10) => f32::NAN,
+        _ => 0.25 * c as f32 + 0.25,
+    });
+    folder
+}
+
+/// Red, green and blue of a pixel of a file that the window wrote.
+fn pixel(path: &Path, x: u32, y: u32) -> [u8; 3] {
+    let input = formats().open(path).unwrap();
+    let width = input.spec(0, 0).unwrap().width;
+    let Pixels::U8(v) = input.read_rows(0, 0, y, y + 1).unwrap() else { panic!("{}", path.display()) };
+    assert!(x < width);
+    let at = 3 * x as usize;
+    [v[at], v[at + 1], v[at + 2]]
+}
+
+#[test]
+fn open_zoom_wipe_probe_and_save() {
+    let Some(screen) = Screen::start() else { return };
+    let folder = pictures();
+    let ran = screen.run(
+        folder.path(),
+        &["a.png", "b.png", "c.exr"],
+        "wait
+expect 1/3 a.png
+expect 400 x 300 uint8
+expect 100 %
+canvas one.png
+screenshot window.png
+key PageDown
+wait
+expect 2/3 b.png
+key W
+wait
+expect wipe
+expect PSNR
+canvas wipe.png
+key W
+key D
+wait
+expect difference x1
+expect 0.25
+canvas difference.png
+key Escape
+scroll 400 288 8
+wait
+expect 400 %
+canvas zoomed.png
+key 1
+drag 300 200 309 204 Shift+
+wait
+expect area of 10 x 5 at 100 62
+move 400 288
+frames 2
+expect [200 150]
+key Escape
+key T
+wait
+expect 1/3 a.png
+key End
+wait
+expect 3/3 c.exr
+expect RGB
+canvas marks.png
+key L
+wait
+canvas depth.png
+key Ctrl+S
+frames 3
+key Enter
+frames 3
+expect saved c.view.png
+quit
+",
+    );
+    if ran.is_none() {
+        return;
+    }
+    let at = |name: &str, x, y| pixel(&folder.path().join(name), x, y);
+    // The picture area is 800 x 576; the picture is in its middle at (200, 138).
+    assert_eq!(at("one.png", 200 + 100, 138 + 150), [64, 128, 128]);
+    assert_eq!(at("one.png", 10, 10), [34, 34, 36], "beside the picture");
+    assert_eq!(at("window.png", 200 + 100, 138 + 150), [64, 128, 128], "the screen shows what was drawn");
+    assert_eq!((at("wipe.png", 399, 288)[2], at("wipe.png", 400, 288)[2]), (64, 128));
+    assert_eq!(at("difference.png", 300, 200), [0, 0, 64]);
+    // What was under the pointer stays there.
+    assert_eq!(at("zoomed.png", 401, 289), [128, 128, 64]);
+    assert_eq!(at("marks.png", 210, 148), [255, 0, 255]);
+    let (near, far) = (at("depth.png", 400, 140)[0], at("depth.png", 400, 430)[0]);
+    assert!(near > 250 && (20..60).contains(&far), "{near} {far}");
+    assert!(folder.path().join("c.view.png").is_file());
+}
+
+#[test]
+fn files_that_change_are_read_again() {
+    let Some(screen) = Screen::start() else { return };
+    let folder = pictures();
+    let copy = folder.path().join("a.png");
+    let other = folder.path().join("b.png");
+    let changer = std::thread::spawn(move || {
+        std::thread::sleep(std::time::Duration::from_secs(3));
+        std::fs::copy(other, copy).unwrap();
+    });
+    let script = "wait\ncanvas before.png\nsleep 6\nwait\ncanvas after.png\nquit\n";
+    let ran = screen.run(folder.path(), &["a.png"], script);
+    changer.join().unwrap();
+    if ran.is_some() {
+        let blue = |name: &str| pixel(&folder.path().join(name), 300, 200)[2];
+        assert_eq!((blue("before.png"), blue("after.png")), (128, 64));
+    }
+}
+
+#[test]
+fn what_cannot_be_shown_is_said_in_the_window() {
+    let Some(screen) = Screen::start() else { return };
+    let folder = pictures();
+    std::fs::write(folder.path().join("text.txt"), "no picture at all").unwrap();
+    let script = "frames 5\nexpect not an image of a known format\nkey Space\nwait\nexpect b.png\nkey K\nframes 1\nexpect there are no faces\nkey Questionmark\nframes 2\nkey Escape\nkey V\nwait\nexpect helix\nkey O\nframes 2\nexpect no panorama\nquit\n";
+    screen.run(folder.path(), &["text.txt", "b.png", "none.exr"], script);
+}
