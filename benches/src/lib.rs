@@ -5,6 +5,7 @@
 //!   clock and peak memory, with one thread and with all;
 //! - `cargo run --release -p granita-benches --bin views` measures what a second eye, more samples, a second thread and
 //!   preview mode cost, as ratios;
+//! - `cargo run --release -p granita-benches --bin viewer` opens and pans pictures in `iv` under Xvfb;
 //! - `cargo xtask trade SCENE` measures what each knob of indirect light and occlusion costs and buys;
 //! - `cargo run --release -p granita-benches --bin peers` runs our tools and the public ones of the field side by
 //!   side, as ratios, and says which it could not find.

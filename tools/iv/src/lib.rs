@@ -30,14 +30,41 @@ fn run(args: &Args, reporter: &Reporter) -> Status {
     }
     #[cfg(feature = "window")]
     {
-        let live = granita_view::Live::default();
-        window::run(args, &live, &formats, reporter)
+        watch(args, &formats, reporter)
     }
     #[cfg(not(feature = "window"))]
     {
         reporter.error("there is no window in this build: choose what to do without one (-help lists it)");
         Status::Failed
     }
+}
+
+/// The window, and what renderers send to it.
+#[cfg(feature = "window")]
+fn watch(args: &Args, formats: &granita_image::FormatRegistry, reporter: &Reporter) -> Status {
+    let live = granita_view::Live::default();
+    let (sender, wanted) = std::sync::mpsc::channel();
+    let open: Option<Box<listen::OpenFile>> = args.net.allowopen.then(|| -> Box<listen::OpenFile> {
+        Box::new(move |wanted| sender.send(wanted).map_err(|_| "the window is closed".to_owned()))
+    });
+    // With files to show and no word about it, the port is left to others.
+    let asked = args.net.listen.is_some();
+    let listener = match asked || args.files.is_empty() {
+        true => listen::address(&args.net).and_then(|at| listen::start(at, &live, reporter, open)).map(Some),
+        false => Ok(None),
+    };
+    let _listener = match listener {
+        Ok(listener) => listener,
+        Err(error) if asked => {
+            reporter.error(error.to_string());
+            return Status::Failed;
+        }
+        Err(error) => {
+            reporter.warning(format!("{error}: no pictures will come from renderers"));
+            None
+        }
+    };
+    window::run(args, &live, wanted, formats, reporter)
 }
 
 /// Runs the tool; `words` begins with the name it was called by.

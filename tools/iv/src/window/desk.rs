@@ -3,13 +3,15 @@
 use super::entries::{Entries, Seen};
 use super::keys::Action;
 use super::tasks::{Answers, Tasks, Wishes};
+use crate::listen::Wanted;
 use granita_image::FormatRegistry;
 use granita_view::{
-    Around, Arrangement, Background, Canvas, Channels, ColorMap, Display, FalseColor, Live, Loader, Marks,
-    Mix, Needs, Rect, Shown, TileStore, View, ViewCommand, draw_into, needs, pixel_under,
+    Around, Arrangement, Background, Canvas, Channels, ColorMap, Display, FalseColor, Live, LiveWishes,
+    Loader, Marks, Mix, Needs, Rect, Shown, TileStore, View, ViewCommand, draw_into, needs, pixel_under,
 };
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::mpsc::Receiver;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// How often files are looked at for changes.
@@ -84,6 +86,12 @@ pub(crate) struct Desk {
     pub(crate) probe: Option<Rect>,
     pub(crate) message: Option<(String, Instant)>,
     watched: Instant,
+    /// Files that those who send pictures want to be opened.
+    pub(crate) wanted: Option<Arc<Mutex<Receiver<Wanted>>>>,
+    /// Wishes of live pictures that were fulfilled, by their number.
+    fulfilled: Vec<(u64, LiveWishes)>,
+    /// What the shell has to do without being asked by a key.
+    pub(crate) pending: Option<Request>,
     /// Whether all that is in sight is there.
     pub(crate) complete: bool,
 }
@@ -126,6 +134,9 @@ impl Desk {
             probe: None,
             message: None,
             watched: Instant::now(),
+            wanted: None,
+            fulfilled: Vec::new(),
+            pending: None,
             complete: false,
         }
     }
@@ -466,7 +477,7 @@ impl Desk {
 
     /// Looks for files that changed and pictures that arrived.
     fn poll(&mut self) {
-        if let Some(new) = self.entries.poll_live(&self.store) {
+        if let Some(new) = self.entries.poll_live() {
             let before = self.entries.current;
             self.show(new);
             // The first to come is there without anything before it.
@@ -474,6 +485,12 @@ impl Desk {
                 self.fitted = true;
             }
         }
+        self.fulfil();
+        let wanted: Vec<Wanted> = match &self.wanted {
+            Some(wanted) => wanted.lock().unwrap_or_else(PoisonError::into_inner).try_iter().collect(),
+            None => Vec::new(),
+        };
+        wanted.into_iter().for_each(|wanted| self.open_for_client(wanted));
         if self.watched.elapsed() < WATCH {
             return;
         }
@@ -486,6 +503,56 @@ impl Desk {
         }
         if self.message.as_ref().is_some_and(|(_, since)| since.elapsed() > Duration::from_secs(6)) {
             self.message = None;
+        }
+    }
+
+    /// Opens a file, or reads it again, because a client wants it.
+    fn open_for_client(&mut self, wanted: Wanted) {
+        let (path, focus, again) = match wanted {
+            Wanted::Open { path, focus, .. } => (PathBuf::from(path), focus, false),
+            Wanted::Reload { name, focus } => (PathBuf::from(name), focus, true),
+        };
+        let entry = match self.entries.find(&path) {
+            Some(entry) => entry,
+            None => {
+                self.entries.add(vec![path]);
+                self.entries.len() - 1
+            }
+        };
+        if again {
+            self.entries.reload(entry, &self.formats, &self.store);
+        }
+        if focus {
+            self.show(entry);
+        }
+    }
+
+    /// Shows a live picture as its sender wishes, once (reference 7.4.3).
+    fn fulfil(&mut self) {
+        let current = self.entries.current;
+        let Some((id, wishes)) = self.entries.live_info(current).map(|i| (i.id, i.wishes.clone())) else {
+            return;
+        };
+        if wishes == LiveWishes::default() || self.fulfilled.contains(&(id, wishes.clone())) {
+            return;
+        }
+        self.fulfilled.push((id, wishes.clone()));
+        if wishes.fullscreen {
+            self.pending = Some(Request::FullScreen);
+        }
+        if wishes.zoom > 0 {
+            self.fit();
+            self.act(Action::Zoom(f64::from(wishes.zoom)));
+        }
+        if !wishes.background.is_empty() {
+            self.entries.add(vec![PathBuf::from(&wishes.background)]);
+            self.other = Some(self.entries.len() - 1);
+            self.mix = Mix::Over;
+        } else if !wishes.foreground.is_empty() {
+            self.entries.add(vec![PathBuf::from(&wishes.foreground)]);
+            self.show(self.entries.len() - 1);
+            self.other = Some(current);
+            self.mix = Mix::Over;
         }
     }
 

@@ -52,6 +52,8 @@ pub(crate) struct Entries {
     open: VecDeque<usize>,
     live: Live,
     live_version: u64,
+    /// The live picture that was last asked to be seen, by its number.
+    live_shown: u64,
     changes: u64,
 }
 
@@ -63,6 +65,7 @@ impl Entries {
             open: VecDeque::new(),
             live,
             live_version: u64::MAX,
+            live_shown: 0,
             changes: 0,
         };
         entries.add(files);
@@ -95,6 +98,11 @@ impl Entries {
             return e.path.display().to_string();
         }
         e.path.file_name().map_or_else(|| e.path.display().to_string(), |n| n.to_string_lossy().into_owned())
+    }
+
+    /// The file of this name.
+    pub(crate) fn find(&self, path: &Path) -> Option<usize> {
+        self.list.iter().position(|e| !e.live && e.path == path)
     }
 
     pub(crate) fn is_live(&self, entry: usize) -> bool {
@@ -298,28 +306,26 @@ impl Entries {
         }
     }
 
-    /// Takes note of what arrived; a live picture that is new.
-    pub(crate) fn poll_live(&mut self, _store: &TileStore) -> Option<usize> {
+    /// Takes note of what arrived; the entry that is to be seen now, if that is another one: one whose sender asks for it,
+    /// or the first to come where there is nothing else.
+    pub(crate) fn poll_live(&mut self) -> Option<usize> {
         let version = self.live.version();
         if version == self.live_version {
             return None;
         }
         self.live_version = version;
-        let mut new = None;
+        let nothing = self.list.is_empty();
         for name in self.live.names() {
             let place = self.list.iter().position(|e| e.live && e.path.as_os_str() == &*name);
-            let entry = match place {
-                Some(entry) => entry,
-                None => {
-                    self.list.push(Entry {
-                        path: PathBuf::from(&name),
-                        live: true,
-                        opened: Opened::Not,
-                        choice: Choice::FIRST,
-                    });
-                    new = Some(self.list.len() - 1);
-                    continue;
-                }
+            let Some(entry) = place else {
+                self.list.push(Entry {
+                    path: PathBuf::from(&name),
+                    live: true,
+                    opened: Opened::Not,
+                    choice: Choice::FIRST,
+                });
+                self.changes += 1;
+                continue;
             };
             if let Opened::Live(page) = &mut self.list[entry].opened {
                 match page.refresh() {
@@ -328,12 +334,19 @@ impl Entries {
                     None => {
                         self.list[entry].opened = Opened::Not;
                         self.changes += 1;
-                        new = new.or(Some(entry));
                     }
                 }
             }
         }
-        new
+        let shown = self.live.shown();
+        if shown != 0 && shown != self.live_shown {
+            self.live_shown = shown;
+            let is_it = |e: &Entry| {
+                e.live && self.live.info(&e.path.to_string_lossy()).is_some_and(|info| info.id == shown)
+            };
+            return self.list.iter().position(is_it);
+        }
+        (nothing && !self.list.is_empty()).then_some(0)
     }
 
     /// Tells the sender of a live picture something; whether anybody is there.

@@ -12,6 +12,7 @@ mod shell;
 mod tasks;
 
 use crate::args::Args;
+use crate::listen::Wanted;
 use desk::Desk;
 use eframe::egui;
 use granita_base::Reporter;
@@ -19,7 +20,9 @@ use granita_cli::Status;
 use granita_image::FormatRegistry;
 use granita_view::{Live, StoreLimits, TileStore, expand};
 use shell::Shell;
+use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
 
 /// How the window ended: what its script found.
 type Outcome = Arc<Mutex<Status>>;
@@ -54,7 +57,17 @@ fn native_options(args: &Args, backends: wgpu::Backends) -> eframe::NativeOption
 }
 
 /// Opens the window and waits until it is closed. `live` are pictures that may arrive.
-pub(crate) fn run(args: &Args, live: &Live, formats: &FormatRegistry, reporter: &Reporter) -> Status {
+///
+/// `wanted` are files that those who send pictures want to be opened.
+pub(crate) fn run(
+    args: &Args,
+    live: &Live,
+    wanted: Receiver<Wanted>,
+    formats: &FormatRegistry,
+    reporter: &Reporter,
+) -> Status {
+    let started = Instant::now();
+    let wanted = Arc::new(Mutex::new(wanted));
     let steps = match args.window.script.as_deref().map(script::read).transpose() {
         Ok(steps) => steps,
         Err(what) => {
@@ -74,15 +87,16 @@ pub(crate) fn run(args: &Args, live: &Live, formats: &FormatRegistry, reporter: 
     for backends in renderers(&args.window.renderer) {
         let files = expand(&args.files, formats);
         let (formats, live, outcome_inside) = (formats.clone(), live.clone(), outcome.clone());
-        let steps = steps.clone();
+        let (steps, wanted) = (steps.clone(), wanted.clone());
         let memory = args.window.memory;
         let creator: eframe::AppCreator<'_> = Box::new(move |context| {
             let limits = StoreLimits { others: memory << 20, ..StoreLimits::default() };
             let store = TileStore::new(limits);
             let ctx = context.egui_ctx.clone();
             let wake = move || ctx.request_repaint();
-            let desk = Desk::new(formats, files, live, display, store, wake);
-            Ok(Box::new(Shell::new(desk, steps, outcome_inside, &context.egui_ctx)))
+            let mut desk = Desk::new(formats, files, live, display, store, wake);
+            desk.wanted = Some(wanted);
+            Ok(Box::new(Shell::new(desk, steps, outcome_inside, started, &context.egui_ctx)))
         });
         match eframe::run_native("iv", native_options(args, *backends), creator) {
             Ok(()) => return *outcome.lock().unwrap_or_else(PoisonError::into_inner),

@@ -79,7 +79,14 @@ pub(crate) struct Shell {
 }
 
 impl Shell {
-    pub(crate) fn new(desk: Desk, steps: Option<Vec<Step>>, outcome: Outcome, ctx: &egui::Context) -> Self {
+    /// `started` is when the program began to make the window.
+    pub(crate) fn new(
+        desk: Desk,
+        steps: Option<Vec<Step>>,
+        outcome: Outcome,
+        started: Instant,
+        ctx: &egui::Context,
+    ) -> Self {
         ctx.set_theme(egui::Theme::Dark);
         let script = steps.map(|steps| Running {
             steps: steps.into(),
@@ -104,7 +111,7 @@ impl Shell {
             outcome,
             shot: Shot::default(),
             shown_title: String::new(),
-            started: Instant::now(),
+            started,
             first_picture: None,
         }
     }
@@ -585,6 +592,9 @@ impl eframe::App for Shell {
         self.area = ui.available_rect_before_wrap();
         self.show_picture(ui);
         panels::over(self, ui);
+        if let Some(request) = self.desk.pending.take() {
+            self.request(request, &ctx);
+        }
         let title = format!("{} - iv", self.desk.entries.name(self.desk.entries.current));
         if title != self.shown_title {
             ctx.send_viewport_cmd(egui::ViewportCommand::Title(title.clone()));

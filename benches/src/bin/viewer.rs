@@ -1,0 +1,168 @@
+//! The viewer: how long until the first picture, frames per second while panning a large texture, memory for tiles.
+//!
+//! Runs `iv` under Xvfb, so the window is drawn by whatever driver is there: in software on machines without a screen.
+
+#![forbid(unsafe_code)]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
+
+use granita_base::hash;
+use granita_benches::{find_program, release_tool};
+use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
+use std::io::BufRead;
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, ExitCode, Stdio};
+use std::time::Instant;
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(what) => {
+            eprintln!("viewer: {what}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Side of the texture.
+const SIDE: u32 = 16384;
+
+fn run() -> Result<(), String> {
+    // Another build of the tool may be measured: `viewer PATH`.
+    let iv = match std::env::args_os().nth(1) {
+        Some(path) => PathBuf::from(path),
+        None => release_tool("iv")?,
+    };
+    if find_program("Xvfb").is_none() {
+        return Err("Xvfb is not installed: nothing is measured".to_owned());
+    }
+    let place = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let formats = granita_plugin::bundled_formats(Limits::default());
+    let (photo, texture) = (place.path().join("photo.exr"), place.path().join("texture.tif"));
+    write_photo(&photo, &formats).map_err(|e| e.to_string())?;
+    write_texture(&texture, &formats).map_err(|e| e.to_string())?;
+    let screen = Screen::start()?;
+    // The files are in memory by now: the first run is not counted.
+    for i in 0..4 {
+        let (first, process) = first_picture(&iv, &screen, place.path())?;
+        if i > 0 {
+            println!(
+                "4096 x 2160 OpenEXR (half, RGBA, zip): {first:.3} s until the picture is drawn, {process:.3} s of process"
+            );
+        }
+    }
+    for (name, script) in [
+        ("one pixel for one", "wait\nkey 1\nwait\nbench 400\nquit\n"),
+        ("half size, by levels of the file", "wait\nkey 1\nkey Minus\nkey Minus\nwait\nbench 400\nquit\n"),
+    ] {
+        let text = script_run(&iv, &screen, place.path(), script, "texture.tif")?;
+        let line = text.lines().find(|l| l.starts_with("bench: ")).ok_or("no numbers came")?;
+        println!("{SIDE} x {SIDE} texture, {name}: {}", line.trim_start_matches("bench: "));
+    }
+    Ok(())
+}
+
+/// Noise on a ramp: what cameras give.
+fn value(x: u32, y: u32, c: u32) -> f32 {
+    let noise = hash::unit(hash::words(&[x, y, c]));
+    ((x / 7 + y / 5) % 256) as f32 / 300.0 + 0.04 * noise
+}
+
+fn write_photo(path: &Path, formats: &FormatRegistry) -> granita_image::Result<()> {
+    let spec = ImageSpec::new(4096, 2160, 4, PixelType::Half);
+    let mut file = formats.create(path, "exr", &CreateOptions { spec: &spec, levels: 1 })?;
+    for y0 in (0..spec.height).step_by(16) {
+        let values: Vec<f32> = (y0..y0 + 16)
+            .flat_map(|y| {
+                (0..spec.width)
+                    .flat_map(move |x| [0, 1, 2, 3].map(|c| if c == 3 { 1.0 } else { value(x, y, c) }))
+            })
+            .collect();
+        file.write_rows(&Pixels::from_floats(PixelType::Half, &values))?;
+    }
+    file.close()
+}
+
+/// Tiles of 64 x 64 texels in all levels, as `maketx` makes them.
+fn write_texture(path: &Path, formats: &FormatRegistry) -> granita_image::Result<()> {
+    let level = |l: u32| ImageSpec::new(SIDE >> l, SIDE >> l, 3, PixelType::U8).tiled(64, 64);
+    let levels = SIDE.ilog2() + 1;
+    let mut file =
+        formats.create(path, "tiff", &CreateOptions { spec: &level(0), levels: levels as usize })?;
+    for l in 0..levels {
+        let spec = level(l);
+        if l > 0 {
+            file.next_level(&spec)?;
+        }
+        let (across, down) = spec.tiles();
+        for ty in 0..down {
+            let row: Vec<(u32, u32, Pixels)> = (0..across)
+                .map(|tx| {
+                    let pixels = (0..64 * 64).flat_map(|i| {
+                        let (x, y) = (tx * 64 + i % 64, ty * 64 + i / 64);
+                        [0, 1, 2].map(|c| (value(x << l, y << l, c) * 255.0) as u8)
+                    });
+                    (tx, ty, Pixels::U8(pixels.collect()))
+                })
+                .collect();
+            file.write_tiles(&row)?;
+        }
+    }
+    file.close()
+}
+
+/// A screen of its own.
+struct Screen {
+    server: Child,
+    /// Open as long as the server is.
+    _words: std::io::BufReader<ChildStdout>,
+    name: String,
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        // Nothing is left to be done when it ended by itself.
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+impl Screen {
+    fn start() -> Result<Self, String> {
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .map_err(|e| format!("Xvfb: {e}"))?;
+        let mut words = std::io::BufReader::new(server.stdout.take().ok_or("Xvfb says nothing")?);
+        let mut line = String::new();
+        words.read_line(&mut line).map_err(|e| format!("Xvfb: {e}"))?;
+        Ok(Self { server, _words: words, name: format!(":{}", line.trim()) })
+    }
+}
+
+fn script_run(iv: &Path, screen: &Screen, folder: &Path, script: &str, file: &str) -> Result<String, String> {
+    std::fs::write(folder.join("script.txt"), script).map_err(|e| e.to_string())?;
+    let out = Command::new(iv)
+        .current_dir(folder)
+        .env("DISPLAY", &screen.name)
+        .env_remove("WAYLAND_DISPLAY")
+        .args(["-window", "1280", "800", "-script", "script.txt", file])
+        .output()
+        .map_err(|e| format!("{}: {e}", iv.display()))?;
+    match out.status.success() {
+        true => Ok(String::from_utf8_lossy(&out.stdout).into_owned()),
+        false => Err(String::from_utf8_lossy(&out.stderr).into_owned()),
+    }
+}
+
+/// Seconds until the complete picture is drawn, the making of the window included; and of the whole process, from its start until it
+/// ended.
+fn first_picture(iv: &Path, screen: &Screen, folder: &Path) -> Result<(f64, f64), String> {
+    let start = Instant::now();
+    let text = script_run(iv, screen, folder, "wait\nprint\nquit\n", "photo.exr")?;
+    let process = start.elapsed().as_secs_f64();
+    let first =
+        text.lines().find_map(|l| l.strip_prefix("first picture after ")?.strip_suffix(" s")?.parse().ok());
+    Ok((first.ok_or_else(|| format!("no number came: {text}"))?, process))
+}
