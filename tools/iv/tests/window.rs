@@ -215,3 +215,59 @@ fn what_cannot_be_shown_is_said_in_the_window() {
     let script = "frames 5\nexpect not an image of a known format\nkey Space\nwait\nexpect b.png\nkey K\nframes 1\nexpect there are no faces\nkey Questionmark\nframes 2\nkey Escape\nkey V\nwait\nexpect helix\nkey O\nframes 2\nexpect no panorama\nquit\n";
     screen.run(folder.path(), &["text.txt", "b.png", "none.exr"], script);
 }
+
+/// A packet of the protocol that tev established, written from its description: length, type, content.
+fn packet(kind: u8, content: &[u8]) -> Vec<u8> {
+    let length = 5 + content.len() as u32;
+    [&length.to_le_bytes()[..], &[kind], content].concat()
+}
+
+#[test]
+fn pictures_come_through_the_wire() {
+    use std::io::{BufRead, BufReader, Write};
+    let Some(screen) = Screen::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let script = "frames 10\nsleep 4\nwait\nexpect 1/1 render\nexpect 100 x 80 float\n\
+                  key 1\nwait\ncanvas live.png\nkey Delete\nframes 1\nexpect nobody is there\nquit\n";
+    std::fs::write(folder.path().join("script.txt"), script).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_iv"))
+        .current_dir(folder.path())
+        .env("DISPLAY", &screen.name)
+        .env_remove("WAYLAND_DISPLAY")
+        .args(["-listen", "0", "-window", "800", "600", "-script", "script.txt"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut words = BufReader::new(child.stdout.take().unwrap());
+    let mut line = String::new();
+    words.read_line(&mut line).unwrap();
+    let address = line.trim().rsplit(' ').next().unwrap().to_owned();
+    let text = |t: &str| [t.as_bytes(), &[0]].concat();
+    let ints = |v: &[i32]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+    if let Ok(mut wire) = std::net::TcpStream::connect(&address) {
+        std::thread::sleep(std::time::Duration::from_millis(1500));
+        let names = [text("R"), text("G"), text("B")].concat();
+        let create = [&[1][..], &text("render"), &ints(&[100, 80, 3]), &names].concat();
+        wire.write_all(&packet(4, &create)).unwrap();
+        // One channel after the other, of a part of the picture.
+        let values: Vec<u8> =
+            [1.0_f32, 0.5, 0.0].iter().flat_map(|v| v.to_le_bytes().repeat(20 * 10)).collect();
+        let update =
+            [&[0][..], &text("render"), &ints(&[3]), &names, &ints(&[30, 40, 20, 10]), &values].concat();
+        wire.write_all(&packet(5, &update)).unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(500));
+    }
+    let out = child.wait_with_output().unwrap();
+    let error = String::from_utf8_lossy(&out.stderr).into_owned();
+    if error.contains("there can be no window") {
+        eprintln!("skipped: {error}");
+        return;
+    }
+    let mut rest = String::new();
+    words.read_line(&mut rest).unwrap();
+    assert!(out.status.success(), "{rest}{error}");
+    // In the middle of an area of 800 x 576 pixels.
+    let at = |x: u32, y: u32| pixel(&folder.path().join("live.png"), 350 + x, 248 + y);
+    assert_eq!((at(35, 45), at(10, 10)), ([255, 188, 0], [0, 0, 0]));
+}
