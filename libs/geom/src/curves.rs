@@ -327,10 +327,14 @@ impl Surface for CurvePiece {
         self.must_split() || self.range.iter().all(|r| r.halves().is_some())
     }
 
+    fn is_group(&self) -> bool {
+        self.curves.len() > 1
+    }
+
     fn must_split(&self) -> bool {
         let segments = self.range[1].count();
         let most = if self.all.spline.degree == 1 { 1 } else { MOST_SEGMENTS };
-        self.curves.len() > 1 || segments > most
+        self.is_group() || segments > most
     }
 
     fn split(&self, direction: SplitDirection) -> Vec<Piece> {

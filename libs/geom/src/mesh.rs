@@ -191,7 +191,7 @@ pub(crate) fn build(
     let facets: Vec<Facet> = spatial_order(&centres).into_iter().map(|i| facets[i as usize]).collect();
     let n = facets.len();
     let times = keys.iter().map(|k| k.time).collect();
-    Ok(pieces(Arc::new(Mesh { times, facets, verts, control, vars }), n))
+    Ok(pieces(Box::new(Mesh { times, facets, verts, control, vars }), n))
 }
 
 /// Which corners of a triangle those of its facet are. The last one, at which a side of the lattice collapses, is the

@@ -10,6 +10,7 @@ use crate::surface::{Piece, SplitDirection, Surface};
 use crate::trim::Trim;
 use crate::vars::{Vars, emit, position, take_normals};
 use granita_base::{Bound, Vec3};
+use std::ops::Deref;
 use std::sync::Arc;
 
 /// A primitive made of parts (one for a patch, one a face for a mesh), each of segments in u and v.
@@ -71,24 +72,75 @@ pub(crate) struct Seam {
 
 /// A run of parts, or a range of one.
 pub(crate) struct NetPiece {
-    net: Arc<dyn Net>,
+    net: Arc<Whole>,
     parts: std::ops::Range<usize>,
     range: [Range; 2],
     settled: Settled,
     bounds: Vec<Bound>,
 }
 
+/// Parts of a block.
+const BLOCK: usize = 16;
+
+/// What all pieces of a primitive share.
+struct Whole {
+    net: Box<dyn Net>,
+    /// For each motion key: boxes around every [`BLOCK`] parts, so that groups of many need not look at each.
+    blocks: Vec<Vec<Bound>>,
+}
+
+impl Deref for Whole {
+    type Target = dyn Net;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.net
+    }
+}
+
+impl Whole {
+    fn new(net: Box<dyn Net>, parts: usize) -> Self {
+        let mut whole = Self { net, blocks: Vec::new() };
+        let starts = || (0..parts).step_by(BLOCK);
+        let block = |key: usize, start: usize| whole.bound(start..(start + BLOCK).min(parts), key);
+        whole.blocks = (0..whole.net.times().len())
+            .map(|key| starts().map(|start| block(key, start)).collect())
+            .collect();
+        whole
+    }
+
+    /// A box around these parts at a motion key.
+    fn bound(&self, parts: std::ops::Range<usize>, key: usize) -> Bound {
+        let mut bound = Bound::EMPTY;
+        let mut part = parts.start;
+        while part < parts.end {
+            let block = self.blocks.get(key).and_then(|blocks| blocks.get(part / BLOCK));
+            if let Some(block) = block.filter(|_| part.is_multiple_of(BLOCK) && part + BLOCK <= parts.end) {
+                bound = bound.union(*block);
+                part += BLOCK;
+                continue;
+            }
+            bound = bound.union(self.net.part_bound(part, key).unwrap_or_else(|| {
+                let segments = self.net.segments(part).map(Range::whole);
+                net_bound(&*self.net, part, segments, key)
+            }));
+            part += 1;
+        }
+        bound
+    }
+}
+
 /// The whole primitive, as few pieces as possible.
-pub(crate) fn pieces(net: Arc<dyn Net>, parts: usize) -> Vec<Piece> {
+pub(crate) fn pieces(net: Box<dyn Net>, parts: usize) -> Vec<Piece> {
     if parts == 0 {
         return Vec::new();
     }
+    let net = Arc::new(Whole::new(net, parts));
     vec![Box::new(NetPiece::new(net, 0..parts, None, Settled::default()))]
 }
 
 impl NetPiece {
     fn new(
-        net: Arc<dyn Net>,
+        net: Arc<Whole>,
         parts: std::ops::Range<usize>,
         range: Option<[Range; 2]>,
         settled: Settled,
@@ -115,18 +167,10 @@ impl NetPiece {
             let all = self.net.segments(self.part());
             (0..2).all(|axis| self.range[axis] == Range::whole(all[axis]))
         };
-        let mut bound = Bound::EMPTY;
         if whole {
-            for part in self.parts.clone() {
-                let of_part = self.net.part_bound(part, key).unwrap_or_else(|| {
-                    let segments = self.net.segments(part).map(Range::whole);
-                    net_bound(&*self.net, part, segments, key)
-                });
-                bound = bound.union(of_part);
-            }
-            bound
+            self.net.bound(self.parts.clone(), key)
         } else {
-            net_bound(&*self.net, self.part(), self.range, key)
+            net_bound(&**self.net, self.part(), self.range, key)
         }
     }
 
@@ -613,8 +657,12 @@ impl Surface for NetPiece {
         self.must_split() || self.range.iter().any(|r| r.halves().is_some())
     }
 
+    fn is_group(&self) -> bool {
+        self.parts.len() > 1
+    }
+
     fn must_split(&self) -> bool {
-        self.parts.len() > 1 || (!self.net.dices_over() && self.range.iter().any(|r| r.count() > 1))
+        self.is_group() || (!self.net.dices_over() && self.range.iter().any(|r| r.count() > 1))
     }
 
     fn split(&self, direction: SplitDirection) -> Vec<Piece> {
@@ -626,6 +674,9 @@ impl Surface for NetPiece {
             |parts, range, settled| -> Piece { Box::new(Self::new(self.net.clone(), parts, range, settled)) };
         if self.parts.len() > 1 {
             let middle = self.parts.start + self.parts.len() / 2;
+            // Between blocks where there are any.
+            let between = middle.next_multiple_of(BLOCK);
+            let middle = if between < self.parts.end { between } else { middle };
             return [self.parts.start..middle, middle..self.parts.end]
                 .map(|parts| piece(parts, None, Settled::default()))
                 .into();
@@ -655,7 +706,7 @@ impl Surface for NetPiece {
 
     fn dice_between(&self, nu: usize, nv: usize, sides: &[SidePoints; 4]) -> Dice {
         let (nu, nv) = (nu.max(2), nv.max(2));
-        let (net, part, n) = (&*self.net, self.part(), nu * nv);
+        let (net, part, n) = (&**self.net, self.part(), nu * nv);
         let (dim, channels, keys) = (net.dim(), net.channels(), net.times().len());
         let lattice = Lattice::between(&self.range, [nu, nv], &self.settled, sides);
         let (mut dpdu, mut dpdv) = (vec![Vec3::ZERO; n], vec![Vec3::ZERO; n]);

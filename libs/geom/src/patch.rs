@@ -9,7 +9,6 @@ use crate::surface::Piece;
 use crate::trim::{Trim, Trimming};
 use crate::vars::{Control, Counts, Report, Vars, control};
 use granita_base::{Bound, Severity};
-use std::sync::Arc;
 
 /// All of a patch.
 struct Patch {
@@ -53,7 +52,7 @@ pub(crate) fn build(
         None => None,
     };
     let times = keys.iter().map(|k| k.time).collect();
-    Ok(pieces(Arc::new(Patch { times, splines, nu, control, vars, trim }), 1))
+    Ok(pieces(Box::new(Patch { times, splines, nu, control, vars, trim }), 1))
 }
 
 impl Net for Patch {

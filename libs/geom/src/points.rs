@@ -154,8 +154,12 @@ impl Surface for PointsPiece {
         self.must_split() || self.range.iter().all(|r| r.halves().is_some())
     }
 
-    fn must_split(&self) -> bool {
+    fn is_group(&self) -> bool {
         self.particles.len() > 1
+    }
+
+    fn must_split(&self) -> bool {
+        self.is_group()
     }
 
     fn split(&self, direction: SplitDirection) -> Vec<Piece> {

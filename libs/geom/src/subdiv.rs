@@ -154,7 +154,7 @@ pub(crate) fn build(
     surface.find_bezier_vertices();
     surface.find_bounds();
     let n = surface.roots.len();
-    Ok(pieces(Arc::new(surface), n))
+    Ok(pieces(Box::new(surface), n))
 }
 
 /// What the parameters say is sharp: "creaselengths", "creaseindices" and "creasesharpnesses" (chains of vertices, how sharp

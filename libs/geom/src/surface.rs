@@ -59,8 +59,12 @@ pub trait Surface: Send + Sync {
         false
     }
 
-    /// The piece in two or more parts that together cover it. A piece that must be split ignores `direction` where
-    /// it has no parameters in common. Empty when the piece is not splittable.
+    /// Whether the piece is several faces, curves or particles: it must be split, and in no direction.
+    fn is_group(&self) -> bool {
+        false
+    }
+
+    /// The piece in two or more parts that together cover it. A group ignores `direction`. Empty when the piece is not splittable.
     fn split(&self, direction: SplitDirection) -> Vec<Piece>;
 
     /// As [`Surface::split`], with the number of equal steps of each side (numbered as in [`Surface::side`]) that is not to

@@ -241,6 +241,9 @@ impl<'a> Measure<'a> {
         depth: u32,
     ) -> Plan {
         let may_split = piece.is_splittable() && depth < MAX_DEPTH;
+        if may_split && piece.is_group() {
+            return Plan::Split(SplitDirection::U, [None; 4]);
+        }
         let asked = self.segments(piece, placement, settings);
         let longer = if asked.u >= asked.v { SplitDirection::U } else { SplitDirection::V };
         let round = |m: f32| settings.round(m);
@@ -319,6 +322,13 @@ impl<'a> Measure<'a> {
         if self.flatness_px.is_some() && piece.facets() == 1 {
             return Asked { u: 1.0, v: 1.0, sides: None };
         }
+        let straight = self.straight(piece, placement, settings);
+        if let Some(sides) = straight
+            && let [Some(u0), Some(u1), Some(v0), Some(v1)] = sides
+        {
+            // Between two straight sides lines are no longer than the longer one.
+            return Asked { u: u0.max(u1).max(1.0), v: v0.max(v1).max(1.0), sides: Some([u0, u1, v0, v1]) };
+        }
         let [Some(lattice), moved] =
             self.at_ends(placement, settings, |time| self.lattice(piece, placement, time))
         else {
@@ -365,7 +375,44 @@ impl<'a> Measure<'a> {
                 |points: &Vec<Vec3>| (1..LATTICE).all(|k| points[start + k * step] == points[start]);
             if is_point(&lattice) && moved.iter().all(is_point) { 0.0 } else { along[axis][end].max(1.0) }
         };
-        Asked { u, v, sides: Some([side(0, 0), side(0, last), side(1, 0), side(1, last)]) }
+        let mut sides = [side(0, 0), side(0, last), side(1, 0), side(1, last)];
+        // Neighbours of which all is in front measure the common side as a whole.
+        for (side, straight) in sides.iter_mut().zip(straight.into_iter().flatten()) {
+            *side = straight.unwrap_or(*side);
+        }
+        Asked { u, v, sides: Some(sides) }
+    }
+
+    /// Segments that the sides of a facet ask for, those with both ends in front of the camera: straight as they are, their
+    /// length on the raster is the distance of their ends. `None` for all that is no facet, that moves, or that is measured
+    /// in another way.
+    fn straight(
+        &self,
+        piece: &dyn Surface,
+        placement: &Placement,
+        settings: &DiceSettings,
+    ) -> Option<[Option<f32>; 4]> {
+        let moves = settings.motionfactor > 0.0 && placement.times().len() > 1;
+        let sharp = self.camera.dofquality < 2 || self.camera.lens.is_none();
+        let by_raster = settings.rasterorient && !self.by_distance;
+        if moves || !sharp || !by_raster || self.flatness_px.is_some() || piece.facets() != 1 {
+            return None;
+        }
+        let time = placement.times()[0];
+        let corners = self.seen_at(piece, placement, time, |key| piece.facet(0, key).to_vec());
+        let &[a, b, c, d] = &corners[..] else { return None };
+        let perspective = matches!(self.camera.projection, Projection::Perspective { .. });
+        let side = |p: Vec3, q: Vec3| {
+            if p == q {
+                return Some(0.0);
+            }
+            if perspective && p.z.min(q.z) <= self.camera.near {
+                return None;
+            }
+            let length_px = self.camera.project(p).truncate().distance(self.camera.project(q).truncate());
+            length_px.is_finite().then(|| (length_px * settings.quality).max(1.0))
+        };
+        Some([side(a, b), side(c, d), side(a, c), side(b, d)])
     }
 
     /// Segments that a part of a side asks for.

@@ -233,9 +233,10 @@ impl<S: FrameShader> Frame<'_, S> {
         job.split.get_or_init(|| {
             add(&self.counters.primitives_split, 1);
             let pieces = std::mem::take(&mut *job.pieces.lock().unwrap_or_else(PoisonError::into_inner));
-            let mut leaves = Vec::new();
-            let mut of_bucket = vec![Vec::new(); self.eyes.len()];
-            for (seen, leaf) in self.leaves(job, pieces) {
+            let parts = self.leaves(job, pieces);
+            let mut leaves = Vec::with_capacity(parts.len());
+            let mut of_bucket = vec![Vec::with_capacity(parts.len()); self.eyes.len()];
+            for (seen, leaf) in parts {
                 let Ok(index) = u32::try_from(leaves.len()) else { break };
                 let mut uses = 0;
                 for (of_bucket, seen) in of_bucket.iter_mut().zip(&seen) {
@@ -268,11 +269,14 @@ impl<S: FrameShader> Frame<'_, S> {
         let mut nodes: Vec<Node> = pieces.into_iter().map(|p| Node::Piece(p, 0)).collect();
         let open = |nodes: &[Node]| nodes.iter().filter(|node| matches!(node, Node::Piece(..))).count();
         while threads > 1 && (1..enough).contains(&open(&nodes)) {
-            let step = |node| match node {
-                Node::Piece(piece, depth) => self.step(job, piece, depth),
-                leaf => vec![leaf],
-            };
-            nodes = nodes.into_iter().flat_map(step).collect();
+            let mut next = Vec::with_capacity(2 * nodes.len());
+            for node in nodes {
+                match node {
+                    Node::Piece(piece, depth) => self.step(job, piece, depth, &mut next),
+                    leaf => next.push(leaf),
+                }
+            }
+            nodes = next;
         }
         let finish = |nodes: Vec<Node>| {
             let mut leaves = Vec::new();
@@ -281,7 +285,10 @@ impl<S: FrameShader> Frame<'_, S> {
                 match node {
                     Node::Leaf(seen, leaf) => leaves.push((seen, leaf)),
                     Node::Piece(piece, depth) => {
-                        stack.extend(self.step(job, piece, depth).into_iter().rev());
+                        // The first part comes out first.
+                        let parts = stack.len();
+                        self.step(job, piece, depth, &mut stack);
+                        stack[parts..].reverse();
                     }
                 }
             }
@@ -321,8 +328,8 @@ impl<S: FrameShader> Frame<'_, S> {
         done.into_iter().flat_map(|(_, leaves)| leaves).collect()
     }
 
-    /// Looks at a piece: its parts, itself as a leaf, or nothing where nothing is to be seen.
-    fn step(&self, job: &Job<S::Object>, piece: Piece, depth: u32) -> Vec<Node> {
+    /// Looks at a piece; appends its parts, itself as a leaf, or nothing where nothing is to be seen.
+    fn step(&self, job: &Job<S::Object>, piece: Piece, depth: u32, out: &mut Vec<Node>) {
         let sighting = |eye: &Eye<'_>| {
             let seen = self.seen(eye, &*piece, &job.placement, &job.traits);
             let rect = pixels_of(seen.bound_px, &self.region);
@@ -331,7 +338,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let seen: Box<[Sighting]> = self.eyes.iter().map(sighting).collect();
         if seen.iter().all(|s| s.rect.is_empty()) {
             add(&self.counters.pieces_culled, 1);
-            return Vec::new();
+            return;
         }
         let plan = match piece.lattice() {
             Some([nu, nv]) if nu * nv <= preshaded::MOST_POINTS => {
@@ -344,9 +351,9 @@ impl<S: FrameShader> Frame<'_, S> {
         match plan {
             Plan::Split(direction, settled) => {
                 let parts = piece.split_settled(direction, settled);
-                parts.into_iter().map(|p| Node::Piece(p, depth + 1)).collect()
+                out.extend(parts.into_iter().map(|p| Node::Piece(p, depth + 1)));
             }
-            Plan::Dice(rates) => vec![Node::Leaf(seen, Leaf { piece, rates: Box::new(rates) })],
+            Plan::Dice(rates) => out.push(Node::Leaf(seen, Leaf { piece, rates: Box::new(rates) })),
         }
     }
 
