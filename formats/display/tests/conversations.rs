@@ -1,5 +1,7 @@
 //! Clients and servers over real sockets of this machine.
 
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
+
 use granita_base::Param;
 use granita_display::packet::{Area, Channel, GREETING, VERSION};
 use granita_display::{

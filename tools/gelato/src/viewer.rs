@@ -74,6 +74,7 @@ mod tests {
     use super::*;
     use std::os::unix::fs::PermissionsExt;
 
+    #[allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
     fn script(folder: &std::path::Path, text: &str) -> PathBuf {
         let path = folder.join("iv");
         std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).unwrap();

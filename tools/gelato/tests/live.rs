@@ -247,3 +247,63 @@ fn a_viewer_may_end_the_render() {
     ));
     assert!(matches!(packets.last(), Some(Packet::Finished { complete: false, .. })));
 }
+
+/// Workers make the same images and show nothing; what they render is shown by who puts it together.
+#[test]
+fn what_others_render_is_shown_as_well() {
+    let place = place(SCENE);
+    let (address, viewer) = plain_viewer();
+    let ran =
+        gelato(place.path(), &["-net", "local local", "-display", &address, "-data", "all", "scene.pyg"]);
+    assert_eq!(ran, (0, String::new()));
+    let pictures = viewer.join().unwrap();
+    assert_eq!(pictures.len(), 2);
+    for (picture, file) in pictures.iter().zip(["out.tif", "normals.tif"]) {
+        assert!(picture.3 == floats(&place.path().join(file)), "{file}");
+    }
+}
+
+#[test]
+fn our_own_viewer_is_told_what_begins_and_what_is_done() {
+    let place = place(SCENE);
+    let sink = Arc::new(Recording::default());
+    let listener = Listener::bind(([127, 0, 0, 1], 0).into(), ServerLimits::default(), sink.clone()).unwrap();
+    let ran = gelato(place.path(), &["-display", &listener.address().to_string(), "scene.pyg"]);
+    assert_eq!(ran, (0, String::new()));
+    let begin = Instant::now();
+    while listener.clients() > 0 {
+        assert!(begin.elapsed() < Duration::from_secs(20));
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let packets = sink.0.lock().unwrap();
+    let count = |test: fn(&Packet) -> bool| packets.iter().filter(|p| test(p)).count();
+    assert_eq!(count(|p| matches!(p, Packet::CreateImage { name, .. } if name == "scene.pyg")), 1);
+    assert_eq!(count(|p| matches!(p, Packet::Finished { complete: true, .. })), 1);
+    assert_eq!(count(|p| matches!(p, Packet::UpdateImage { .. })), 24);
+    assert_eq!(
+        count(|p| matches!(p, Packet::Mark { .. })),
+        count(|p| matches!(p, Packet::UpdateImage { .. }))
+    );
+    let mut pictures = Pictures::new();
+    packets.iter().for_each(|packet| paint(&mut pictures, packet.clone()));
+    assert!(pictures[0].3 == floats(&place.path().join("out.tif")));
+}
+
+/// A viewer of our own kind that only looks.
+#[derive(Default)]
+struct Recording(Mutex<Vec<Packet>>);
+
+impl Sink for Recording {
+    fn packet(&self, _: &Arc<Client>, packet: Packet) -> Result<(), String> {
+        self.0.lock().unwrap().push(packet);
+        Ok(())
+    }
+
+    fn trouble(&self, _: &Client, what: &str) {
+        panic!("{what}");
+    }
+
+    fn gone(&self, _: &Client, ending: &Ending) {
+        assert_eq!(*ending, Ending::Closed);
+    }
+}
