@@ -4,11 +4,14 @@
 //! it: a script may create it through one connection and update it through another. Only clients that know our own packets
 //! (several runs of `gelato`) get pictures of their own when they use one name at the same time.
 
+pub(crate) mod files;
+
 use granita_base::{Location, Reporter, Severity};
 use granita_display::packet::{Channel, DEFAULT_PORT};
 use granita_display::{
     Client, DisplayError, Ending, Listener, Packet, PacketLimits, ServerLimits, Sink, listen_address,
 };
+use granita_image::FormatRegistry;
 use granita_view::{CommandSender, Live, LiveWishes, Rect, ViewCommand};
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -54,11 +57,37 @@ pub(crate) enum Wanted {
 /// Does what a client wants with files; says why not.
 pub(crate) type OpenFile = dyn Fn(Wanted) -> Result<(), String> + Send + Sync;
 
+/// Listens as the options say: where `-listen` names a port, and `by_default` also without it, on the usual port if that is
+/// free. Files that clients name become pictures, with `-allowopen`.
+///
+/// # Errors
+/// When `-listen` names no address, or one where nobody can listen.
+pub(crate) fn begin(
+    args: &NetArgs,
+    by_default: bool,
+    live: &Live,
+    formats: &FormatRegistry,
+    reporter: &Reporter,
+) -> Result<Option<Listener>, DisplayError> {
+    if args.listen.is_none() && !by_default {
+        return Ok(None);
+    }
+    let open = args.allowopen.then(|| files::opener(live, formats, reporter));
+    match address(args).and_then(|address| start(address, live, reporter, open)) {
+        Ok(listener) => Ok(Some(listener)),
+        Err(error) if args.listen.is_none() => {
+            reporter.warning(format!("{error}: no renderer can send pictures here"));
+            Ok(None)
+        }
+        Err(error) => Err(error),
+    }
+}
+
 /// Where to listen: what `-listen` says, or the usual port of this machine.
 ///
 /// # Errors
 /// When it is no address.
-pub(crate) fn address(args: &NetArgs) -> Result<SocketAddr, DisplayError> {
+fn address(args: &NetArgs) -> Result<SocketAddr, DisplayError> {
     match &args.listen {
         Some(text) => listen_address(text),
         None => Ok((std::net::Ipv4Addr::LOCALHOST, DEFAULT_PORT).into()),
@@ -69,7 +98,7 @@ pub(crate) fn address(args: &NetArgs) -> Result<SocketAddr, DisplayError> {
 ///
 /// # Errors
 /// [`DisplayError::Io`], as when somebody else listens there.
-pub(crate) fn start(
+fn start(
     address: SocketAddr,
     live: &Live,
     reporter: &Reporter,

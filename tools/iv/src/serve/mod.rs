@@ -6,16 +6,16 @@
 mod http;
 mod page;
 
-use crate::listen::{self, NetArgs, Wanted};
+use crate::listen::{self, NetArgs, files};
 use granita_base::{Location, Reporter, Severity};
 use granita_cli::Status;
 use granita_display::listen_address;
 use granita_image::FormatRegistry;
-use granita_view::{Live, Rect};
+use granita_view::Live;
 use page::{Message, Page};
 use std::io::ErrorKind;
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -210,7 +210,7 @@ fn is_later(error: &Error) -> bool {
 /// `-serve`: does not return before the process is ended, except when it cannot begin.
 pub(crate) fn run(
     args: &NetArgs,
-    files: &[PathBuf],
+    paths: &[PathBuf],
     formats: &FormatRegistry,
     reporter: &Reporter,
 ) -> Status {
@@ -232,66 +232,25 @@ pub(crate) fn run(
             server.address
         ));
     }
-    let open = opener(&live, formats, reporter);
-    let listening = listen::address(args)
-        .and_then(|address| listen::start(address, &live, reporter, args.allowopen.then_some(open)));
-    if let Err(error) = &listening {
-        if args.listen.is_some() || files.is_empty() {
+    let _listener = match listen::begin(args, true, &live, formats, reporter) {
+        // Nothing could ever be seen.
+        Ok(None) if paths.is_empty() => return Status::Failed,
+        Ok(listener) => listener,
+        Err(error) => {
             reporter.error(error.to_string());
             return Status::Failed;
         }
-        reporter.warning(format!("{error}: no renderer can send pictures here"));
-    }
+    };
     let text = format!("iv: serving {}\n", server.url());
     reporter.say(Severity::Message, &Location::default(), text);
-    for file in files {
-        if let Err(what) = read(&live, formats, file) {
+    for file in paths {
+        if let Err(what) = files::read(&live, formats, file) {
             reporter.error(what);
         }
     }
     loop {
         std::thread::park();
     }
-}
-
-/// Reads files that clients name.
-fn opener(live: &Live, formats: &FormatRegistry, reporter: &Reporter) -> Box<listen::OpenFile> {
-    let (live, formats, reporter) = (live.clone(), formats.clone(), reporter.clone());
-    Box::new(move |wanted| {
-        let (path, focus) = match wanted {
-            Wanted::Open { path, focus, .. } => (path, focus),
-            Wanted::Reload { name, focus } => (name, focus),
-        };
-        read(&live, &formats, Path::new(&path))?;
-        reporter.info(format!("{path} is read for a client"));
-        if focus {
-            live.show(&path);
-        }
-        Ok(())
-    })
-}
-
-/// Shows the images of a file under its name; those after the first as `name#1` and so on.
-fn read(live: &Live, formats: &FormatRegistry, path: &Path) -> Result<(), String> {
-    const ROWS: u32 = 64;
-    let input = formats.open(path).map_err(|e| e.to_string())?;
-    for image in 0..input.images() {
-        let Some(spec) = input.spec(image, 0) else { continue };
-        let name = match image {
-            0 => path.display().to_string(),
-            _ => format!("{}#{image}", path.display()),
-        };
-        live.create(&name, spec.width, spec.height, &spec.channels).map_err(|e| format!("{name}: {e}"))?;
-        let n = spec.nchannels();
-        let places: Vec<(usize, usize, usize)> = (0..n).map(|c| (c, c, n)).collect();
-        for y in (0..spec.height).step_by(ROWS as usize) {
-            let end = (y + ROWS).min(spec.height);
-            let pixels = input.read_rows(image, 0, y, end).map_err(|e| e.to_string())?;
-            let rect = Rect::at(0, y as i32, spec.width, end - y);
-            live.update(&name, &places, rect, &pixels.to_floats()).map_err(|e| format!("{name}: {e}"))?;
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

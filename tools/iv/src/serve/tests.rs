@@ -1,6 +1,7 @@
 //! The server over real sockets, with a client of web sockets in place of a browser.
 
 use super::*;
+use granita_view::Rect;
 use std::io::{Read, Write};
 
 fn serving(live: &Live) -> Server {
@@ -101,24 +102,4 @@ fn a_browser_is_told_what_comes() {
     assert_eq!(text(web.read().unwrap()), format!("{{\"pictures\":[],\"shown\":0}}"));
     let _ = web.send(tungstenite::Message::text("x".repeat(1 << 20)));
     assert!((0..10).any(|_| web.read().is_err()), "it is sent away");
-}
-
-#[test]
-fn files_are_pictures_too() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.pfm");
-    std::fs::write(&path, [&b"PF\n2 1\n-1.0\n"[..], &[0, 0, 128, 63].repeat(6)].concat()).unwrap();
-    let live = Live::default();
-    let formats = granita_plugin::bundled_formats(granita_image::Limits::default());
-    read(&live, &formats, &path).unwrap();
-    let (info, values) = live.snapshot(&path.display().to_string()).unwrap();
-    assert_eq!((info.width, info.height, values), (2, 1, vec![1.0; 6]));
-    assert!(read(&live, &formats, &folder.path().join("nosuch")).is_err());
-    let open = opener(&live, &formats, &Reporter::silent());
-    assert!(
-        open(Wanted::Open { path: "nosuch.exr".to_owned(), selector: String::new(), focus: true }).is_err()
-    );
-    let name = path.display().to_string();
-    open(Wanted::Reload { name: name.clone(), focus: true }).unwrap();
-    assert_eq!(live.shown(), live.info(&name).unwrap().id);
 }
