@@ -46,7 +46,7 @@ pub use error::{Result, ViewError};
 pub use flip::PIXELS_PER_DEGREE;
 pub use grid::{Needs, needs, pixel_under};
 pub use layers::{Layer, Meaning};
-pub use live::{CommandSender, Live, LiveInfo, LiveLimits, LiveWishes, ViewCommand};
+pub use live::{CommandSender, Draw, Live, LiveInfo, LiveLimits, LiveWishes, ViewCommand};
 pub use live_page::LivePage;
 pub use loader::Loader;
 pub use maps::ColorMap;

@@ -73,6 +73,29 @@ impl std::fmt::Debug for CommandSender {
     }
 }
 
+/// A step of a drawing over a picture, in its pixels; (0, 0) is the upper left corner of the first one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Draw {
+    /// Keeps the colours.
+    Save,
+    /// Takes the kept colours.
+    Restore,
+    /// A path goes on from here.
+    MoveTo([f32; 2]),
+    /// A line to here.
+    LineTo([f32; 2]),
+    /// What is filled from now on: red, green, blue, alpha.
+    FillColor([f32; 4]),
+    /// What is drawn from now on.
+    StrokeColor([f32; 4]),
+    /// Fills the path.
+    Fill,
+    /// Draws the path.
+    Stroke,
+    /// A new path.
+    BeginPath,
+}
+
 /// How a sender would like its picture to be shown (reference 7.4.3).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LiveWishes {
@@ -105,6 +128,8 @@ pub struct LiveInfo {
     pub marks: Vec<Rect>,
     /// What became of the sender; `None` as long as it may send more.
     pub note: Option<String>,
+    /// Lines over it.
+    pub drawing: Arc<Vec<Draw>>,
     /// How it would like to be shown.
     pub wishes: LiveWishes,
     /// Whether commands reach somebody.
@@ -113,6 +138,8 @@ pub struct LiveInfo {
 
 /// Changes that are remembered one by one; older ones count as the whole picture.
 const CHANGES: usize = 4096;
+/// Steps of a drawing that are kept.
+const STEPS: usize = 1 << 16;
 /// Marks that are kept; more are no help to anybody.
 const MARKS: usize = 1024;
 
@@ -123,6 +150,7 @@ struct State {
     changes: VecDeque<(u64, Rect)>,
     marks: Vec<Rect>,
     note: Option<String>,
+    drawing: Arc<Vec<Draw>>,
     wishes: LiveWishes,
     commands: Option<CommandSender>,
 }
@@ -254,6 +282,7 @@ impl Live {
             changes: VecDeque::new(),
             marks: Vec::new(),
             note: None,
+            drawing: Arc::default(),
             wishes: LiveWishes::default(),
             commands: None,
         };
@@ -347,6 +376,28 @@ impl Live {
         self.tell();
     }
 
+    /// Draws over a picture; `append` to what is drawn already.
+    ///
+    /// # Errors
+    /// [`ViewError::Limit`] for a drawing of more than 65536 steps; [`ViewError::Misuse`] when there is no such picture.
+    pub fn draw(&self, name: &str, append: bool, steps: &[Draw]) -> Result<()> {
+        let picture = self.picture(name)?;
+        let drawn = if append { picture.read(|state| state.drawing.len()) } else { 0 };
+        if drawn + steps.len() > STEPS {
+            let asked = (drawn + steps.len()) as u64;
+            return Err(ViewError::Limit { what: "steps of a drawing", asked, max: STEPS as u64 });
+        }
+        picture.write(None, |state| {
+            if append {
+                Arc::make_mut(&mut state.drawing).extend_from_slice(steps);
+            } else {
+                state.drawing = Arc::new(steps.to_vec());
+            }
+        });
+        self.tell();
+        Ok(())
+    }
+
     /// Takes a picture away.
     pub fn close(&self, name: &str) {
         let mut pictures = self.0.pictures.write().unwrap_or_else(PoisonError::into_inner);
@@ -430,6 +481,7 @@ impl Live {
             generation: state.generation,
             marks: state.marks.clone(),
             note: state.note.clone(),
+            drawing: state.drawing.clone(),
             wishes: state.wishes.clone(),
             takes_commands: state.commands.is_some(),
         }))

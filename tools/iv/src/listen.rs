@@ -7,12 +7,12 @@
 pub(crate) mod files;
 
 use granita_base::{Location, Reporter, Severity};
-use granita_display::packet::{Channel, DEFAULT_PORT};
+use granita_display::packet::{Channel, DEFAULT_PORT, Vector};
 use granita_display::{
     Client, DisplayError, Ending, Listener, Packet, PacketLimits, ServerLimits, Sink, listen_address,
 };
 use granita_image::FormatRegistry;
-use granita_view::{CommandSender, Live, LiveWishes, Rect, ViewCommand};
+use granita_view::{CommandSender, Draw, Live, LiveWishes, Rect, ViewCommand};
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -253,7 +253,14 @@ impl Sink for Feeder {
                 names.makers.remove(&name);
                 names.of_client.remove(&(client.id(), own));
             }
-            Packet::VectorGraphics { .. } => return Err("vector graphics are not drawn".to_owned()),
+            Packet::VectorGraphics { name, focus, append, commands } => {
+                let name = here(&name);
+                let steps: Vec<Draw> = commands.into_iter().map(as_step).collect();
+                self.live.draw(&name, append, &steps).map_err(|e| e.to_string())?;
+                if focus {
+                    self.live.show(&name);
+                }
+            }
             _ => (),
         }
         Ok(())
@@ -284,6 +291,21 @@ impl Sink for Feeder {
         if let Ending::Broken(what) = ending {
             self.reporter.warning(format!("{}: {what}", client.address()));
         }
+    }
+}
+
+/// A command of vector graphics as the viewer calls it.
+fn as_step(command: Vector) -> Draw {
+    match command {
+        Vector::Save => Draw::Save,
+        Vector::Restore => Draw::Restore,
+        Vector::MoveTo(to) => Draw::MoveTo(to),
+        Vector::LineTo(to) => Draw::LineTo(to),
+        Vector::FillColor(color) => Draw::FillColor(color),
+        Vector::StrokeColor(color) => Draw::StrokeColor(color),
+        Vector::Fill => Draw::Fill,
+        Vector::Stroke => Draw::Stroke,
+        Vector::BeginPath => Draw::BeginPath,
     }
 }
 

@@ -2,12 +2,20 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
+use base64::Engine;
 use granita_base::Param;
-use granita_display::IvFormat;
+use granita_display::packet::Vector;
+use granita_display::{IvFormat, Packet};
 use granita_image::{Area, CreateOptions, Format, ImageSpec, Limits, PixelType, Pixels};
+use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
+use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Longest wait for a browser on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Ends a program with the test.
 struct Running(Child);
@@ -25,27 +33,73 @@ fn browser() -> Option<PathBuf> {
     std::env::split_paths(&folders).flat_map(|f| names.map(|n| f.join(n))).find(|path| path.is_file())
 }
 
-/// A picture of the page, in levels of its screen: 600 x 400 pixels, three channels side by side.
-fn screenshot(browser: &Path, folder: &Path, url: &str) -> Vec<f32> {
-    let file = folder.join("shot.png");
-    let _ = std::fs::remove_file(&file);
-    let output = Command::new(browser)
-        .args(["--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"])
-        .args(["--hide-scrollbars", "--window-size=600,400", "--force-device-scale-factor=1"])
-        .args(["--virtual-time-budget=4000", "--timeout=20000"])
-        .arg(format!("--user-data-dir={}", folder.join("profile").display()))
-        .arg(format!("--screenshot={}", file.display()))
-        .arg(url)
-        .output()
-        .unwrap();
-    assert!(file.is_file(), "{}", String::from_utf8_lossy(&output.stderr));
-    let formats = granita_plugin::bundled_formats(Limits::default());
-    let input = formats.open(&file).unwrap();
-    let spec = input.spec(0, 0).unwrap();
-    assert_eq!((spec.width, spec.height), (600, 400));
-    let n = spec.nchannels();
-    let values = input.read_level(0, 0).unwrap().to_floats();
-    values.chunks(n).flat_map(|pixel| pixel[..3].to_vec()).collect()
+/// A browser with one page, spoken to through its own port for that.
+struct Page {
+    web: tungstenite::WebSocket<TcpStream>,
+    session: String,
+    calls: u64,
+    _browser: Running,
+}
+
+impl Page {
+    fn open(browser: &Path, folder: &Path, url: &str) -> Self {
+        let mut command = Command::new(browser);
+        command
+            .args(["--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"])
+            .args(["--hide-scrollbars", "--no-first-run", "--remote-debugging-port=0"])
+            .arg(format!("--user-data-dir={}", folder.display()))
+            .stdout(Stdio::null())
+            .stderr(Stdio::null());
+        let browser = Running(command.spawn().unwrap());
+        let begin = Instant::now();
+        let (port, path) = loop {
+            let text = std::fs::read_to_string(folder.join("DevToolsActivePort")).unwrap_or_default();
+            if let Some((port, path)) = text.split_once('\n').filter(|(_, path)| !path.is_empty()) {
+                break (port.parse::<u16>().unwrap(), path.trim().to_owned());
+            }
+            assert!(begin.elapsed() < PATIENCE, "the browser does not start");
+            std::thread::sleep(Duration::from_millis(20));
+        };
+        let socket = TcpStream::connect(("127.0.0.1", port)).unwrap();
+        socket.set_read_timeout(Some(PATIENCE)).unwrap();
+        let (web, _) = tungstenite::client(format!("ws://127.0.0.1:{port}{path}"), socket).unwrap();
+        let mut page = Self { web, session: String::new(), calls: 0, _browser: browser };
+        let target = page.call("Target.createTarget", json!({"url": url}))["targetId"].clone();
+        let session = page.call("Target.attachToTarget", json!({"targetId": target, "flatten": true}));
+        page.session = session["sessionId"].as_str().unwrap().to_owned();
+        let size = json!({"width": 600, "height": 400, "deviceScaleFactor": 1, "mobile": false});
+        page.call("Emulation.setDeviceMetricsOverride", size);
+        page
+    }
+
+    fn call(&mut self, method: &str, params: Value) -> Value {
+        self.calls += 1;
+        let mut call = json!({"id": self.calls, "method": method, "params": params});
+        if !self.session.is_empty() {
+            call["sessionId"] = json!(self.session);
+        }
+        self.web.send(tungstenite::Message::text(call.to_string())).unwrap();
+        loop {
+            let answer: Value = serde_json::from_str(&self.web.read().unwrap().into_text().unwrap()).unwrap();
+            if answer["id"] == json!(self.calls) {
+                assert!(answer.get("error").is_none(), "{method}: {answer}");
+                return answer["result"].clone();
+            }
+        }
+    }
+
+    /// What the page looks like, in levels of its screen: 600 x 400 pixels, three channels side by side.
+    fn screenshot(&mut self) -> Vec<f32> {
+        let shot = self.call("Page.captureScreenshot", json!({"format": "png"}));
+        let png = base64::engine::general_purpose::STANDARD.decode(shot["data"].as_str().unwrap()).unwrap();
+        let formats = granita_plugin::bundled_formats(Limits::default());
+        let input = formats.open_bytes(Path::new("shot.png"), png.into()).unwrap();
+        let spec = input.spec(0, 0).unwrap();
+        assert_eq!((spec.width, spec.height), (600, 400));
+        let n = spec.nchannels();
+        let values = input.read_level(0, 0).unwrap().to_floats();
+        values.chunks(n).flat_map(|pixel| pixel[..3].to_vec()).collect()
+    }
 }
 
 /// Whether a pixel has about this colour of the screen, 0 to 255.
@@ -54,13 +108,42 @@ fn is_near(shot: &[f32], [x, y]: [usize; 2], color: [f32; 3]) -> bool {
     pixel.iter().zip(color).all(|(v, c)| (v * 255.0 - c).abs() <= 2.0)
 }
 
-/// The middle of the picture that the page shows: it is fitted into what the list (220 pixels) and the bars leave.
-fn middle(shot: &[f32]) -> [usize; 2] {
+/// The middle of the picture that the page shows: it is fitted into what the list (220 pixels) and the bars leave. None when
+/// nothing is seen there.
+fn middle(shot: &[f32]) -> Option<[usize; 2]> {
     let inside = |x: usize, y: usize| !is_near(shot, [x, y], [17.0; 3]);
     let columns: Vec<usize> = (221..600).filter(|x| inside(*x, 200)).collect();
-    let x = columns[0].midpoint(columns[columns.len() - 1]);
-    let rows: Vec<usize> = (80..360).filter(|y| inside(columns[0] + 1, *y)).collect();
-    [x, rows[0].midpoint(rows[rows.len() - 1])]
+    let (first, last) = (*columns.first()?, *columns.last()?);
+    let rows: Vec<usize> = (80..360).filter(|y| inside(first + 1, *y)).collect();
+    let middle = [first.midpoint(last), rows.first()?.midpoint(*rows.last()?)];
+    (middle[0] >= 261 && middle[0] < 560 && middle[1] >= 30 && middle[1] < 370).then_some(middle)
+}
+
+/// What is wrong with the picture of four colours.
+fn fault(shot: &[f32]) -> Option<String> {
+    let Some([x, y]) = middle(shot) else { return Some("no picture".to_owned()) };
+    // Linear values, as sRGB shows them.
+    let colors = [
+        ([x - 40, y - 30], [255.0, 0.0, 0.0]),
+        ([x + 40, y - 30], [0.0, 188.0, 0.0]),
+        ([x - 40, y + 30], [0.0, 0.0, 137.0]),
+        ([x + 40, y + 30], [255.0, 0.0, 255.0]),
+        ([x, y], [0.0, 255.0, 255.0]),
+    ];
+    let (at, color) = colors.into_iter().find(|(at, color)| !is_near(shot, *at, *color))?;
+    Some(format!("{at:?}: {:?} instead of {color:?}", &shot[(at[1] * 600 + at[0]) * 3..][..3]))
+}
+
+/// Fills the ten pixels around the middle of a picture of 100 x 80 with cyan, by vector graphics.
+fn draw_square(display: &str, name: &str) {
+    let mut commands =
+        vec![Vector::FillColor([0.0, 1.0, 1.0, 1.0]), Vector::BeginPath, Vector::MoveTo([45.0, 35.0])];
+    commands.extend([[55.0, 35.0], [55.0, 45.0], [45.0, 45.0]].map(Vector::LineTo));
+    commands.push(Vector::Fill);
+    let packet = Packet::VectorGraphics { name: name.to_owned(), focus: false, append: false, commands };
+    let mut bytes = Vec::new();
+    packet.encode(&mut bytes).unwrap();
+    TcpStream::connect(display).unwrap().write_all(&bytes).unwrap();
 }
 
 #[test]
@@ -93,19 +176,28 @@ fn the_page_shows_what_a_renderer_sends() {
         picture.write_rectangle(&area, &Pixels::Float(color.repeat(50 * 40))).unwrap();
     }
     picture.close().unwrap();
+    draw_square(&display, "four colours");
     // Once by the graphics card (or what stands for it), once without.
     for hash in ["", "#plain"] {
-        let shot = screenshot(&browser, folder.path(), &format!("{url}{hash}"));
-        let [x, y] = middle(&shot);
-        // Linear values, as sRGB shows them.
-        for (at, color) in [
-            ([x - 40, y - 30], [255.0, 0.0, 0.0]),
-            ([x + 40, y - 30], [0.0, 188.0, 0.0]),
-            ([x - 40, y + 30], [0.0, 0.0, 137.0]),
-            ([x + 40, y + 30], [255.0, 0.0, 255.0]),
-        ] {
-            let got = &shot[(at[1] * 600 + at[0]) * 3..][..3];
-            assert!(is_near(&shot, at, color), "{hash} {at:?}: {got:?} instead of {color:?}");
+        let place = folder.path().join(format!("profile{hash}"));
+        std::fs::create_dir(&place).unwrap();
+        let mut page = Page::open(&browser, &place, &format!("{url}{hash}"));
+        let begin = Instant::now();
+        while let Some(fault) = fault(&page.screenshot()) {
+            assert!(begin.elapsed() < PATIENCE, "{hash} {fault}");
+            std::thread::sleep(Duration::from_millis(50));
         }
+        // Twice as bright, half of the value is all there is; what the page's own hands do is seen.
+        let brighter = "document.getElementById('exposure').value = 1; tuned()";
+        page.call("Runtime.evaluate", json!({"expression": brighter}));
+        let shot = loop {
+            let shot = page.screenshot();
+            if fault(&shot).is_some() || begin.elapsed() > PATIENCE {
+                break shot;
+            }
+        };
+        let [x, y] = middle(&shot).unwrap();
+        assert!(is_near(&shot, [x + 40, y - 30], [0.0, 255.0, 0.0]), "{hash}");
+        assert!(is_near(&shot, [x - 40, y + 30], [0.0, 0.0, 188.0]), "{hash}");
     }
 }

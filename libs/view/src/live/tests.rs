@@ -112,6 +112,21 @@ fn marks_go_when_their_pixels_come() {
 }
 
 #[test]
+fn drawings_are_replaced_or_grow() {
+    let live = Live::default();
+    live.create("a", 4, 4, &names(&["Y"])).unwrap();
+    let drawing = || live.info("a").unwrap().drawing.to_vec();
+    live.draw("a", true, &[Draw::BeginPath, Draw::MoveTo([0.0, 1.0])]).unwrap();
+    live.draw("a", true, &[Draw::Stroke]).unwrap();
+    assert_eq!(drawing(), [Draw::BeginPath, Draw::MoveTo([0.0, 1.0]), Draw::Stroke]);
+    live.draw("a", false, &[Draw::Fill]).unwrap();
+    assert_eq!(drawing(), [Draw::Fill]);
+    assert!(matches!(live.draw("a", true, &[Draw::Fill; STEPS]), Err(ViewError::Limit { .. })));
+    assert!(live.draw("nosuch", false, &[]).is_err());
+    assert!(live.changes_since("a", 1).is_empty(), "no pixel changed");
+}
+
+#[test]
 fn commands_find_their_way_back_until_the_sender_is_lost() {
     let live = Live::default();
     live.create("a", 4, 4, &names(&["Y"])).unwrap();

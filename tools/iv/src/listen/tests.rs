@@ -114,12 +114,13 @@ fn what_does_not_fit_is_refused_and_the_client_goes_on() {
         tile("a", &["R"], [-1, 0, 1, 1], &[1.0]),
         packet(7, &[b"\x01/etc/passwd\0\0"]),
         packet(1, &[b"\x01a\0"]),
-        packet(8, &[b"\0a\0\0", &0_i32.to_le_bytes()]),
+        packet(8, &[b"\0a\0\0", &2_i32.to_le_bytes(), b"\x08\x02", &[0; 8]]),
         tile("a", &["R"], [3, 3, 1, 1], &[9.0]),
     ] {
         client.write_all(&bytes).unwrap();
     }
     until("the good one came", || live.read("a", Rect::at(3, 3, 1, 1), &[0]).is_ok_and(|v| v == [9.0]));
+    assert_eq!(live.info("a").unwrap().drawing.to_vec(), [Draw::BeginPath, Draw::MoveTo([0.0, 0.0])]);
     let said = messages.lock().unwrap()[1..].concat();
     for text in [
         "bytes of all pictures 400000000 exceeds the limit of 1048576",

@@ -4,15 +4,16 @@
 //!
 //! To the page, as text: `{"pictures": [{id, name, width, height, channels, note} ...], "shown": ID}` whenever the list
 //! changes, `{"picture": ID, "scale": s, "width": w, "height": h, "channels": [c ...]}` before its first pixels,
-//! `{"marks": [[x, y, w, h] ...]}`, `{"probe": [x, y], "values": ["v" ...]}`.
+//! `{"marks": [[x, y, w, h] ...]}`, `{"drawing": [[step, number ...] ...]}` (steps are those of a canvas: "moveTo" ...), `{"probe": [x, y], "values": ["v" ...]}`.
 //!
 //! Pixels are little endian: `u32` id, `u32` 0 for floats or 1 for halves, `u32` x, y, width, height, `u32` number of
 //! channels, then the values row by row, channels side by side. A picture of more than [`MOST_SIDE`] pixels a side is
 //! sent reduced: each of its pixels is the mean of `scale x scale` ones.
 
-use granita_view::{Live, LiveInfo, Rect};
+use granita_view::{Draw, Live, LiveInfo, Rect};
 use half::f16;
 use serde_json::{Value, json};
+use std::sync::Arc;
 
 /// Most pixels across or down that a page is sent.
 pub(super) const MOST_SIDE: u32 = 4096;
@@ -36,6 +37,7 @@ pub(super) struct Page {
     /// Pixels that it has not got.
     pending: Vec<Rect>,
     marks: Vec<Rect>,
+    drawing: Arc<Vec<Draw>>,
     list: Value,
 }
 
@@ -56,6 +58,7 @@ impl Page {
             known: None,
             pending: Vec::new(),
             marks: Vec::new(),
+            drawing: Arc::default(),
             list: Value::Null,
         }
     }
@@ -123,6 +126,7 @@ impl Page {
             messages.push(Message::Text(text.to_string()));
             self.pending = blocks(&[Rect::at(0, 0, info.width, info.height)], &info);
             self.marks.clear();
+            self.drawing = Arc::default();
         } else if let Some((_, generation)) = self.known
             && generation != info.generation
         {
@@ -140,6 +144,11 @@ impl Page {
                 .collect();
             messages.push(Message::Text(json!({"marks": rects}).to_string()));
             self.marks = info.marks.clone();
+        }
+        if !Arc::ptr_eq(&info.drawing, &self.drawing) && info.drawing != self.drawing {
+            let steps: Vec<Value> = info.drawing.iter().map(step).collect();
+            messages.push(Message::Text(json!({"drawing": steps}).to_string()));
+            self.drawing = info.drawing.clone();
         }
         let mut bytes = 0;
         while bytes < ROUND_BYTES && !self.pending.is_empty() {
@@ -182,6 +191,21 @@ impl Page {
             false => bytes.extend(values.iter().flat_map(|v| v.to_le_bytes())),
         }
         Some(bytes)
+    }
+}
+
+/// A step of a drawing as a canvas calls it. Numbers that are none become nothing.
+fn step(step: &Draw) -> Value {
+    match step {
+        Draw::Save => json!(["save"]),
+        Draw::Restore => json!(["restore"]),
+        Draw::MoveTo([x, y]) => json!(["moveTo", x, y]),
+        Draw::LineTo([x, y]) => json!(["lineTo", x, y]),
+        Draw::FillColor(color) => json!(["fillStyle", color]),
+        Draw::StrokeColor(color) => json!(["strokeStyle", color]),
+        Draw::Fill => json!(["fill"]),
+        Draw::Stroke => json!(["stroke"]),
+        Draw::BeginPath => json!(["beginPath"]),
     }
 }
 
@@ -332,6 +356,11 @@ mod tests {
             live.update("a", &[(4, 0, 0)], Rect::at(k, k, 1, 1), &[1e7]).unwrap();
         }
         assert!(painted(&mut page, &mut painting) < 7);
+        live.draw("a", false, &[Draw::MoveTo([1.0, f32::NAN]), Draw::StrokeColor([1.0, 0.0, 0.5, 1.0])])
+            .unwrap();
+        let drawing = r#"{"drawing":[["moveTo",1.0,null],["strokeStyle",[1.0,0.0,0.5,1.0]]]}"#;
+        assert_eq!(page.news(), [Message::Text(drawing.to_owned())]);
+        assert_eq!(page.news(), []);
         // Depths are floats.
         page.hear(&format!("{{\"show\": {id}, \"channels\": [4, 99]}}"));
         assert_eq!(painted(&mut page, &mut painting), 6);
