@@ -47,24 +47,14 @@ fn watch(args: &Args, formats: &granita_image::FormatRegistry, reporter: &Report
     let open: Option<Box<listen::OpenFile>> = args.net.allowopen.then(|| -> Box<listen::OpenFile> {
         Box::new(move |wanted| sender.send(wanted).map_err(|_| "the window is closed".to_owned()))
     });
-    // With files to show and no word about it, the port is left to others.
-    let asked = args.net.listen.is_some();
-    let listener = match asked || args.files.is_empty() {
-        true => listen::address(&args.net).and_then(|at| listen::start(at, &live, reporter, open)).map(Some),
-        false => Ok(None),
-    };
-    let _listener = match listener {
-        Ok(listener) => listener,
-        Err(error) if asked => {
-            reporter.error(error.to_string());
-            return Status::Failed;
-        }
+    // With files to show and no word about it, the port is left to others. Listens as long as the window is there.
+    match listen::begin(&args.net, args.files.is_empty(), &live, reporter, open) {
+        Ok(_listener) => window::run(args, &live, wanted, formats, reporter),
         Err(error) => {
-            reporter.warning(format!("{error}: no pictures will come from renderers"));
-            None
+            reporter.error(error.to_string());
+            Status::Failed
         }
-    };
-    window::run(args, &live, wanted, formats, reporter)
+    }
 }
 
 /// Runs the tool; `words` begins with the name it was called by.

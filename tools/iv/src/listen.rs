@@ -11,7 +11,6 @@ use granita_display::packet::{Channel, DEFAULT_PORT, Vector};
 use granita_display::{
     Client, DisplayError, Ending, Listener, Packet, PacketLimits, ServerLimits, Sink, listen_address,
 };
-use granita_image::FormatRegistry;
 use granita_view::{CommandSender, Draw, Live, LiveWishes, Rect, ViewCommand};
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -58,7 +57,7 @@ pub(crate) enum Wanted {
 pub(crate) type OpenFile = dyn Fn(Wanted) -> Result<(), String> + Send + Sync;
 
 /// Listens as the options say: where `-listen` names a port, and `by_default` also without it, on the usual port if that is
-/// free. Files that clients name become pictures, with `-allowopen`.
+/// free. Without `open`, clients reach no files.
 ///
 /// # Errors
 /// When `-listen` names no address, or one where nobody can listen.
@@ -66,13 +65,12 @@ pub(crate) fn begin(
     args: &NetArgs,
     by_default: bool,
     live: &Live,
-    formats: &FormatRegistry,
     reporter: &Reporter,
+    open: Option<Box<OpenFile>>,
 ) -> Result<Option<Listener>, DisplayError> {
     if args.listen.is_none() && !by_default {
         return Ok(None);
     }
-    let open = args.allowopen.then(|| files::opener(live, formats, reporter));
     match address(args).and_then(|address| start(address, live, reporter, open)) {
         Ok(listener) => Ok(Some(listener)),
         Err(error) if args.listen.is_none() => {

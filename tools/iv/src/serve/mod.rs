@@ -232,7 +232,8 @@ pub(crate) fn run(
             server.address
         ));
     }
-    let _listener = match listen::begin(args, true, &live, formats, reporter) {
+    let open = args.allowopen.then(|| files::opener(&live, formats, reporter));
+    let _listener = match listen::begin(args, true, &live, reporter, open) {
         // Nothing could ever be seen.
         Ok(None) if paths.is_empty() => return Status::Failed,
         Ok(listener) => listener,
