@@ -1,0 +1,124 @@
+// Messages of a renderer, and who gets them. SPDX-License-Identifier: MIT OR Apache-2.0
+
+#ifndef GELATO_ERRORMANAGER_H
+#define GELATO_ERRORMANAGER_H
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string>
+
+#include "export.h"
+#include "gelato_c.h"
+
+namespace Gelato {
+
+enum ErrCode {
+    ERR_NO_ERROR=0,    // handlers never get it
+    ERR_INFO=512,
+    ERR_WARNING=1024,
+    ERR_ERROR=2048,
+    ERR_SEVERE=4096,
+    ERR_MESSAGE=8192   // text that was asked for
+};
+
+enum VerbosityLevel {
+    VERBOSITY_QUIET =0, // MESSAGE, SEVERE, ERROR
+    VERBOSITY_NORMAL=1, // and WARNING
+    VERBOSITY_INFO =2   // and INFO
+};
+
+// Gets messages, one at a time, from whatever thread. To be subclassed.
+class GELATO_PUBLIC ErrorHandler {
+public:
+    virtual ~ErrorHandler () {}
+    virtual void operator() (ErrCode errcode, const char *msg) = 0;
+};
+
+// Sorts messages by severity, drops what the verbosity does not let through and what was said before, and hands the
+// rest to a handler. Renderers may share one. Made by Create, ended by delete.
+class GELATO_PUBLIC ErrorManager {
+public:
+    ~ErrorManager () { table->finish (self ()); }
+
+    // Without a handler, messages go to standard error.
+    static ErrorManager *Create (ErrorHandler *handler=NULL, int verbosity=VERBOSITY_NORMAL) {
+        return reinterpret_cast<ErrorManager *> (gelato_create_errors (handler, verbosity));
+    }
+
+    void Info (const char *format, ...);
+    void Warning (const char *format, ...);
+    void Error (const char *format, ...);
+    void Severe (const char *format, ...);
+    void Message (const char *format, ...);
+
+    void Verbosity (int verbosity) { table->set_verbosity (self (), verbosity); }
+    int Verbosity () const { return table->verbosity (reinterpret_cast<const gelato_errors *> (this)); }
+
+    // NULL: standard error. The handler before is not deleted.
+    void Handler (ErrorHandler *handler) { table->set_handler (self (), handler); }
+    ErrorHandler *Handler () const {
+        return static_cast<ErrorHandler *> (table->handler (reinterpret_cast<const gelato_errors *> (this)));
+    }
+
+    // How many errors and warnings there were, and which came again. To be freed by the caller; NULL without memory.
+    char *Summary () { return table->summary (self ()); }
+
+    void operator delete (void *pMem, size_t) {
+        gelato_errors *e = static_cast<gelato_errors *> (pMem);
+        if (e)
+            e->calls->release (e);
+    }
+
+protected:
+    ErrorManager () : table (NULL) {}
+
+private:
+    gelato_errors *self () { return reinterpret_cast<gelato_errors *> (this); }
+    void say (ErrCode code, const char *format, va_list values);
+
+    const gelato_errors_calls *table;
+};
+
+// The text of a format and its values.
+inline std::string gelato_format (const char *format, va_list values)
+{
+    char small[512];
+    va_list copy;
+    va_copy (copy, values);
+    int n = vsnprintf (small, sizeof(small), format ? format : "", values);
+    std::string text;
+    if (n >= (int) sizeof(small)) {
+        text.resize ((size_t) n + 1);
+        vsnprintf (&text[0], text.size (), format, copy);
+        text.resize ((size_t) n);
+    } else if (n > 0) {
+        text.assign (small, (size_t) n);
+    }
+    va_end (copy);
+    return text;
+}
+
+inline void ErrorManager::say (ErrCode code, const char *format, va_list values)
+{
+    table->say (self (), code, gelato_format (format, values).c_str ());
+}
+
+#define GELATO_SAY(name, code) \
+    inline void ErrorManager::name (const char *format, ...) \
+    { \
+        va_list values; \
+        va_start (values, format); \
+        say (code, format, values); \
+        va_end (values); \
+    }
+GELATO_SAY (Info, ERR_INFO)
+GELATO_SAY (Warning, ERR_WARNING)
+GELATO_SAY (Error, ERR_ERROR)
+GELATO_SAY (Severe, ERR_SEVERE)
+GELATO_SAY (Message, ERR_MESSAGE)
+#undef GELATO_SAY
+
+} /* end namespace Gelato */
+
+#endif /* !defined(GELATO_ERRORMANAGER_H) */

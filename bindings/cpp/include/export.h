@@ -1,0 +1,18 @@
+// What a shared library shows to others. SPDX-License-Identifier: MIT OR Apache-2.0
+
+#ifndef GELATO_EXPORT_H
+#define GELATO_EXPORT_H
+
+// GELATO_EXPORT stands before what a plugin offers; GELATO_PUBLIC stands in the classes of these headers.
+#if defined(_WIN32)
+#define GELATO_EXPORT __declspec(dllexport)
+#define GELATO_PUBLIC
+#elif defined(__GNUC__)
+#define GELATO_EXPORT __attribute__((visibility("default")))
+#define GELATO_PUBLIC __attribute__((visibility("default")))
+#else
+#define GELATO_EXPORT
+#define GELATO_PUBLIC
+#endif
+
+#endif

@@ -1,0 +1,261 @@
+/* The C interface below the C++ headers, and the one for plugins in other languages.
+   SPDX-License-Identifier: MIT OR Apache-2.0
+
+   The classes of the other headers are thin: what they do themselves is inline, and the rest goes through the functions
+   and tables here. A plugin therefore needs no library at link time, and one compiler's classes never meet another's.
+   All of it is versioned by GELATO_C_ABI; a table of another version is refused. Strings are UTF-8 and end with 0;
+   what is passed to a function belongs to the caller and is valid until it returns, unless it says otherwise. */
+
+#ifndef GELATO_C_H
+#define GELATO_C_H
+
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define GELATO_C_ABI 1
+
+/* ---- Messages ---- */
+
+/* What a C++ ErrorManager is: its first and only member is the table. */
+typedef struct gelato_errors gelato_errors;
+typedef struct gelato_errors_calls {
+    int abi;
+    /* `code` is an ErrCode of errormanager.h. */
+    void (*say) (gelato_errors *self, int code, const char *text);
+    int (*verbosity) (const gelato_errors *self);
+    void (*set_verbosity) (gelato_errors *self, int verbosity);
+    /* An ErrorHandler, or NULL. */
+    void *(*handler) (const gelato_errors *self);
+    void (*set_handler) (gelato_errors *self, void *handler);
+    /* To be given to free (). */
+    char *(*summary) (gelato_errors *self);
+    /* Drops what it holds; its memory stays until release. */
+    void (*finish) (gelato_errors *self);
+    void (*release) (gelato_errors *self);
+} gelato_errors_calls;
+struct gelato_errors {
+    const gelato_errors_calls *calls;
+};
+
+/* ---- Scene calls ---- */
+
+/* Calls without numbers; the words are those of the C++ call, in order, NULL where there is none. */
+enum gelato_word_call {
+    GELATO_INPUT = 0, GELATO_CAMERA, GELATO_OUTPUT, GELATO_WORLD, GELATO_RENDER, GELATO_COMMENT, GELATO_COMMAND,
+    GELATO_PUSH_ATTRIBUTES, GELATO_POP_ATTRIBUTES, GELATO_SAVE_ATTRIBUTES, GELATO_RESTORE_ATTRIBUTES, GELATO_MODIFY,
+    GELATO_PUSH_TRANSFORM, GELATO_POP_TRANSFORM, GELATO_SET_TRANSFORM_NAMED, GELATO_SHADER, GELATO_LIGHT,
+    GELATO_SHADER_GROUP_BEGIN, GELATO_SHADER_GROUP_END, GELATO_CONNECT_SHADERS
+};
+
+/* Calls with `n` numbers, and for GELATO_INPUT_BOUND a word. */
+enum gelato_number_call {
+    GELATO_MOTION = 0,        /* n times */
+    GELATO_SET_TRANSFORM,     /* 16, row by row */
+    GELATO_APPEND_TRANSFORM,  /* 16 */
+    GELATO_TRANSLATE,         /* 3 */
+    GELATO_ROTATE,            /* angle in degrees, axis */
+    GELATO_SCALE,             /* 3 */
+    GELATO_SPHERE,            /* radius, zmin, zmax, thetamax in degrees */
+    GELATO_INPUT_BOUND        /* xmin, xmax, ymin, ymax, zmin, zmax */
+};
+
+/* What `data` of a value points to. Single values are copied at once; arrays are read by the call that takes the
+   parameters, and must stay as they are until then (attributes are copied at once). */
+enum gelato_value_kind {
+    GELATO_ANY = 0,   /* whatever the type says */
+    GELATO_INT, GELATO_FLOAT, GELATO_DOUBLE, GELATO_STRING,      /* one; a string is the char * itself */
+    GELATO_INTS, GELATO_FLOATS, GELATO_STRINGS                   /* as many as the type says */
+};
+
+/* A direction of a NURBS surface or curve. */
+typedef struct gelato_knots {
+    int n, order;
+    const float *knot;
+    float min, max;
+} gelato_knots;
+
+/* Whoever takes scene calls: a renderer, an archive. `self` comes first in every call. No call fails; mistakes are told
+   through the messages of the receiver. */
+typedef struct gelato_calls {
+    int abi;
+    void (*words) (void *self, int call, const char *a, const char *b, const char *c, const char *d);
+    void (*numbers) (void *self, int call, int n, const float *values, const char *word);
+    /* Parameter, or with `attribute` Attribute. `type` holds the bits of a ParamType, or 0 when the name says it. */
+    void (*value) (void *self, int attribute, const char *name, unsigned int type, int kind, const void *data);
+    /* GetAttribute; strings stay valid as long as the receiver lives. Not 0 when it was found. */
+    int (*get_attribute) (void *self, const char *name, int kind, void *value);
+    void (*light_switch) (void *self, const char *lightid, int on);
+    void (*points) (void *self, int npoints);
+    void (*curves) (void *self, const char *interp, int ncurves, int nvertspercurve);
+    void (*nurbs_curves) (void *self, int ncurves, const gelato_knots *knots);
+    void (*patch) (void *self, const char *interp, int nu, int nv);
+    void (*nurbs_patch) (void *self, const gelato_knots *u, const gelato_knots *v);
+    void (*mesh) (void *self, const char *interp, int nfaces, const int *nverts, const int *verts);
+    void (*trim_curve) (void *self, int nloops, const int *ncurves, const int *n, const int *order,
+                        const float *knot, const float *min, const float *max, const float *uvw);
+    /* A GelatoAPI::Generator, which belongs to the receiver from then on. */
+    void (*input_generator) (void *self, void *generator, const float *bound);
+    gelato_errors *(*errors) (void *self);
+    /* Ends the receiver; for whoever made it. */
+    void (*destroy) (void *self);
+} gelato_calls;
+
+/* A generator in C: NAME.generator.so shows `int generator_abi = GELATO_C_ABI;` and
+   `const gelato_generator *NAME_generator_c (void);`. */
+typedef struct gelato_generator {
+    int abi;
+    /* Endings of the files that it reads, ended by NULL; NULL: its name only. */
+    const char *const *extensions;
+    /* Not 0 when all that it makes lies within `bound`; may be NULL. */
+    int (*bound) (const char *params, float *bound);
+    /* 0, or not 0 with a text in `message` (of `size` bytes). */
+    int (*run) (const gelato_calls *calls, void *self, const char *params, char *message, size_t size);
+} gelato_generator;
+
+/* ---- Images ---- */
+
+/* Numbers as in ImageIOFormatSpec; `format` is a ParamBaseType. */
+typedef struct gelato_image_spec {
+    int x, y, z, width, height, depth, full_width, full_height, full_depth;
+    int tile_width, tile_height, tile_depth, nchannels, format;
+    /* `nchannels` names, or NULL. */
+    const char *const *channelnames;
+} gelato_image_spec;
+
+typedef struct gelato_image_parameter {
+    const char *name;
+    int type;     /* a ParamBaseType */
+    int nvalues;
+    const void *value;
+} gelato_image_parameter;
+
+enum gelato_image_feature {
+    GELATO_IMAGE_TILES = 1, GELATO_IMAGE_RANDOM_ACCESS = 2, GELATO_IMAGE_MULTIIMAGE = 4, GELATO_IMAGE_VOLUMES = 8,
+    GELATO_IMAGE_REWRITE = 16, GELATO_IMAGE_EMPTY = 32, GELATO_IMAGE_RECTANGLES = 64
+};
+
+/* What functions of images return. A text goes with the last two, if the plugin has one. */
+enum gelato_status { GELATO_OK = 0, GELATO_FAILED = 1, GELATO_THREW = 2 };
+
+/* Room for a text that ends with 0. */
+typedef struct gelato_message {
+    char *text;
+    size_t size;
+} gelato_message;
+
+/* A writer; strides count floats. NAME.imageio.so shows `int imageio_abi = GELATO_C_ABI;` and
+   `const gelato_image_output_calls *NAME_output_imageio_c (void);`, and perhaps NAME_output_extensions. */
+typedef struct gelato_image_output_calls {
+    int abi;
+    /* `factory` is NULL; a new object or NULL. */
+    void *(*create) (void *factory, gelato_message message);
+    int (*supports) (void *self);
+    int (*open) (void *self, const char *name, const gelato_image_spec *spec, int nparams,
+                 const gelato_image_parameter *params, int append, gelato_message message);
+    int (*write_scanline) (void *self, int y, int z, const float *data, int xstride, gelato_message message);
+    int (*write_tile) (void *self, int x, int y, int z, const float *data, int xstride, int ystride, int zstride,
+                       gelato_message message);
+    int (*close) (void *self, gelato_message message);
+    void (*destroy) (void *self);
+} gelato_image_output_calls;
+
+/* A reader: `const gelato_image_input_calls *NAME_input_imageio_c (void);`, perhaps NAME_input_extensions. Channel
+   names in `spec` stay valid until the next call. */
+typedef struct gelato_image_input_calls {
+    int abi;
+    void *(*create) (void *factory, gelato_message message);
+    int (*open) (void *self, const char *name, gelato_image_spec *spec, gelato_message message);
+    int (*seek_subimage) (void *self, int index, gelato_image_spec *spec, gelato_message message);
+    int (*read_native_scanline) (void *self, int y, int z, void *data, gelato_message message);
+    int (*read_native_tile) (void *self, int x, int y, int z, void *data, gelato_message message);
+    int (*read_scanline) (void *self, int y, int z, float *data, int xstride, gelato_message message);
+    int (*read_tile) (void *self, int x, int y, int z, float *data, int xstride, int ystride, int zstride,
+                      gelato_message message);
+    /* `type` holds the bits of a ParamType. */
+    int (*get_parameter) (void *self, const char *name, unsigned int type, void *value, gelato_message message);
+    int (*close) (void *self, gelato_message message);
+    void (*destroy) (void *self);
+} gelato_image_input_calls;
+
+/* ---- Shadeops ---- */
+
+/* One argument or symbol: values of point i begin `i * stride` items behind `data`; items are floats or char pointers.
+   `type` holds the bits of a ParamType. */
+typedef struct gelato_argument {
+    void *data;
+    int stride;
+    int varying;
+    unsigned int type;
+    int item_bytes;
+} gelato_argument;
+
+typedef struct gelato_execution gelato_execution;
+typedef struct gelato_execution_calls {
+    int abi;
+    int (*forcevarying) (gelato_execution *self, int argument);
+    const char *(*tokenize) (gelato_execution *self, const char *text);
+    void (*error) (gelato_execution *self, const char *text);
+    /* `what`: 0 texture, with (s, t, dsdx, dtdx, dsdy, dtdy) in `at`; 1 shadow, with P, dPdx, dPdy; 2 environment,
+       with R, dRdx, dRdy. */
+    void (*lookup) (gelato_execution *self, int what, const char *filename, int firstchannel, int nchannels,
+                    const float *at, float *result, int nparams, const char *const *names, void *const *data);
+    int (*gettextureinfo) (gelato_execution *self, const char *texture, const char *name, unsigned int type, void *result);
+    int (*getattribute) (gelato_execution *self, const char *name, unsigned int type, void *result);
+    /* Number of the symbol among the arguments, or -1. */
+    int (*getsymbol) (gelato_execution *self, const char *name);
+} gelato_execution_calls;
+
+/* The run of a shader, as a shadeop sees it: the beginning of every ShadingExecution. */
+struct gelato_execution {
+    const gelato_execution_calls *calls;
+    const short *active;
+    gelato_argument *arguments;
+    int begin, end;
+    int raylevel, isshadowray, isindirectray;
+};
+
+/* Noise: kinds as listed; `period` only for the periodic ones. */
+enum gelato_noise_kind { GELATO_NOISE = 0, GELATO_SNOISE, GELATO_CNOISE, GELATO_PNOISE, GELATO_PSNOISE };
+typedef void (*gelato_noise_function) (int kind, int indim, const float *in, const float *period, int outdim, float *out);
+
+/* ---- libgelato and libgsoargs: needed by programs, not by plugins ---- */
+
+/* A GelatoAPI; NULL when it cannot be made (the message went to `errors`, or to standard error). */
+void *gelato_create_renderer (const char *type, gelato_errors *errors);
+gelato_errors *gelato_create_errors (void *handler, int verbosity);
+/* An ImageOutput or ImageInput, to be deleted; NULL: see gelato_image_error. */
+void *gelato_make_image_output (const char *filename, const char *format, const char *searchpath);
+void *gelato_make_image_input (const char *filename, const char *searchpath);
+/* Why the last of the two failed in this thread. */
+const char *gelato_image_error (void);
+
+/* Parameters of a compiled shader. */
+typedef struct gelato_shader gelato_shader;
+typedef struct gelato_shader_parameter {
+    const char *name;
+    unsigned int type;   /* bits of a ParamType */
+    int isoutput, valid, varlenarray;
+    int nfloats, nstrings, nspaces, nmetadata;
+    const float *floats;
+    const char *const *strings;
+    const char *const *spaces;
+    const struct gelato_shader_parameter *metadata;
+} gelato_shader_parameter;
+typedef struct gelato_shader_view {
+    const char *name, *type, *error;   /* without an error, that is NULL */
+    int nparameters, nmetadata;
+    const gelato_shader_parameter *parameters;
+    const gelato_shader_parameter *metadata;
+} gelato_shader_view;
+/* Never NULL; to be given to gelato_shader_close. */
+gelato_shader *gelato_shader_open (const char *name, const char *searchpath, gelato_shader_view *view);
+void gelato_shader_close (gelato_shader *shader);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
