@@ -44,12 +44,13 @@ const SAME_FLOOR: [(&str, &str); 5] = [
 ];
 
 /// Who may name a format crate (law 2): besides these, nobody.
-const FORMAT_USERS: [(&str, &str); 7] = [
+const FORMAT_USERS: [(&str, &str); 8] = [
     ("granita-plugin", ""),
     ("granita-tests", ""),
     ("granita-fuzz", ""),
     ("granita-session", "granita-pyg"),
     ("topyg", "granita-pyg"),
+    ("libgelato", "granita-pyg"),
     ("granita-benches", "granita-pyg"),
     ("iv", "granita-display"),
 ];

@@ -3,6 +3,7 @@
 //! Scene readers make these, the scene stores them, writers echo them and `geom` builds surfaces
 //! from them; control vertices and primitive variables travel beside them as [`crate::Params`].
 
+use crate::Interp;
 use std::sync::Arc;
 
 /// How control vertices of one direction of a patch, or of a curve, are interpolated.
@@ -132,6 +133,33 @@ impl ShapeDesc {
             Self::Points { .. } => "Points",
             Self::Curves { .. } | Self::NurbsCurves { .. } => "Curves",
             Self::Sphere { .. } => "Sphere",
+        }
+    }
+
+    /// How many items a parameter of this interpolation has; 0 where the primitive takes none. A mesh has as many
+    /// vertices as its faces use.
+    pub fn items(&self, interp: Interp) -> usize {
+        let (vertex, linear, perpiece) = match self {
+            Self::Patch { nu, nv, .. } => (nu.saturating_mul(*nv), 4, 0),
+            Self::Nurbs { u, v } => (u.n.saturating_mul(v.n), 4, 0),
+            Self::Mesh { nverts, verts, .. } => {
+                let last = verts.iter().copied().max().unwrap_or(-1);
+                (usize::try_from(i64::from(last) + 1).unwrap_or(0), verts.len(), nverts.len())
+            }
+            Self::Points { n } => (*n, *n, *n),
+            Self::Curves { ncurves, nverts, .. } => {
+                (ncurves.saturating_mul(*nverts), ncurves.saturating_mul(2), *ncurves)
+            }
+            Self::NurbsCurves { ncurves, span } => {
+                (ncurves.saturating_mul(span.n), ncurves.saturating_mul(2), *ncurves)
+            }
+            Self::Sphere { .. } => (0, 4, 0),
+        };
+        match interp {
+            Interp::Constant => 1,
+            Interp::PerPiece => perpiece,
+            Interp::Linear => linear,
+            Interp::Vertex => vertex,
         }
     }
 }

@@ -51,6 +51,16 @@ pub enum ImageError {
         /// What was asked.
         what: String,
     },
+    /// A plugin failed.
+    #[error("{}: {plugin}: {what}", path.display())]
+    Plugin {
+        /// The image.
+        path: PathBuf,
+        /// Which plugin.
+        plugin: String,
+        /// What it did, and what it says about it.
+        what: String,
+    },
 }
 
 /// Result of an image operation.

@@ -258,8 +258,26 @@ pub trait Format: Send + Sync {
         }
     }
 
+    /// Whether it wants a rendered output's values as computed, with "gain", "gamma", "quantize" and "dither" among the
+    /// attributes, and applies these itself (reference 13.3.2).
+    fn quantizes(&self) -> bool {
+        false
+    }
+
     /// Creates a file.
     fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>>;
+}
+
+/// Finds formats beyond those of a registry, when they are asked for.
+pub trait FormatFinder: Send + Sync {
+    /// The format that is installed under this very name; it comes before the registry's own.
+    fn named(&self, name: &str) -> Option<Arc<dyn Format>>;
+
+    /// One that says that it writes, or reads, files with this extension; it comes after the registry's own.
+    fn listed(&self, extension: &str, writes: bool) -> Option<Arc<dyn Format>>;
+
+    /// All that read, to be tried one after the other.
+    fn readers(&self) -> Vec<Arc<dyn Format>>;
 }
 
 /// The formats known to one session, in order of registration.
@@ -267,6 +285,7 @@ pub trait Format: Send + Sync {
 pub struct FormatRegistry {
     formats: Vec<Arc<dyn Format>>,
     limits: Limits,
+    finder: Option<Arc<dyn FormatFinder>>,
 }
 
 impl std::fmt::Debug for FormatRegistry {
@@ -278,7 +297,7 @@ impl std::fmt::Debug for FormatRegistry {
 impl FormatRegistry {
     /// No formats.
     pub fn new(limits: Limits) -> Self {
-        Self { formats: Vec::new(), limits }
+        Self { formats: Vec::new(), limits, finder: None }
     }
 
     /// Adds a format; of two with one name the later counts.
@@ -287,13 +306,26 @@ impl FormatRegistry {
         self.formats.push(format);
     }
 
+    /// Looks for formats that are asked for with `finder` as well; clones that are made later do so too.
+    pub fn find_with(&mut self, finder: Arc<dyn FormatFinder>) {
+        self.finder = Some(finder);
+    }
+
     /// By name or alias, or by extension.
-    pub fn by_name(&self, name: &str) -> Option<&Arc<dyn Format>> {
+    pub fn by_name(&self, name: &str) -> Option<Arc<dyn Format>> {
         let same = |other: &str| other.eq_ignore_ascii_case(name);
-        self.formats
-            .iter()
-            .find(|f| same(f.name()) || f.aliases().iter().any(|a| same(a)))
-            .or_else(|| self.formats.iter().find(|f| f.extensions().iter().any(|e| same(e))))
+        let finder = self.finder.as_ref();
+        let own = || {
+            self.formats
+                .iter()
+                .find(|f| same(f.name()) || f.aliases().iter().any(|a| same(a)))
+                .or_else(|| self.formats.iter().find(|f| f.extensions().iter().any(|e| same(e))))
+                .cloned()
+        };
+        finder
+            .and_then(|f| f.named(name))
+            .or_else(own)
+            .or_else(|| finder.and_then(|f| f.listed(name, true)))
     }
 
     /// What its readers may take in.
@@ -357,10 +389,28 @@ impl FormatRegistry {
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
         let format = (self.formats.iter().find(|f| f.recognizes(&head)))
             .or_else(|| self.formats.iter().find(|f| f.extensions().contains(&extension.as_str())));
-        match format {
-            Some(format) => format.open(path, &self.limits),
-            None => Err(self.unknown(path)),
+        let Some(finder) = &self.finder else {
+            return match format {
+                Some(format) => format.open(path, &self.limits),
+                None => Err(self.unknown(path)),
+            };
+        };
+        let mut refused = None;
+        if let Some(plugin) = finder.named(&extension) {
+            match plugin.open(path, &self.limits) {
+                Ok(input) => return Ok(input),
+                Err(error) => refused = Some(error),
+            }
         }
+        if let Some(format) = format {
+            // Not what the plugin says: the bundled format knows the file by its contents.
+            return format.open(path, &self.limits);
+        }
+        if let Some(plugin) = finder.listed(&extension, false) {
+            return plugin.open(path, &self.limits);
+        }
+        let probed = finder.readers().into_iter().find_map(|plugin| plugin.open(path, &self.limits).ok());
+        probed.ok_or_else(|| refused.unwrap_or_else(|| self.unknown(path)))
     }
 
     /// Creates a file in the format called `format`.

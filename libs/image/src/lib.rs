@@ -28,7 +28,9 @@ pub use atomic::AtomicFile;
 pub use block::{BlockCopy, TileRows, rows_from_tiles};
 pub use contain::contained;
 pub use error::{ImageError, Result};
-pub use format::{Area, CreateOptions, Format, FormatRegistry, ImageInput, ImageOutput, Limits, Request};
+pub use format::{
+    Area, CreateOptions, Format, FormatFinder, FormatRegistry, ImageInput, ImageOutput, Limits, Request,
+};
 pub use one::split_image_name;
 pub use pixels::Pixels;
 pub use quantize::{Placement, Quantize};

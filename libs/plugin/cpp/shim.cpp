@@ -254,6 +254,111 @@ const gelato_image_input_calls input_calls = {
     input_read_scanline, input_read_tile, input_get_parameter, input_close, input_destroy
 };
 
+// ---- Images that are written and read elsewhere, as classes ----
+
+// A text of a table's function becomes the image's own.
+template <class Image, class F> bool through (Image *image, F f)
+{
+    char text[1024] = "";
+    const gelato_message message = { text, sizeof(text) };
+    bool good = f (message) == GELATO_OK;
+    if (! good)
+        image->error ("%s", text);
+    return good;
+}
+
+class TableOutput : public ImageOutput {
+public:
+    TableOutput (const gelato_image_output_calls *calls, void *self) : calls (calls), self (self) {}
+    ~TableOutput () { calls->destroy (self); }
+
+    bool supports_tiles () const { return can (GELATO_IMAGE_TILES); }
+    bool supports_random_access () const { return can (GELATO_IMAGE_RANDOM_ACCESS); }
+    bool supports_multiimage () const { return can (GELATO_IMAGE_MULTIIMAGE); }
+    bool supports_volumes () const { return can (GELATO_IMAGE_VOLUMES); }
+    bool supports_rewrite () const { return can (GELATO_IMAGE_REWRITE); }
+    bool supports_empty () const { return can (GELATO_IMAGE_EMPTY); }
+    bool supports_rectangles () const { return can (GELATO_IMAGE_RECTANGLES); }
+
+    bool open (const char *name, const ImageIOFormatSpec &spec, int nparams, const ImageIOParameter *param,
+               bool append) {
+        gelato_image_spec s;
+        to_c (spec, &s);
+        std::vector<gelato_image_parameter> list;
+        for (int i = 0; i < nparams; ++i) {
+            const gelato_image_parameter p = { param[i].name, param[i].type, param[i].nvalues, param[i].value };
+            list.push_back (p);
+        }
+        return through (this, [&] (gelato_message m) {
+            return calls->open (self, name, &s, nparams, nparams ? &list[0] : NULL, append, m);
+        });
+    }
+    bool write_scanline (int y, int z, const float *data, int xstride) {
+        return through (this, [&] (gelato_message m) { return calls->write_scanline (self, y, z, data, xstride, m); });
+    }
+    bool write_tile (int x, int y, int z, const float *data, int xstride, int ystride, int zstride) {
+        return through (this, [&] (gelato_message m) {
+            return calls->write_tile (self, x, y, z, data, xstride, ystride, zstride, m);
+        });
+    }
+    bool close () {
+        return through (this, [&] (gelato_message m) { return calls->close (self, m); });
+    }
+
+private:
+    bool can (int feature) const { return (calls->supports (self) & feature) != 0; }
+    const gelato_image_output_calls *calls;
+    void *self;
+};
+
+class TableInput : public ImageInput {
+public:
+    TableInput (const gelato_image_input_calls *calls, void *self) : calls (calls), self (self), image (0) {}
+    ~TableInput () { calls->destroy (self); }
+
+    bool open (const char *name, ImageIOFormatSpec &newspec, int, const ImageIOParameter *) {
+        return described (newspec, [&] (gelato_image_spec *s, gelato_message m) {
+            return calls->open (self, name, s, m);
+        }, 0);
+    }
+    int current_subimage () const { return image; }
+    bool seek_subimage (int index, ImageIOFormatSpec &newspec) {
+        return described (newspec, [&] (gelato_image_spec *s, gelato_message m) {
+            return calls->seek_subimage (self, index, s, m);
+        }, index);
+    }
+    bool read_native_scanline (int y, int z, void *data) {
+        return through (this, [&] (gelato_message m) { return calls->read_native_scanline (self, y, z, data, m); });
+    }
+    bool read_native_tile (int x, int y, int z, void *data) {
+        return through (this, [&] (gelato_message m) { return calls->read_native_tile (self, x, y, z, data, m); });
+    }
+    bool get_parameter (const char *name, ParamType t, void *val) {
+        return calls->get_parameter && through (this, [&] (gelato_message m) {
+            return calls->get_parameter (self, name, bits_of (t), val, m);
+        });
+    }
+    bool close () {
+        return through (this, [&] (gelato_message m) { return calls->close (self, m); });
+    }
+
+private:
+    template <class F> bool described (ImageIOFormatSpec &newspec, F f, int index) {
+        gelato_image_spec s;
+        memset (&s, 0, sizeof(s));
+        bool good = through (this, [&] (gelato_message m) { return f (&s, m); });
+        if (good) {
+            to_cpp (s, spec);
+            newspec = spec;
+            image = index;
+        }
+        return good;
+    }
+    const gelato_image_input_calls *calls;
+    void *self;
+    int image;
+};
+
 // ---- A renderer for programs and generators ----
 
 class HostRenderer : public GelatoAPI {
@@ -282,6 +387,11 @@ public:
     void World () { words (GELATO_WORLD); }
     void Render (const char *cameraname) { words (GELATO_RENDER, cameraname); }
 
+    // The last named parameter is a float, by the interface; compilers handle it.
+#if defined(__clang__)
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wvarargs"
+#endif
     void Motion (int ntimes, float time0, ...) {
         if (ntimes < 1 || ntimes > 1000)
             return numbers (GELATO_MOTION, 0, NULL);
@@ -293,6 +403,9 @@ public:
         va_end (more);
         numbers (GELATO_MOTION, ntimes, &times[0]);
     }
+#if defined(__clang__)
+#pragma clang diagnostic pop
+#endif
     void Motion (int ntimes, const float *times) { numbers (GELATO_MOTION, times ? ntimes : 0, times); }
 
     void Comment (const char *format, ...) {
@@ -415,6 +528,29 @@ extern "C" {
 
 const gelato_image_output_calls *gelato_shim_output () { return &output_calls; }
 const gelato_image_input_calls *gelato_shim_input () { return &input_calls; }
+
+// The classes over tables; NULL without memory, and `self` stays the caller's then.
+void *gelato_shim_table_output (const gelato_image_output_calls *calls, void *self)
+{
+    return static_cast<ImageOutput *> (new (std::nothrow) TableOutput (calls, self));
+}
+
+void *gelato_shim_table_input (const gelato_image_input_calls *calls, void *self)
+{
+    return static_cast<ImageInput *> (new (std::nothrow) TableInput (calls, self));
+}
+
+// Whether a reader has conversions of its own, rather than those that it inherits at these addresses.
+int gelato_shim_converts (void *self, void *base_scanline, void *base_tile)
+{
+#if defined(_WIN32)
+    return 1;
+#else
+    // Behind the two destructors: open, current_subimage, seek_subimage, read_scanline, read_tile.
+    void *const *functions = *reinterpret_cast<void *const *const *> (reader (self)->image);
+    return functions[5] != base_scanline || functions[6] != base_tile;
+#endif
+}
 
 // A GelatoAPI, to be deleted by its owner; it destroys what it passes calls to.
 void *gelato_shim_renderer (const gelato_calls *calls, void *self)

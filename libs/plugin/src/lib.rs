@@ -1,4 +1,4 @@
-//! The image formats and the generators that come with the suite, in one registry each.
+//! The image formats and the generators that come with the suite, and those that other people compile.
 //!
 //! This is the only library that names format crates; everything else receives a [`FormatRegistry`].
 //!
@@ -7,8 +7,30 @@
 //! assert!(formats.by_name("tiff").is_some());
 //! ```
 //!
-//! Deliberately absent so far: plugins loaded from shared libraries (reference 13).
+//! [`Plugins`] finds shared libraries on search paths (reference 12 to 14): `FORMAT.imageio.so`, `NAME.generator.so`.
+//! They are written in C++ against the headers in `bindings/cpp/include`, or in any language against `gelato_c.h`, which
+//! lies below those: the classes of C++ meet its tables in `cpp/shim.cpp`, and nowhere else. [`Interface`] is the other
+//! direction: scene calls that programs and generators make.
+//!
+//! Invariants: no exception of C++ and no panic crosses the border; a plugin of another version is refused and never
+//! called; what a plugin does wrong is one message with its name. What is loaded stays loaded.
 
+#![allow(unsafe_code, reason = "plugins are called through pointers; every block says why it is sound")]
+
+mod dso;
+mod errors;
+mod ffi;
+mod generator;
+mod images;
+mod interface;
+mod plugins;
+
+pub use errors::{ErrorManager, Messages};
+pub use ffi::Errors;
+pub use interface::{GeneratorObject, Interface, InterfaceHost, InterfaceObject, Meanwhile};
+pub use plugins::Plugins;
+
+use granita_base::{Environment, Reporter, SearchPath};
 use granita_image::{FormatRegistry, Limits};
 use granita_scene::GeneratorRegistry;
 use std::sync::Arc;
@@ -31,6 +53,24 @@ pub fn bundled_formats(limits: Limits) -> FormatRegistry {
     registry
 }
 
+/// The bundled formats, and those of plugins in `$GELATO_IMAGEIO_PATH`, the current folder and `$GELATOHOME/lib`.
+/// `debug` tells about every file that is tried.
+pub fn formats_with_plugins(
+    limits: Limits,
+    environment: &Environment,
+    reporter: &Reporter,
+    debug: bool,
+) -> FormatRegistry {
+    let plugins = Plugins::new(reporter.clone(), true);
+    let parts = [environment.get("GELATO_IMAGEIO_PATH"), Some(".:$GELATOHOME/lib")];
+    let path = parts.into_iter().flatten().collect::<Vec<_>>().join(":");
+    plugins.set_image_path(SearchPath::parse(&path, &SearchPath::default(), environment));
+    plugins.set_debug(debug);
+    let mut registry = bundled_formats(limits);
+    registry.find_with(Arc::new(plugins));
+    registry
+}
+
 /// All bundled generators but "pyg", which the session itself runs: it may start programs.
 pub fn bundled_generators() -> GeneratorRegistry {
     let mut registry = GeneratorRegistry::default();
@@ -38,6 +78,12 @@ pub fn bundled_generators() -> GeneratorRegistry {
         registry.add(generator);
     }
     registry
+}
+
+/// What a panic says.
+pub(crate) fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "a panic".to_owned())
 }
 
 /// The examples in the manual of `granita-image`, which does not know a format itself.

@@ -257,10 +257,11 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
     if format.is_empty() || format == "null" {
         return None;
     }
-    if format.starts_with("0x") {
-        return refuse(Severity::Warning, format!("format \"{format}\" is not supported yet"));
-    }
     let Some(known) = registry.by_name(format) else {
+        if format.starts_with("0x") {
+            let what = format!("format \"{format}\" is no ImageOutput of the program that makes the calls");
+            return refuse(Severity::Error, what);
+        }
         let names = registry.names().join(", ");
         return refuse(Severity::Error, format!("unknown image format \"{format}\" (known: {names})"));
     };
@@ -437,7 +438,10 @@ impl OutputImage {
         let format = registry.by_name(&self.format).ok_or_else(|| RenderError::Misuse {
             what: format!("unknown image format \"{}\"", self.format),
         })?;
-        let (mut quantize, stored) = Quantize::for_output(&**format, &self.params);
+        if format.quantizes() {
+            return self.open_raw(&*format, camera);
+        }
+        let (mut quantize, stored) = Quantize::for_output(&*format, &self.params);
         if !self.is_color {
             (quantize.gain, quantize.gamma) = (1.0, 1.0);
         }
@@ -451,6 +455,33 @@ impl OutputImage {
             other => other,
         };
         let spec = self.spec(camera, stored);
+        self.begin(format.create(&self.path, &CreateOptions { spec: &spec, levels: 1 })?, &spec, quantize, camera)
+    }
+
+    /// Begins a file in a format that exposes and quantizes by itself: it gets the values as they are.
+    fn open_raw(&self, format: &dyn Format, camera: &CameraView) -> Result<ImageWriter, RenderError> {
+        let mut spec = self.spec(camera, PixelType::Float);
+        let mut quantize = Quantize::from_params(&self.params);
+        if !self.is_color {
+            (quantize.gain, quantize.gamma) = (1.0, 1.0);
+        }
+        let levels = [quantize.zero, quantize.one, quantize.min, quantize.max];
+        let ty = ParamType::array(BaseType::Int, 4);
+        spec.attributes.set(Param { name: "quantize".into(), ty, data: levels[..].into() });
+        for (name, value) in [("gain", quantize.gain), ("gamma", quantize.gamma), ("dither", quantize.dither)] {
+            spec.attributes.set(Param { name: name.into(), ty: ParamType::of(BaseType::Float), data: value.into() });
+        }
+        let file = format.create(&self.path, &CreateOptions { spec: &spec, levels: 1 })?;
+        self.begin(file, &spec, Quantize::FLOAT, camera)
+    }
+
+    fn begin(
+        &self,
+        file: Box<dyn granita_image::ImageOutput>,
+        spec: &ImageSpec,
+        quantize: Quantize,
+        camera: &CameraView,
+    ) -> Result<ImageWriter, RenderError> {
         let crop = &camera.crop;
         let at = Placement {
             x: crop.x0,
@@ -459,8 +490,7 @@ impl OutputImage {
             nchannels: self.channels.len(),
             alpha: spec.alpha_channel(),
         };
-        let file = format.create(&self.path, &CreateOptions { spec: &spec, levels: 1 })?;
-        Ok(ImageWriter { file, quantize, stored, at })
+        Ok(ImageWriter { file, quantize, stored: spec.pixel_type, at })
     }
 
     fn spec(&self, camera: &CameraView, stored: PixelType) -> ImageSpec {

@@ -68,4 +68,4 @@ pub use scene::{
     AttributeSet, Camera, Connection, InputCounts, Light, LightId, Output, Primitive, Scene, ShaderGroup,
     ShaderInstance, ShaderUsage, ShapeKey,
 };
-pub use state::State;
+pub use state::{State, predeclared};

@@ -2,6 +2,7 @@
 
 use crate::{SessionOptions, commands};
 use granita_base::{Location, Reporter, SearchPath, Severity};
+use granita_plugin::Plugins;
 use granita_pyg::{PygError, PygOptions, PygSource};
 use granita_scene::{
     FoundInput, Generator, GeneratorError, GeneratorRegistry, GeneratorSource, InputPaths, SceneSink, Stop,
@@ -61,6 +62,7 @@ pub enum InputError {
 pub struct Inputs {
     options: Arc<SessionOptions>,
     generators: GeneratorRegistry,
+    plugins: Plugins,
     reporter: Reporter,
 }
 
@@ -102,7 +104,20 @@ impl std::fmt::Debug for Kind {
 impl Inputs {
     /// With the bundled generators. Of the options the variables, the suite's own tools and `safe` count.
     pub fn new(options: Arc<SessionOptions>, reporter: Reporter) -> Self {
-        Self { options, generators: granita_plugin::bundled_generators(), reporter }
+        let plugins = Plugins::new(reporter.clone(), !options.safe);
+        Self::with_plugins(options, reporter, plugins)
+    }
+
+    /// With those of `plugins` besides.
+    pub fn with_plugins(options: Arc<SessionOptions>, reporter: Reporter, plugins: Plugins) -> Self {
+        Self { options, generators: granita_plugin::bundled_generators(), plugins, reporter }
+    }
+
+    /// The generator called `name`: an installed one, else a bundled one.
+    fn generator(&self, name: &str, paths: InputPaths<'_>) -> Option<Arc<dyn Generator>> {
+        self.plugins
+            .generator(name, &self.folders(paths.generator))
+            .or_else(|| self.generators.by_name(&name.to_ascii_lowercase()).cloned())
     }
 
     /// Finds what `command` names. A whole file name comes first, so that names may contain blanks; then a generator with
@@ -114,14 +129,14 @@ impl Inputs {
         let command = command.trim();
         if let Some(found) = self.scene_file(command, paths) {
             return match found {
-                From::File(path) => self.file(&path),
+                From::File(path) => self.file(&path, paths),
                 bundled => Ok(self.input(command, Kind::Pyg(bundled))),
             };
         }
         let (word, rest) = command.split_once(char::is_whitespace).unwrap_or((command, ""));
         let rest = rest.trim_start();
         let missing = || InputError::Missing { command: command.to_owned(), places: self.places(paths) };
-        let generator = self.generators.by_name(&word.to_ascii_lowercase());
+        let generator = if word == "pyg" { None } else { self.generator(word, paths) };
         if word == "pyg" || generator.is_some() {
             let from = if let Some(text) = rest.strip_prefix("<<") {
                 From::Bytes("<string>".to_owned(), text.trim_start().as_bytes().into())
@@ -139,7 +154,7 @@ impl Inputs {
             return Ok(self.input(
                 command,
                 match generator {
-                    Some(generator) => Kind::Generator(generator.clone(), from),
+                    Some(generator) => Kind::Generator(generator, from),
                     None => Kind::Pyg(from),
                 },
             ));
@@ -147,14 +162,6 @@ impl Inputs {
         let folders = self.folders(paths.generator);
         if word.is_empty() || word.contains('/') {
             return Err(missing());
-        }
-        for suffix in ["so", "dll", "dylib"] {
-            if let Some(plugin) = folders.find(&format!("{word}.generator.{suffix}")) {
-                return Err(InputError::Unsupported(format!(
-                    "Input \"{command}\": {}: generators in shared libraries are not supported yet",
-                    plugin.display()
-                )));
-            }
         }
         match folders.find(word).filter(|file| is_executable(file)) {
             Some(file) => {
@@ -169,14 +176,18 @@ impl Inputs {
     ///
     /// # Errors
     /// [`InputError::Unsupported`] when no generator reads files of its kind; [`InputError::Refused`].
-    pub fn file(&self, path: &Path) -> Result<Input, InputError> {
+    pub fn file(&self, path: &Path, paths: InputPaths<'_>) -> Result<Input, InputError> {
         let identity = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
         let identity = identity.to_string_lossy().into_owned();
         let from = From::File(path.to_owned());
-        if let Some(generator) = self.generators.by_extension(path) {
-            return Ok(self.input(&identity, Kind::Generator(generator.clone(), from)));
-        }
         let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+        let installed = match extension.as_deref() {
+            None | Some("pyg" | "py") => None,
+            Some(extension) => self.plugins.generator(extension, &self.folders(paths.generator)),
+        };
+        if let Some(generator) = installed.or_else(|| self.generators.by_extension(path).cloned()) {
+            return Ok(self.input(&identity, Kind::Generator(generator, from)));
+        }
         match extension.as_deref() {
             Some("pyg" | "py") => Ok(self.input(&identity, Kind::Pyg(from))),
             None if is_executable(path) => {
@@ -489,8 +500,8 @@ mod tests {
         assert_eq!(read("frontplane.pyg").is_ok(), granita_bundled::input("frontplane.pyg").is_some());
         let failed = read("pyg < echo 'World ()'; exit 3").unwrap_err().to_string();
         assert!(failed.contains("failed: exit status: 3"), "{failed}");
-        let plugin = read("waves 3 4").unwrap_err().to_string();
-        assert!(plugin.contains("waves.generator.so: generators in shared libraries are not supported yet"));
+        // What is no library is told, and not used.
+        assert!(matches!(read("waves 3 4"), Err(InputError::Missing { .. })));
         let kind = read("some.thing").unwrap_err().to_string();
         assert!(kind.contains("no generator reads files of type \"thing\" (known are pyg"), "{kind}");
         for absent in ["absent.pyg", "pyg absent.pyg", "myproc 3.7 moo", "", "pyg", "nobody << text"] {
@@ -530,7 +541,8 @@ mod tests {
         let path = folder.path().to_str().unwrap();
         let all = inputs(SessionOptions::default());
         let found = all.find("a.pyg", InputPaths { input: path, generator: "." }).unwrap();
-        let other = all.file(&folder.path().join(".").join("a.pyg")).unwrap();
+        let paths = InputPaths { input: path, generator: "." };
+        let other = all.file(&folder.path().join(".").join("a.pyg"), paths).unwrap();
         assert_eq!(found.identity(), other.identity());
     }
 }

@@ -8,12 +8,13 @@
 //! Where things are looked for, in order:
 //! - shaders: `name.gso`, then `name.gsl`, in the folders of "path:shader"; then the bundled ones;
 //! - scene files: as named, then in the folders of "path:input"; then the bundled ones;
-//! - generators: the bundled ones; then programs in the folders of "path:generator";
+//! - generators: `NAME.generator.so` in the folders of "path:generator"; the bundled ones; then programs in those folders;
+//! - image formats: `FORMAT.imageio.so` in the folders of "path:imageio"; the bundled ones; then other plugins there;
 //! - textures: in the folders of "path:texture".
 //!
 //! The default paths name `$GELATOHOME`, so that an installation's own files come before the bundled ones.
 //!
-//! Deliberately absent so far: generators from shared libraries, remote rendering, scene writing.
+//! Deliberately absent so far: scene writing.
 //!
 //! ```no_run
 //! use granita_base::Reporter;

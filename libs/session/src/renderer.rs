@@ -8,12 +8,13 @@ use crate::shaders::Shaders;
 use crate::{SessionOptions, outputs};
 use granita_base::{BaseType, Location, Param, ParamData, ParamType, Params, Reporter, SearchPath, Severity};
 use granita_image::{FormatRegistry, Limits};
+use granita_plugin::Plugins;
 use granita_pyg::{Writer, WriterOptions};
 use granita_render::{Progress, RenderEnvironment, RenderError, Renderer, Spread};
 use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, Stop, UnreadInput};
 use granita_sdb::Databases;
 use std::path::Path;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Instant;
 
@@ -68,6 +69,7 @@ pub(crate) struct SessionRenderer {
     databases: Arc<Databases>,
     commands: CommandContext,
     inputs: Inputs,
+    plugins: Plugins,
     finished: Finished,
     success: bool,
     /// The file that messages go to, as "error:filename" names it.
@@ -89,7 +91,9 @@ impl SessionRenderer {
         finished: Finished,
         master: Option<Master>,
     ) -> Self {
-        let registry = granita_plugin::bundled_formats(Limits::default());
+        let plugins = Plugins::new(reporter.clone(), !options.safe);
+        let mut registry = granita_plugin::bundled_formats(Limits::default());
+        registry.find_with(Arc::new(plugins.clone()));
         Self {
             databases: Arc::new(Databases::new(registry.clone(), reporter.clone())),
             progress: Arc::new(Tracked {
@@ -103,7 +107,8 @@ impl SessionRenderer {
                 stop: Arc::default(),
                 priority: Arc::default(),
             },
-            inputs: Inputs::new(options.clone(), reporter.clone()),
+            inputs: Inputs::with_plugins(options.clone(), reporter.clone(), plugins.clone()),
+            plugins,
             net: Arc::new(Net::new(options.clone(), reporter.clone())),
             viewer: OnceLock::new(),
             master: master.map(Arc::new),
@@ -154,6 +159,24 @@ impl SessionRenderer {
 
     fn search_path(&self, scene: &Scene, name: &str) -> SearchPath {
         SearchPath::parse(&scene.string(name), &SearchPath::default(), &self.options.environment)
+    }
+
+    /// What finds inputs, with this session's plugins.
+    pub(crate) fn inputs(&self) -> Inputs {
+        self.inputs.clone()
+    }
+
+    pub(crate) fn plugins(&self) -> Plugins {
+        self.plugins.clone()
+    }
+
+    pub(crate) fn stop(&self) -> Arc<AtomicBool> {
+        self.commands.stop.clone()
+    }
+
+    /// Plugins as the scene wants them found.
+    fn configure_plugins(&self, scene: &Scene) {
+        self.plugins.set_image_path(self.search_path(scene, "path:imageio"));
     }
 
     fn environment(&self, scene: &Scene) -> RenderEnvironment {
@@ -230,6 +253,7 @@ impl FrameRenderer for SessionRenderer {
     fn render(&mut self, scene: Arc<Scene>, _camera: Option<&str>) -> Result<(), Stop> {
         let begin = Instant::now();
         self.commands.stop.store(false, Ordering::Relaxed);
+        self.configure_plugins(&scene);
         let mut scene = outputs::amended(&scene, &self.options, &self.registry, &self.reporter);
         // Workers show nothing.
         let safe = self.options.safe;
@@ -284,6 +308,7 @@ impl FrameRenderer for SessionRenderer {
     }
 
     fn needed(&mut self, scene: &Arc<Scene>, unread: &[UnreadInput]) -> Vec<bool> {
+        self.configure_plugins(scene);
         let scene = outputs::amended(scene, &self.options, &self.registry, &self.reporter);
         Renderer::new(self.environment(&scene)).needed(&scene, unread)
     }
@@ -294,6 +319,9 @@ impl FrameRenderer for SessionRenderer {
                 if let Some([level, ..]) = data.to_ints().as_deref() {
                     self.reporter.set_verbosity(u8::try_from((*level).clamp(0, 2)).unwrap_or(1));
                 }
+            }
+            ("debug:dso", data) => {
+                self.plugins.set_debug(data.to_ints().is_some_and(|v| v.first().is_some_and(|v| *v != 0)));
             }
             ("error:filename", ParamData::String(names)) => {
                 if let Some(file) = names.first() {

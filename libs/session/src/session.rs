@@ -4,6 +4,7 @@ use crate::net::Master;
 use crate::renderer::{Finished, SessionRenderer};
 use crate::{FrameRecord, Input, InputError, Inputs, SessionError, SessionOptions, inputs};
 use granita_base::{Location, Reporter, Severity};
+use granita_plugin::Plugins;
 use granita_pyg::PygError;
 use granita_pyg::PygSource;
 use granita_render::{Progress, Silent};
@@ -11,6 +12,7 @@ use granita_scene::{Call, InputPaths, SceneSink, State, Stop};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// Is told how far a frame is.
 #[derive(Clone)]
@@ -56,6 +58,8 @@ pub struct Session {
     reporter: Reporter,
     options: Arc<SessionOptions>,
     inputs: Inputs,
+    plugins: Plugins,
+    stop: Arc<AtomicBool>,
     /// A file that holds objects for a scene, and was read as if it were one.
     objects: Option<String>,
     finished: Finished,
@@ -98,9 +102,9 @@ impl Session {
         let finished = Finished::default();
         let renderer =
             SessionRenderer::new(options.clone(), reporter.clone(), progress.0, finished.clone(), master);
+        let (inputs, plugins, stop) = (renderer.inputs(), renderer.plugins(), renderer.stop());
         let state = State::new(Box::new(renderer), reporter.clone());
-        let inputs = Inputs::new(options.clone(), reporter.clone());
-        let mut session = Self { state, reporter, options, inputs, objects: None, finished };
+        let mut session = Self { state, reporter, options, inputs, plugins, stop, objects: None, finished };
         session.read_startup_files();
         session
     }
@@ -115,7 +119,7 @@ impl Session {
             };
             let path = Path::new(folder).join(".gelato.pyg");
             if path.is_file()
-                && let Err(error) = self.read(self.inputs.file(&path), &path.to_string_lossy())
+                && let Err(error) = self.read(self.file(&path), &path.to_string_lossy())
             {
                 self.reporter.error(error.to_string());
             }
@@ -132,7 +136,7 @@ impl Session {
     pub fn read_file(&mut self, name: &str) -> Result<(), SessionError> {
         let path = Path::new(name);
         if path.is_file() {
-            return self.read(self.inputs.file(path), name);
+            return self.read(self.file(path), name);
         }
         if path.is_dir() {
             return Err(SessionError::Failed(format!("{name} is a folder, not a scene")));
@@ -187,6 +191,11 @@ impl Session {
         &mut self.state
     }
 
+    /// The same, to be looked at.
+    pub fn state_ref(&self) -> &State {
+        &self.state
+    }
+
     /// To be called when nothing more comes: reports blocks left open and sums up.
     pub fn finish(mut self) -> Outcome {
         self.state.end();
@@ -207,6 +216,21 @@ impl Session {
             warnings: self.reporter.count(Severity::Warning),
             files_read: self.reporter.files_read(),
         }
+    }
+
+    /// The plugins that this session finds, and what its program lets it use.
+    pub fn plugins(&self) -> &Plugins {
+        &self.plugins
+    }
+
+    /// Set from any thread, it ends the frame that is being rendered as soon as that can be.
+    pub fn stop(&self) -> Arc<AtomicBool> {
+        self.stop.clone()
+    }
+
+    fn file(&self, path: &Path) -> Result<Input, InputError> {
+        let (input, generator) = (self.path("path:input"), self.path("path:generator"));
+        self.inputs.file(path, InputPaths { input: &input, generator: &generator })
     }
 
     fn path(&self, name: &str) -> String {

@@ -130,7 +130,12 @@ fn run_job(
 }
 
 fn run(args: &Args, bar: &Bar, reporter: &Reporter) -> Status {
-    let registry = granita_plugin::bundled_formats(Limits::default());
+    let registry = granita_plugin::formats_with_plugins(
+        Limits::default(),
+        &granita_cli::environment(),
+        reporter,
+        args.debugdso,
+    );
     if args.debugdso {
         say_formats(&registry, reporter);
     }

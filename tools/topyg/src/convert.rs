@@ -93,7 +93,8 @@ impl Echo<'_> {
     fn find(&self, command: &str) -> Result<Input, InputError> {
         let file = Path::new(command);
         if self.chain.is_empty() && file.is_file() {
-            return self.finder.file(file);
+            let paths = InputPaths { input: ".", generator: &self.job.generators };
+            return self.finder.file(file, paths);
         }
         let path = match self.state.attribute("string path:input").map(|p| p.data) {
             Some(granita_base::ParamData::String(v)) => v.join(":"),

@@ -16,6 +16,8 @@ mod shaders;
 mod shapes;
 mod transforms;
 
+pub use shapes::predeclared;
+
 use crate::{Call, Camera, FrameRenderer, Light, LightId, Output, Primitive, SceneSink, Stop};
 use current::Current;
 use granita_base::{Location, Param, Params, Reporter, Severity};

@@ -8,8 +8,8 @@ use granita_base::{
 };
 use std::sync::Arc;
 
-/// What an undeclared parameter of a primitive is (reference 2.1.5, 2.8).
-fn predeclared(name: &str) -> Option<ParamType> {
+/// What an undeclared parameter of a primitive is (reference 2.1.5, 2.8); arrays of length 0 are as long as their data.
+pub fn predeclared(name: &str) -> Option<ParamType> {
     Some(match name {
         "P" => ParamType::of(BaseType::Point).with_interp(Interp::Vertex),
         "Pw" => ParamType::of(BaseType::HPoint).with_interp(Interp::Vertex),

@@ -1,0 +1,146 @@
+//! `libgelato.so`: the functions that the C++ headers of `bindings/cpp/include` need from a library.
+//!
+//! The classes are thin and inline; what crosses is the C interface of `gelato_c.h`. Every renderer has its own
+//! [`granita_session::Session`]: two in one process share nothing but loaded plugins.
+
+#![allow(unsafe_code, reason = "the C interface is made of pointers; every block says why it is sound")]
+
+mod live;
+mod remote;
+
+use granita_base::{Environment, Location, Param, Reporter, Severity};
+use granita_plugin::{ErrorManager, Errors, Interface, InterfaceHost, InterfaceObject, Messages};
+use granita_pyg::Writer;
+use granita_scene::{Call, SceneSink, Stop};
+use std::borrow::Cow;
+use std::ffi::{CStr, c_char, c_int, c_void};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+/// A string of the caller; empty for NULL.
+///
+/// # Safety
+/// `text` is NULL or ends with 0, and stays as it is while the result lives.
+unsafe fn string<'a>(text: *const c_char) -> Cow<'a, str> {
+    if text.is_null() {
+        return Cow::Borrowed("");
+    }
+    // SAFETY: not NULL, and by the contract above it ends with 0.
+    unsafe { CStr::from_ptr(text) }.to_string_lossy()
+}
+
+/// The variables of this process.
+fn environment() -> Environment {
+    let mut all = Environment::empty();
+    for (name, value) in std::env::vars_os() {
+        if let (Some(name), Some(value)) = (name.to_str(), value.to_str()) {
+            all.set(name, value);
+        }
+    }
+    all
+}
+
+/// See `gelato_c.h`.
+#[unsafe(no_mangle)]
+pub extern "C" fn gelato_create_errors(handler: *mut c_void, verbosity: c_int) -> *mut Errors {
+    let verbosity = u8::try_from(verbosity.clamp(0, 2)).unwrap_or(1);
+    let manager = Box::leak(Box::new(ErrorManager::with_handler(handler, verbosity)));
+    // It is freed through its table.
+    manager.as_errors()
+}
+
+/// See `gelato_c.h`.
+///
+/// # Safety
+/// `kind` is NULL or a string; `errors` is NULL or came from [`gelato_create_errors`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gelato_create_renderer(kind: *const c_char, errors: *mut Errors) -> *mut c_void {
+    // SAFETY: a string or NULL, by the contract.
+    let kind = unsafe { string(kind) };
+    // SAFETY: a manager or NULL, by the contract. A program ends its renderers before their manager.
+    let reporter = unsafe { ErrorManager::from_errors(errors) }.map(|manager| manager.reporter().clone());
+    let manager = match reporter {
+        Some(reporter) => Messages::Program(errors, reporter),
+        None => Messages::Own(Arc::new(ErrorManager::with_handler(std::ptr::null_mut(), 1))),
+    };
+    let made = catch_unwind(AssertUnwindSafe(|| renderer(&kind, &manager)));
+    match made {
+        Ok(Ok(renderer)) => renderer,
+        Ok(Err(what)) => {
+            manager.reporter().error(format!("CreateRenderer (\"{kind}\"): {what}"));
+            std::ptr::null_mut()
+        }
+        Err(_) => std::ptr::null_mut(),
+    }
+}
+
+/// A renderer of a kind (reference 2.3).
+fn renderer(kind: &str, manager: &Messages) -> Result<*mut c_void, String> {
+    let kind = kind.trim();
+    let reporter = manager.reporter();
+    let archive = match kind.strip_prefix("pyg") {
+        Some("") => Some(String::new()),
+        Some(rest) if rest.starts_with(char::is_whitespace) => Some(rest.trim().to_owned()),
+        _ if kind.ends_with(".pyg") => Some(kind.to_owned()),
+        _ => None,
+    };
+    let object = match (kind, archive) {
+        (_, Some(file)) => {
+            let out: Box<dyn Write> = if file.is_empty() {
+                Box::new(std::io::stdout())
+            } else {
+                Box::new(BufWriter::new(File::create(&file).map_err(|e| format!("{file}: {e}"))?))
+            };
+            let sink = Archive { writer: Some(Writer::new(out)), reporter: reporter.clone() };
+            object(Box::new(sink), Box::new(()), manager, None)
+        }
+        ("", None) => live::renderer(manager),
+        ("remote", None) => remote::renderer(manager)?,
+        _ => {
+            return Err("there is no renderer of this type (known: none, \"pyg\", \"pyg FILE\", \"FILE.pyg\", \
+                        \"remote\")"
+                .to_owned());
+        }
+    };
+    object.into_renderer().ok_or_else(|| "there is not enough memory".to_owned())
+}
+
+/// What C++ calls, over a sink.
+fn object(
+    sink: Box<dyn SceneSink>,
+    host: Box<dyn InterfaceHost>,
+    manager: &Messages,
+    meanwhile: Option<Arc<dyn granita_plugin::Meanwhile>>,
+) -> InterfaceObject<'static> {
+    InterfaceObject::new(Interface::new(sink, host, manager.clone(), Location::default()), meanwhile)
+}
+
+/// Writes calls as Pyg; to the end when it is dropped.
+struct Archive {
+    writer: Option<Writer<Box<dyn Write>>>,
+    reporter: Reporter,
+}
+
+impl SceneSink for Archive {
+    fn call(&mut self, call: Call, at: &Location) -> Result<(), Stop> {
+        match &mut self.writer {
+            Some(writer) => writer.call(call, at),
+            None => Ok(()),
+        }
+    }
+
+    fn attribute(&self, declaration: &str) -> Option<Param> {
+        self.writer.as_ref()?.attribute(declaration)
+    }
+}
+
+impl Drop for Archive {
+    fn drop(&mut self) {
+        let end = self.writer.take().map(Writer::into_inner);
+        if let Some(Err(error)) = end.map(|out| out.and_then(|mut out| out.flush())) {
+            self.reporter.say(Severity::Error, &Location::default(), format!("the archive: {error}"));
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! Shared libraries that hold plugins.
+//!
+//! What is loaded stays: objects of its classes may live anywhere, and the system itself keeps one copy of a library
+//! per process. The table of them is therefore the only thing that two renderers of one process share.
+
+use std::collections::BTreeMap;
+use std::ffi::{CStr, c_char, c_int, c_void};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+/// A library that was loaded.
+#[derive(Debug)]
+pub(crate) struct Dso {
+    library: libloading::Library,
+    /// File, absolute.
+    pub(crate) path: PathBuf,
+    /// Name of the file up to the first dot: that of what it holds.
+    pub(crate) stem: String,
+    extensions: OnceLock<Vec<&'static str>>,
+}
+
+static LOADED: Mutex<BTreeMap<PathBuf, &'static Dso>> = Mutex::new(BTreeMap::new());
+
+impl Dso {
+    /// The library in a file.
+    ///
+    /// # Errors
+    /// What the system says, as a symbol that is missing.
+    pub(crate) fn load(path: &Path) -> Result<&'static Self, String> {
+        let path = std::fs::canonicalize(path).map_err(|e| e.to_string())?;
+        let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(dso) = loaded.get(&path) {
+            return Ok(dso);
+        }
+        let library = open(&path).map_err(|e| {
+            // The system begins with the path, which messages name anyway.
+            let text = e.to_string();
+            text.strip_prefix(&format!("{}: ", path.display())).unwrap_or(&text).to_owned()
+        })?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let stem = name.split('.').next().unwrap_or_default().to_owned();
+        let dso: &'static Self = Box::leak(Box::new(Self { library, path: path.clone(), stem, extensions: OnceLock::new() }));
+        loaded.insert(path, dso);
+        Ok(dso)
+    }
+
+    /// The extensions of its files, found once.
+    pub(crate) fn extensions(&'static self, find: impl FnOnce() -> Vec<String>) -> &'static [&'static str] {
+        self.extensions.get_or_init(|| find().into_iter().map(|e| &*e.leak()).collect())
+    }
+
+    /// The address of a symbol.
+    pub(crate) fn symbol(&self, name: &str) -> Option<*mut c_void> {
+        // SAFETY: only the address is taken, as a pointer; whoever uses it says of what type it is.
+        let symbol = unsafe { self.library.get::<*mut c_void>(name.as_bytes()) }.ok()?;
+        // SAFETY: the symbol is not used as a value of this type, only its address.
+        let address = unsafe { symbol.try_as_raw_ptr() }?;
+        (!address.is_null()).then_some(address)
+    }
+
+    /// The value of an `int`.
+    pub(crate) fn int(&self, name: &str) -> Option<c_int> {
+        // SAFETY: symbols of the names that are asked for are ints by the interface, and live as long as the library.
+        self.symbol(name).map(|address| unsafe { *address.cast::<c_int>() })
+    }
+
+    /// The strings of an array of `char *` that ends with NULL.
+    pub(crate) fn strings(&self, name: &str) -> Option<Vec<String>> {
+        // SAFETY: symbols of the names that are asked for are such arrays by the interface.
+        self.symbol(name).map(|address| unsafe { strings(address.cast()) })
+    }
+}
+
+/// So many strings are taken from an array whose end is missing.
+const MAX_STRINGS: usize = 1000;
+
+/// The strings of an array that ends with NULL.
+///
+/// # Safety
+/// `array` is NULL or such an array.
+pub(crate) unsafe fn strings(array: *const *const c_char) -> Vec<String> {
+    let mut list = Vec::new();
+    if array.is_null() {
+        return list;
+    }
+    while list.len() < MAX_STRINGS {
+        // SAFETY: no NULL came before, so the array goes on.
+        let text = unsafe { *array.add(list.len()) };
+        if text.is_null() {
+            break;
+        }
+        // SAFETY: it is a string by the interface.
+        list.push(unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned());
+    }
+    list
+}
+
+#[cfg(unix)]
+fn open(path: &Path) -> Result<libloading::Library, libloading::Error> {
+    use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
+    // SAFETY: the library's initialisers run: whoever puts a plugin on a search path wants that.
+    unsafe { Library::open(Some(path), RTLD_NOW | RTLD_LOCAL) }.map(Into::into)
+}
+
+#[cfg(not(unix))]
+fn open(path: &Path) -> Result<libloading::Library, libloading::Error> {
+    // SAFETY: as above.
+    unsafe { libloading::Library::new(path) }
+}

@@ -1,0 +1,269 @@
+//! Generators from plugins (reference 12): `NAME.generator.so`, and those of a program.
+
+use crate::dso::{Dso, strings};
+use crate::ffi::{self, ABI, GeneratorTable, Text};
+use crate::interface::{GeneratorObject, Interface, InterfaceObject, c_string};
+use crate::{ErrorManager, Messages, Plugins};
+use granita_base::{Location, Reporter};
+use granita_scene::{Call, Generator, GeneratorError, GeneratorSource, SceneSink, Stop};
+use std::ffi::c_void;
+use std::io::Write;
+use std::sync::Arc;
+
+/// `GelatoAPI::API_VERSION`.
+const VERSION: i32 = 2;
+
+/// What makes a plugin's calls.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    /// `NAME_generator_create`.
+    Cpp(*mut c_void),
+    Table(&'static GeneratorTable),
+}
+
+// SAFETY: addresses of functions and of a table that never changes.
+unsafe impl Send for Kind {}
+// SAFETY: as above.
+unsafe impl Sync for Kind {}
+
+impl std::fmt::Debug for GeneratorTable {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "GeneratorTable({})", self.abi)
+    }
+}
+
+/// A plugin's generator.
+#[derive(Debug)]
+pub(crate) struct PluginGenerator {
+    name: &'static str,
+    title: String,
+    extensions: &'static [&'static str],
+    kind: Kind,
+}
+
+impl PluginGenerator {
+    /// What a library offers.
+    ///
+    /// # Errors
+    /// Why it is no plugin of this interface.
+    pub(crate) fn new(dso: &'static Dso) -> Result<Self, String> {
+        let stem = &dso.stem;
+        let kind = match (dso.int("generator_version"), dso.int("generator_abi")) {
+            (Some(VERSION), _) => {
+                let name = format!("{stem}_generator_create");
+                Kind::Cpp(dso.symbol(&name).ok_or_else(|| format!("it has no symbol {name}"))?)
+            }
+            (_, Some(ABI)) => {
+                let name = format!("{stem}_generator_c");
+                let address = dso.symbol(&name).ok_or_else(|| format!("it has no symbol {name}"))?;
+                // SAFETY: a function of this form, by the interface whose version the plugin shows.
+                let get: extern "C" fn() -> *const GeneratorTable = unsafe { std::mem::transmute(address) };
+                // SAFETY: tables of the interface are static, or NULL.
+                let table = unsafe { get().as_ref() }.filter(|t| t.abi == ABI && t.run.is_some());
+                Kind::Table(table.ok_or_else(|| format!("what {name} gives is no table of version {ABI}"))?)
+            }
+            (Some(other), _) => {
+                return Err(format!("its generator_version is {other}, and this suite takes {VERSION}"));
+            }
+            (None, Some(other)) => {
+                return Err(format!("its generator_abi is {other}, and this suite takes {ABI}"));
+            }
+            (None, None) => return Err("it has no symbol generator_version".to_owned()),
+        };
+        let extensions = dso.extensions(|| {
+            let mut list = vec![stem.to_ascii_lowercase()];
+            if let Kind::Table(table) = kind {
+                // SAFETY: an array that ends with NULL, by the interface.
+                list.extend(unsafe { strings(table.extensions) });
+            }
+            list
+        });
+        let title = format!("plugin {}", dso.path.display());
+        Ok(Self { name: &dso.stem, title, extensions, kind })
+    }
+
+    /// The C++ object for a command.
+    fn object(&self, factory: *mut c_void, params: &str) -> Result<GeneratorObject, String> {
+        let command = c_string(&format!("{} {params}", self.name));
+        let mut why = Text::new();
+        // SAFETY: the plugin's factory, of the form that its version promises.
+        let made = unsafe { ffi::gelato_shim_generator_create(factory, command.as_ptr(), why.room()) };
+        if made.is_null() {
+            return Err(match why.get() {
+                Some(text) => format!("its create function threw an exception: {text}"),
+                None => "its create function gave no Generator (NULL)".to_owned(),
+            });
+        }
+        Ok(GeneratorObject(made))
+    }
+}
+
+/// What a generator gets as its parameter: the file, or one that holds the bytes and lives as long as this.
+enum Params {
+    Text(String),
+    File(tempfile::TempPath),
+}
+
+impl Params {
+    fn of(source: &GeneratorSource) -> std::io::Result<Self> {
+        match source {
+            GeneratorSource::File(path) => Ok(Self::Text(path.to_string_lossy().into_owned())),
+            GeneratorSource::Bytes { bytes, .. } => {
+                let mut file = tempfile::NamedTempFile::new()?;
+                file.write_all(bytes)?;
+                file.flush()?;
+                Ok(Self::File(file.into_temp_path()))
+            }
+        }
+    }
+
+    fn text(&self) -> String {
+        match self {
+            Self::Text(text) => text.clone(),
+            Self::File(path) => path.to_string_lossy().into_owned(),
+        }
+    }
+}
+
+/// A sink that belongs to somebody else.
+pub(crate) struct Borrowed<'a>(pub(crate) &'a mut dyn SceneSink);
+
+impl SceneSink for Borrowed<'_> {
+    fn call(&mut self, call: Call, at: &Location) -> Result<(), Stop> {
+        self.0.call(call, at)
+    }
+
+    fn in_world(&self) -> bool {
+        self.0.in_world()
+    }
+
+    fn new_frame(&mut self) -> bool {
+        self.0.new_frame()
+    }
+
+    fn attribute(&self, declaration: &str) -> Option<granita_base::Param> {
+        self.0.attribute(declaration)
+    }
+}
+
+/// Runs `f` with an interface whose calls go to `sink`.
+fn through<T>(
+    sink: &mut dyn SceneSink,
+    reporter: &Reporter,
+    name: &str,
+    f: impl FnOnce(&InterfaceObject<'_>) -> Result<T, String>,
+) -> Result<T, GeneratorError> {
+    let errors = Messages::Own(Arc::new(ErrorManager::over(reporter.clone())));
+    let at = Location { file: name.into(), ..Location::default() };
+    let interface = Interface::new(Box::new(Borrowed(sink)), Box::new(()), errors, at);
+    let object = InterfaceObject::new(interface, None);
+    let result = f(&object).map_err(GeneratorError::Malformed);
+    if object.into_inner().stopped() {
+        return Err(GeneratorError::Stopped(Stop::Exit));
+    }
+    result
+}
+
+impl Generator for PluginGenerator {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        self.extensions
+    }
+
+    fn makes_frames(&self) -> bool {
+        // It may.
+        true
+    }
+
+    fn bound(&self, source: &GeneratorSource) -> Option<[f32; 6]> {
+        let params = match source {
+            GeneratorSource::File(path) => path.to_string_lossy().into_owned(),
+            GeneratorSource::Bytes { .. } => return None,
+        };
+        match self.kind {
+            Kind::Cpp(factory) => self.object(factory, &params).ok()?.bound().ok()?,
+            Kind::Table(table) => {
+                let (params, mut bound) = (c_string(&params), [0.0f32; 6]);
+                // SAFETY: the plugin's own function, a string, and room for six floats.
+                let known = unsafe { table.bound?(params.as_ptr(), bound.as_mut_ptr()) };
+                (known != 0).then_some(bound)
+            }
+        }
+    }
+
+    fn run(
+        &self,
+        source: &GeneratorSource,
+        sink: &mut dyn SceneSink,
+        reporter: &Reporter,
+    ) -> Result<(), GeneratorError> {
+        let name = source.name();
+        let params = Params::of(source).map_err(|source| GeneratorError::Io { name: name.clone(), source })?;
+        through(sink, reporter, &name, |object| {
+            match self.kind {
+                Kind::Cpp(factory) => {
+                    let generator = self.object(factory, &params.text())?;
+                    object.run_generator(&generator, &params.text())
+                }
+                Kind::Table(table) => match table.run {
+                    Some(run) => object.run_table(run, &params.text()),
+                    None => Ok(()),
+                },
+            }
+            .map_err(|what| what.to_string())
+        })
+        .map_err(|error| match error {
+            GeneratorError::Malformed(what) => {
+                GeneratorError::Malformed(format!("{name}: {}: {what}", self.title))
+            }
+            other => other,
+        })
+    }
+}
+
+/// A generator that a program gave to `Input`, until it is needed.
+pub(crate) struct ProgramGenerator {
+    object: GeneratorObject,
+}
+
+impl ProgramGenerator {
+    pub(crate) fn new(object: GeneratorObject) -> Self {
+        Self { object }
+    }
+}
+
+impl Generator for ProgramGenerator {
+    fn name(&self) -> &'static str {
+        "program"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &[]
+    }
+
+    fn run(
+        &self,
+        source: &GeneratorSource,
+        sink: &mut dyn SceneSink,
+        reporter: &Reporter,
+    ) -> Result<(), GeneratorError> {
+        through(sink, reporter, &source.name(), |object| object.run_generator(&self.object, "")).map_err(
+            |error| match error {
+                GeneratorError::Malformed(what) => {
+                    GeneratorError::Malformed(format!("the program's generator: {what}"))
+                }
+                other => other,
+            },
+        )
+    }
+}
+
+impl Plugins {
+    /// Keeps a program's generator until it is needed: the name by which [`Plugins::generator`] finds it.
+    pub fn keep_generator(&self, object: GeneratorObject) -> Arc<str> {
+        self.keep(Arc::new(ProgramGenerator::new(object)))
+    }
+}

@@ -1,0 +1,163 @@
+//! Values that C and C++ pass: where they lie, and of what type they are.
+
+use granita_base::{BaseType, Interp, ParamData, ParamType};
+use std::ffi::{CStr, c_char, c_int, c_void};
+use std::sync::Arc;
+
+/// A parameter that waits for the call that takes it.
+pub(super) struct Pending {
+    pub(super) name: Arc<str>,
+    pub(super) ty: ParamType,
+    pub(super) source: Source,
+}
+
+/// Where the values of a parameter are.
+pub(super) enum Source {
+    /// Here: a single value.
+    Now(ParamData),
+    /// As the type says.
+    Any(*const c_void),
+    Ints(*const c_int),
+    Floats(*const f32),
+    Strings(*const *const c_char),
+}
+
+impl Source {
+    /// From a `gelato_value_kind` and its data; single values are copied.
+    ///
+    /// # Safety
+    /// `data` is NULL or points to what the kind says.
+    pub(super) unsafe fn new(kind: c_int, data: *const c_void) -> Self {
+        if data.is_null() {
+            return Self::Any(data);
+        }
+        match kind {
+            // SAFETY: one int, by the contract.
+            1 => Self::Now(unsafe { *data.cast::<c_int>() }.into()),
+            // SAFETY: one float.
+            2 => Self::Now(unsafe { *data.cast::<f32>() }.into()),
+            // SAFETY: one double.
+            3 => Self::Now((unsafe { *data.cast::<f64>() } as f32).into()),
+            // SAFETY: a string.
+            4 => Self::Now((&*unsafe { CStr::from_ptr(data.cast()) }.to_string_lossy()).into()),
+            5 => Self::Ints(data.cast()),
+            6 => Self::Floats(data.cast()),
+            7 => Self::Strings(data.cast()),
+            _ => Self::Any(data),
+        }
+    }
+
+    /// The values: `items` of type `ty`.
+    ///
+    /// # Errors
+    /// What does not fit, to stand behind the name of the parameter.
+    pub(super) fn read(&self, ty: ParamType, items: usize) -> Result<ParamData, String> {
+        if let Self::Now(data) = self {
+            return Ok(data.clone());
+        }
+        if ty.base == BaseType::Unknown {
+            return Err("needs a type, as in \"float x\"".to_owned());
+        }
+        let n = items
+            .checked_mul(ty.width())
+            .filter(|n| *n <= isize::MAX as usize / 16)
+            .ok_or_else(|| format!("has {items} items, which is too many"))?;
+        if n == 0 {
+            return match items {
+                0 => Err(format!("is \"{}\", which the primitive does not take", ty.interp.word())),
+                _ => Err("is an array without a length".to_owned()),
+            };
+        }
+        let is_text = ty.base == BaseType::String;
+        let is_int = ty.base == BaseType::Int;
+        let (ints, floats, texts): (*const c_int, *const f32, *const *const c_char) = match *self {
+            Self::Any(data) if data.is_null() => return Err("has no data (NULL)".to_owned()),
+            Self::Any(data) if is_text => (std::ptr::null(), std::ptr::null(), data.cast()),
+            Self::Any(data) if is_int => (data.cast(), std::ptr::null(), std::ptr::null()),
+            Self::Any(data) => (std::ptr::null(), data.cast(), std::ptr::null()),
+            Self::Ints(data) if !is_text => (data, std::ptr::null(), std::ptr::null()),
+            Self::Floats(data) if !is_text => (std::ptr::null(), data, std::ptr::null()),
+            Self::Strings(data) if is_text => (std::ptr::null(), std::ptr::null(), data),
+            _ => return Err(format!("is a {}, and the data is not", ty.base.word())),
+        };
+        // SAFETY: by the interface, what a parameter points to holds as many values as its type and the call that
+        // takes it say, and stays as it is until that call.
+        unsafe {
+            if !ints.is_null() {
+                return Ok(std::slice::from_raw_parts(ints, n).into());
+            }
+            if !floats.is_null() {
+                return Ok(std::slice::from_raw_parts(floats, n).into());
+            }
+            let list: Option<Arc<[Arc<str>]>> = std::slice::from_raw_parts(texts, n)
+                .iter()
+                .map(|text| crate::ffi::text(*text).map(|text| Arc::from(&*text)))
+                .collect();
+            list.map(ParamData::String).ok_or_else(|| "has a string that is NULL".to_owned())
+        }
+    }
+}
+
+/// The type of an attribute or of a parameter of cameras and outputs, by name.
+pub(super) fn known_type(name: &str) -> Option<ParamType> {
+    granita_scene::attribute_row(name).map(|row| row.ty)
+}
+
+/// The type in the bits of a C++ `ParamType`.
+///
+/// # Errors
+/// What it is, when scenes have no such type.
+pub(super) fn type_of_bits(bits: u32) -> Result<ParamType, String> {
+    let base = match bits & 31 {
+        2 => BaseType::String,
+        3 => BaseType::Float,
+        6 => BaseType::Point,
+        7 => BaseType::Vector,
+        8 => BaseType::Normal,
+        9 => BaseType::Color,
+        10 => BaseType::HPoint,
+        11 => BaseType::Matrix,
+        16 => BaseType::Int,
+        other => return Err(format!("scenes have no values of type number {other}")),
+    };
+    let interp = match bits >> 24 & 7 {
+        0 => Interp::Constant,
+        1 => Interp::PerPiece,
+        2 => Interp::Linear,
+        3 => Interp::Vertex,
+        other => return Err(format!("there is no interpolation of number {other}")),
+    };
+    let array = (bits >> 23 & 1 == 1).then_some(bits >> 5 & 0x3_ffff);
+    Ok(ParamType { base, array, interp })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ffi::type_bits;
+
+    #[test]
+    fn bits_are_those_of_the_header() {
+        let ty = type_of_bits(type_bits(6, None, 3)).unwrap();
+        assert_eq!(ty, ParamType::of(BaseType::Point).with_interp(Interp::Vertex));
+        let ty = type_of_bits(type_bits(3, Some(4), 0)).unwrap();
+        assert_eq!(ty, ParamType::array(BaseType::Float, 4));
+        assert!(type_of_bits(type_bits(1, None, 0)).is_err());
+        assert!(type_of_bits(type_bits(3, None, 5)).is_err());
+    }
+
+    #[test]
+    fn values_that_do_not_fit_are_told() {
+        let float = ParamType::of(BaseType::Float);
+        let floats = [1.0f32, 2.0];
+        let source = Source::Floats(floats.as_ptr());
+        assert_eq!(source.read(float, 2).unwrap(), ParamData::from(&floats[..]));
+        assert!(source.read(ParamType::of(BaseType::String), 1).unwrap_err().contains("string"));
+        assert!(source.read(float, 0).unwrap_err().contains("does not take"));
+        assert!(source.read(float, usize::MAX).unwrap_err().contains("too many"));
+        assert!(source.read(ParamType::default(), 1).unwrap_err().contains("needs a type"));
+        // SAFETY: NULL is what is tested.
+        let null = unsafe { Source::new(6, std::ptr::null()) };
+        assert!(null.read(float, 1).unwrap_err().contains("NULL"));
+    }
+}

@@ -1,0 +1,243 @@
+//! Where plugins are, and which of them were found.
+
+use crate::dso::Dso;
+use crate::generator::PluginGenerator;
+use crate::images::PluginFormat;
+use granita_base::{Location, Reporter, SearchPath, Severity};
+use granita_image::{Format, FormatFinder};
+use granita_scene::Generator;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
+
+/// Plugins that a file may hold, and the names of such files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Kind {
+    Image,
+    Generator,
+}
+
+impl Kind {
+    fn suffix(self) -> &'static str {
+        match self {
+            Self::Image => ".imageio",
+            Self::Generator => ".generator",
+        }
+    }
+}
+
+/// What ends the name of a shared library: ".so" everywhere, and the system's own ending.
+pub(crate) fn endings() -> Vec<&'static str> {
+    let own = std::env::consts::DLL_EXTENSION;
+    if own == "so" { vec!["so"] } else { vec![own, "so"] }
+}
+
+/// The plugins of one session. Clones share what was found. Nothing is looked for before somebody needs it.
+#[derive(Clone)]
+pub struct Plugins(Arc<Inner>);
+
+struct Inner {
+    reporter: Reporter,
+    allowed: bool,
+    debug: AtomicBool,
+    image_path: RwLock<SearchPath>,
+    images: Mutex<BTreeMap<PathBuf, Option<Arc<PluginFormat>>>>,
+    generators: Mutex<BTreeMap<PathBuf, Option<Arc<PluginGenerator>>>>,
+    granted: Mutex<BTreeSet<usize>>,
+    kept: Mutex<BTreeMap<Arc<str>, Arc<dyn Generator>>>,
+    number: AtomicU64,
+}
+
+impl std::fmt::Debug for Plugins {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Plugins({})", lock(&self.0.images).len() + lock(&self.0.generators).len())
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Plugins {
+    /// None found yet. With `allowed` false none will be: for scenes from strangers.
+    pub fn new(reporter: Reporter, allowed: bool) -> Self {
+        Self(Arc::new(Inner {
+            reporter,
+            allowed,
+            debug: AtomicBool::new(false),
+            image_path: RwLock::default(),
+            images: Mutex::default(),
+            generators: Mutex::default(),
+            granted: Mutex::default(),
+            kept: Mutex::default(),
+            number: AtomicU64::new(0),
+        }))
+    }
+
+    /// Looks for image formats in these folders ("path:imageio").
+    pub fn set_image_path(&self, path: SearchPath) {
+        *self.0.image_path.write().unwrap_or_else(PoisonError::into_inner) = path;
+    }
+
+    /// Tells about every file that is tried ("debug:dso").
+    pub fn set_debug(&self, on: bool) {
+        self.0.debug.store(on, Ordering::Relaxed);
+    }
+
+    /// Lets `Output` name the `ImageOutput` at the address that a format like "0x7f00" stands for.
+    ///
+    /// # Safety
+    /// There is an `ImageOutput` of `imageio.h`, and it stays until the session ends or renders no more.
+    pub unsafe fn grant(&self, format: &str) {
+        if let Some(address) = address(format) {
+            lock(&self.0.granted).insert(address);
+        }
+    }
+
+    /// Takes back what [`Plugins::grant`] gave.
+    pub fn revoke_all(&self) {
+        lock(&self.0.granted).clear();
+    }
+
+    /// The generator `name` in the folders of `path`, or one that a program gave.
+    pub fn generator(&self, name: &str, path: &SearchPath) -> Option<Arc<dyn Generator>> {
+        if let Some(kept) = lock(&self.0.kept).get(name) {
+            return Some(kept.clone());
+        }
+        let file = self.find(Kind::Generator, name, path)?;
+        if let Some(known) = lock(&self.0.generators).get(&file) {
+            return known.clone().map(|g| g as Arc<dyn Generator>);
+        }
+        let made = self.load(&file, PluginGenerator::new, Severity::Error).map(Arc::new);
+        lock(&self.0.generators).insert(file, made.clone());
+        made.map(|g| g as Arc<dyn Generator>)
+    }
+
+    /// Tells about a file, if that is wanted.
+    pub(crate) fn tell(&self, file: &Path, what: &str) {
+        if self.0.debug.load(Ordering::Relaxed) {
+            let text = format!("dso: {}: {what}", file.display());
+            self.0.reporter.say(Severity::Message, &Location::default(), text);
+        }
+    }
+
+    pub(crate) fn allowed(&self) -> bool {
+        self.0.allowed
+    }
+
+    pub(crate) fn reporter(&self) -> &Reporter {
+        &self.0.reporter
+    }
+
+    pub(crate) fn keep(&self, generator: Arc<dyn Generator>) -> Arc<str> {
+        let name: Arc<str> = format!("<generator-{}>", self.0.number.fetch_add(1, Ordering::Relaxed)).into();
+        lock(&self.0.kept).insert(name.clone(), generator);
+        name
+    }
+
+    /// The file of a plugin of this name.
+    fn find(&self, kind: Kind, name: &str, path: &SearchPath) -> Option<PathBuf> {
+        if !self.0.allowed || name.is_empty() || name.contains(['/', '\\', '\0']) {
+            return None;
+        }
+        for folder in path.folders() {
+            for ending in endings() {
+                let file = folder.join(format!("{name}{}.{ending}", kind.suffix()));
+                if file.is_file() {
+                    self.tell(&file, "found");
+                    return Some(file);
+                }
+                self.tell(&file, "not there");
+            }
+        }
+        None
+    }
+
+    /// What a file holds; what keeps it from being used is said once.
+    pub(crate) fn load<T>(
+        &self,
+        file: &Path,
+        make: impl FnOnce(&'static Dso) -> Result<T, String>,
+        severity: Severity,
+    ) -> Option<T> {
+        match Dso::load(file).map_err(|e| format!("it cannot be loaded: {e}")).and_then(make) {
+            Ok(made) => {
+                self.tell(file, "loaded");
+                self.0.reporter.file_read(file);
+                Some(made)
+            }
+            Err(why) => {
+                self.tell(file, &format!("refused: {why}"));
+                let text = format!("plugin {} is not used: {why}", file.display());
+                self.0.reporter.once(&format!("plugin {}", file.display()), severity, &Location::default(), text);
+                None
+            }
+        }
+    }
+
+    fn image(&self, file: &Path, severity: Severity) -> Option<Arc<PluginFormat>> {
+        if let Some(known) = lock(&self.0.images).get(file) {
+            return known.clone();
+        }
+        let made = self.load(file, PluginFormat::new, severity).map(Arc::new);
+        lock(&self.0.images).insert(file.to_owned(), made.clone());
+        made
+    }
+
+    fn image_path(&self) -> SearchPath {
+        self.0.image_path.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// All image plugins, by folder and name.
+    fn images(&self) -> Vec<Arc<PluginFormat>> {
+        let mut files = Vec::new();
+        if self.0.allowed {
+            for folder in self.image_path().folders() {
+                let Ok(entries) = std::fs::read_dir(folder) else {
+                    self.tell(folder, "is no folder that can be read");
+                    continue;
+                };
+                let ends: Vec<String> =
+                    endings().iter().map(|e| format!("{}.{e}", Kind::Image.suffix())).collect();
+                let mut here: Vec<PathBuf> = entries
+                    .filter_map(|entry| Some(entry.ok()?.path()))
+                    .filter(|path| {
+                        let name = path.file_name().unwrap_or_default().to_string_lossy();
+                        ends.iter().any(|end| name.ends_with(end))
+                    })
+                    .collect();
+                here.sort();
+                files.extend(here);
+            }
+        }
+        files.iter().filter_map(|file| self.image(file, Severity::Warning)).collect()
+    }
+}
+
+/// The address in a format as "0x7f00".
+fn address(format: &str) -> Option<usize> {
+    usize::from_str_radix(format.strip_prefix("0x")?.trim_start_matches("0x"), 16).ok().filter(|a| *a != 0)
+}
+
+impl FormatFinder for Plugins {
+    fn named(&self, name: &str) -> Option<Arc<dyn Format>> {
+        if let Some(address) = address(name) {
+            let granted = lock(&self.0.granted).contains(&address);
+            return granted.then(|| Arc::new(PluginFormat::in_program(address)) as Arc<dyn Format>);
+        }
+        let file = self.find(Kind::Image, name, &self.image_path())?;
+        self.image(&file, Severity::Error).map(|f| f as Arc<dyn Format>)
+    }
+
+    fn listed(&self, extension: &str, writes: bool) -> Option<Arc<dyn Format>> {
+        if extension.is_empty() {
+            return None;
+        }
+        self.images().into_iter().find(|f| f.lists(extension, writes)).map(|f| f as Arc<dyn Format>)
+    }
+
+    fn readers(&self) -> Vec<Arc<dyn Format>> {
+        self.images().into_iter().filter(|f| f.reads()).map(|f| f as Arc<dyn Format>).collect()
+    }
+}
