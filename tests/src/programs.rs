@@ -29,6 +29,14 @@ impl Tools {
     /// # Errors
     /// When cargo cannot build them; what it said.
     pub fn build() -> Result<Self, String> {
+        Self::build_also(&[])
+    }
+
+    /// As [`Tools::build`], with the libraries of these packages besides.
+    ///
+    /// # Errors
+    /// As [`Tools::build`].
+    pub fn build_also(libraries: &[&str]) -> Result<Self, String> {
         let test = std::env::current_exe().map_err(|e| e.to_string())?;
         // target/PROFILE/deps/suite-0123456789abcdef
         let folder = test.parent().and_then(Path::parent).ok_or("a test outside a target folder")?.to_owned();
@@ -36,6 +44,12 @@ impl Tools {
         let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
         let mut command = Command::new(cargo);
         command.current_dir(repository()).args(["build", "--quiet", "--bins", "--target-dir"]).arg(target);
+        if !libraries.is_empty() {
+            command.arg("--lib");
+        }
+        for name in libraries {
+            command.args(["--package", name]);
+        }
         for name in Self::NAMES {
             command.args(["--package", name]);
         }
@@ -48,6 +62,11 @@ impl Tools {
         } else {
             Err(format!("cargo build: {}", String::from_utf8_lossy(&built.stderr)))
         }
+    }
+
+    /// Where programs and shared libraries are.
+    pub fn folder(&self) -> &Path {
+        &self.folder
     }
 
     /// The program called `name`.

@@ -5,6 +5,7 @@ use crate::builtins;
 use crate::diagnostic::{Diagnostics, suggestion};
 use crate::hir::*;
 use crate::ir::{ConstValue, Global, Metadatum, OpCode, SymbolType, ValueType};
+use crate::shadeop::{self, ShadeopForm};
 use crate::source::Pos;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -38,7 +39,11 @@ pub(crate) struct Checker<'a> {
 }
 
 /// Checks a shader; mistakes go to `diags`, and what they spoil becomes [`ExprKind::Bad`].
-pub(crate) fn check(shader: ast::Shader, diags: &mut Diagnostics) -> Shader {
+pub(crate) fn check(
+    shader: ast::Shader,
+    shadeops: &[(Arc<str>, Pos, Vec<ShadeopForm>)],
+    diags: &mut Diagnostics,
+) -> Shader {
     let mut checker = Checker {
         diags,
         vars: Vec::new(),
@@ -61,6 +66,9 @@ pub(crate) fn check(shader: ast::Shader, diags: &mut Diagnostics) -> Shader {
             level: (0, 0),
         });
         checker.scopes[0].vars.insert(g.word().into(), id);
+    }
+    for (name, pos, forms) in shadeops {
+        forms.iter().for_each(|form| checker.shadeop(name, form, *pos));
     }
     checker.scopes.push(Scope::default());
     for function in shader.functions {
@@ -133,6 +141,36 @@ impl Checker<'_> {
     /// The variable that a name means here.
     pub(crate) fn variable(&self, name: &str) -> Option<VarId> {
         self.scopes.iter().rev().find_map(|s| s.vars.get(name)).copied()
+    }
+
+    /// Declares a function of a library, outside of everything.
+    fn shadeop(&mut self, name: &Arc<str>, form: &ShadeopForm, pos: Pos) {
+        let Some(declared) = shadeop::declared(name, form, pos, self.diags) else { return };
+        let formals = declared.formals.iter().enumerate().map(|(i, (ty, output))| {
+            self.vars.push(Var {
+                name: format!("argument {}", i + 1).into(),
+                ty: *ty,
+                kind: VarKind::Formal { output: *output },
+                pos,
+                read: true,
+                written: *output,
+                warned: true,
+                level: (0, 0),
+            });
+            VarId(self.vars.len() - 1)
+        });
+        let formals = formals.collect();
+        self.funcs.push(Func {
+            name: name.clone(),
+            ret: declared.ret,
+            formals,
+            body: Vec::new(),
+            complete: true,
+            returns: true,
+            shadeop: Some(declared.text),
+        });
+        let id = FuncId(self.funcs.len() - 1);
+        self.scopes[0].funcs.entry(name.clone()).or_default().push(id);
     }
 
     /// The functions of the source that a name means here: those of the innermost scope that has one.
@@ -284,6 +322,7 @@ impl Checker<'_> {
             body: Vec::new(),
             complete: false,
             returns: false,
+            shadeop: None,
         });
         if let Some(scope) = self.scopes.last_mut() {
             scope.funcs.entry(name.text.clone()).or_default().push(id);

@@ -53,4 +53,6 @@ functions! {
     GetTextureInfo "gettextureinfo",
     RayLevel "raylevel", IsShadowRay "isshadowray", IsIndirectRay "isindirectray",
     ArrayLength "arraylength",
+    // No word of the language: what its first operand, a constant, names.
+    Shadeop "(shadeop)",
 }

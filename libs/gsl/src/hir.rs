@@ -50,6 +50,8 @@ pub(crate) struct Func {
     /// Its body is checked; before, a call is a recursion.
     pub(crate) complete: bool,
     pub(crate) returns: bool,
+    /// Of a library: what to call instead of the body.
+    pub(crate) shadeop: Option<Arc<str>>,
 }
 
 /// Part of a variable.

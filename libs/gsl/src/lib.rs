@@ -39,6 +39,7 @@ mod lower;
 mod overload;
 mod parse;
 mod preprocess;
+mod shadeop;
 mod source;
 mod token;
 mod user_call;
@@ -50,6 +51,7 @@ pub use diagnostic::Diagnostic;
 pub use func::Func;
 pub use gso::GslError;
 pub use ir::Module;
+pub use shadeop::{ShadeopCall, ShadeopFinder, ShadeopForm};
 
 use std::io;
 
@@ -67,6 +69,8 @@ pub struct CompileOptions<'a> {
     pub undefines: &'a [String],
     /// Reads included files; without one `#include` is a mistake.
     pub loader: Option<Loader<'a>>,
+    /// Finds functions that are written in C++; without one there are none.
+    pub shadeops: Option<ShadeopFinder<'a>>,
 }
 
 impl std::fmt::Debug for CompileOptions<'_> {
@@ -76,6 +80,7 @@ impl std::fmt::Debug for CompileOptions<'_> {
             .field("defines", &self.defines)
             .field("undefines", &self.undefines)
             .field("loader", &self.loader.is_some())
+            .field("shadeops", &self.shadeops.is_some())
             .finish()
     }
 }
@@ -87,6 +92,28 @@ pub struct Compiled {
     pub module: Module,
     /// What looks wrong, in the order of the source.
     pub warnings: Vec<Diagnostic>,
+}
+
+/// The forms of functions that are called and neither bundled nor words of the language.
+fn called(
+    tokens: &[token::Token],
+    find: ShadeopFinder<'_>,
+) -> Vec<(std::sync::Arc<str>, source::Pos, Vec<ShadeopForm>)> {
+    let mut seen = std::collections::BTreeSet::new();
+    let mut found = Vec::new();
+    for pair in tokens.windows(2) {
+        if let (token::TokenKind::Word(name), token::TokenKind::Mark("(")) = (&pair[0].kind, &pair[1].kind)
+            && builtins::named(name).next().is_none()
+            && !parse::is_keyword(name)
+            && seen.insert(name.clone())
+        {
+            let forms = find(name);
+            if !forms.is_empty() {
+                found.push((name.clone(), pair[0].pos, forms));
+            }
+        }
+    }
+    found
 }
 
 /// Compiles the shader in `source`.
@@ -107,7 +134,8 @@ pub fn compile(source: &str, file: &str, options: &CompileOptions<'_>) -> Result
         // What was passed over would be missed everywhere; the messages would only mislead.
         return Err(diags.finish());
     }
-    let shader = check::check(shader, &mut diags);
+    let shadeops = options.shadeops.map(|find| called(&tokens, find)).unwrap_or_default();
+    let shader = check::check(shader, &shadeops, &mut diags);
     let module = lower::lower(&shader, &mut diags);
     if diags.has_errors() {
         return Err(diags.finish());

@@ -49,6 +49,11 @@ const RESERVED: &[&str] = &[
     "virtual",
 ];
 
+/// Whether a word is the language's own.
+pub(crate) fn is_keyword(word: &str) -> bool {
+    KEYWORDS.contains(&word) || RESERVED.contains(&word)
+}
+
 /// Words with a meaning (reference 5.9, "Keywords").
 const KEYWORDS: &[&str] = &[
     "break", "color", "continue", "do", "else", "emit", "float", "for", "if", "lights", "matrix", "normal",

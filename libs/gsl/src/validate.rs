@@ -138,6 +138,17 @@ impl Checker<'_> {
             return Err("a constant is written".to_owned());
         }
         let fits = match op.code {
+            OpCode::Call(crate::Func::Shadeop) => {
+                let call = crate::ShadeopCall::of(self.module, op.args.first());
+                let constant =
+                    |s: &SymbolId| matches!(self.module.symbols[s.0 as usize].kind, SymbolKind::Const(_));
+                let fits = call.is_some_and(|call| {
+                    let rest = &op.args[1..];
+                    rest.len() == call.outputs.len()
+                        && rest.iter().zip(&call.outputs).all(|(s, output)| !output || !constant(s))
+                });
+                return if fits { Ok(()) } else { Err("a shadeop does not take its operands".to_owned()) };
+            }
             OpCode::Call(func) => {
                 return if TABLE.iter().any(|row| row.func == func && self.call(row, op, dst, &args)) {
                     Ok(())

@@ -322,10 +322,7 @@ impl FormatRegistry {
                 .or_else(|| self.formats.iter().find(|f| f.extensions().iter().any(|e| same(e))))
                 .cloned()
         };
-        finder
-            .and_then(|f| f.named(name))
-            .or_else(own)
-            .or_else(|| finder.and_then(|f| f.listed(name, true)))
+        finder.and_then(|f| f.named(name)).or_else(own).or_else(|| finder.and_then(|f| f.listed(name, true)))
     }
 
     /// What its readers may take in.

@@ -39,7 +39,8 @@ impl Dso {
         })?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let stem = name.split('.').next().unwrap_or_default().to_owned();
-        let dso: &'static Self = Box::leak(Box::new(Self { library, path: path.clone(), stem, extensions: OnceLock::new() }));
+        let dso: &'static Self =
+            Box::leak(Box::new(Self { library, path: path.clone(), stem, extensions: OnceLock::new() }));
         loaded.insert(path, dso);
         Ok(dso)
     }

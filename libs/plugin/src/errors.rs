@@ -7,8 +7,8 @@ use std::cell::Cell;
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicPtr, Ordering};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicPtr, Ordering};
 
 /// What a C++ `ErrorManager *` points to.
 #[repr(C)]
@@ -38,17 +38,8 @@ impl std::fmt::Debug for ErrorManager {
     }
 }
 
-static CALLS: ErrorsCalls = ErrorsCalls {
-    abi: ABI,
-    say,
-    verbosity,
-    set_verbosity,
-    handler,
-    set_handler,
-    summary,
-    finish,
-    release,
-};
+static CALLS: ErrorsCalls =
+    ErrorsCalls { abi: ABI, say, verbosity, set_verbosity, handler, set_handler, summary, finish, release };
 
 impl ErrorManager {
     /// One whose messages go where those of `reporter` go.
@@ -184,7 +175,9 @@ extern "C" fn verbosity(errors: *const Errors) -> c_int {
 }
 
 extern "C" fn set_verbosity(errors: *mut Errors, verbosity: c_int) {
-    with(errors, (), |manager| manager.reporter.set_verbosity(u8::try_from(verbosity.clamp(0, 2)).unwrap_or(1)));
+    with(errors, (), |manager| {
+        manager.reporter.set_verbosity(u8::try_from(verbosity.clamp(0, 2)).unwrap_or(1))
+    });
 }
 
 extern "C" fn handler(errors: *const Errors) -> *mut c_void {

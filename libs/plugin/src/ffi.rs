@@ -47,14 +47,8 @@ pub(crate) struct Knots {
 #[repr(C)]
 pub(crate) struct Calls {
     pub(crate) abi: c_int,
-    pub(crate) words: extern "C" fn(
-        *mut c_void,
-        c_int,
-        *const c_char,
-        *const c_char,
-        *const c_char,
-        *const c_char,
-    ),
+    pub(crate) words:
+        extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char, *const c_char, *const c_char),
     pub(crate) numbers: extern "C" fn(*mut c_void, c_int, c_int, *const f32, *const c_char),
     pub(crate) value: extern "C" fn(*mut c_void, c_int, *const c_char, c_uint, c_int, *const c_void),
     pub(crate) get_attribute: extern "C" fn(*mut c_void, *const c_char, c_int, *mut c_void) -> c_int,
@@ -87,9 +81,8 @@ pub(crate) struct GeneratorTable {
     pub(crate) abi: c_int,
     pub(crate) extensions: *const *const c_char,
     pub(crate) bound: Option<unsafe extern "C" fn(*const c_char, *mut f32) -> c_int>,
-    pub(crate) run: Option<
-        unsafe extern "C" fn(*const Calls, *mut c_void, *const c_char, *mut c_char, usize) -> c_int,
-    >,
+    pub(crate) run:
+        Option<unsafe extern "C" fn(*const Calls, *mut c_void, *const c_char, *mut c_char, usize) -> c_int>,
 }
 
 /// `gelato_image_spec`.
@@ -175,9 +168,8 @@ pub(crate) struct InputCalls {
         unsafe extern "C" fn(*mut c_void, c_int, c_int, *mut c_void, Message) -> c_int,
     pub(crate) read_native_tile:
         unsafe extern "C" fn(*mut c_void, c_int, c_int, c_int, *mut c_void, Message) -> c_int,
-    pub(crate) read_scanline: Option<
-        unsafe extern "C" fn(*mut c_void, c_int, c_int, *mut f32, c_int, Message) -> c_int,
-    >,
+    pub(crate) read_scanline:
+        Option<unsafe extern "C" fn(*mut c_void, c_int, c_int, *mut f32, c_int, Message) -> c_int>,
     pub(crate) read_tile: Option<
         unsafe extern "C" fn(
             *mut c_void,
@@ -191,9 +183,8 @@ pub(crate) struct InputCalls {
             Message,
         ) -> c_int,
     >,
-    pub(crate) get_parameter: Option<
-        unsafe extern "C" fn(*mut c_void, *const c_char, c_uint, *mut c_void, Message) -> c_int,
-    >,
+    pub(crate) get_parameter:
+        Option<unsafe extern "C" fn(*mut c_void, *const c_char, c_uint, *mut c_void, Message) -> c_int>,
     pub(crate) close: unsafe extern "C" fn(*mut c_void, Message) -> c_int,
     pub(crate) destroy: unsafe extern "C" fn(*mut c_void),
 }

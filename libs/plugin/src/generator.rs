@@ -201,7 +201,8 @@ impl Generator for PluginGenerator {
         reporter: &Reporter,
     ) -> Result<(), GeneratorError> {
         let name = source.name();
-        let params = Params::of(source).map_err(|source| GeneratorError::Io { name: name.clone(), source })?;
+        let params =
+            Params::of(source).map_err(|source| GeneratorError::Io { name: name.clone(), source })?;
         through(sink, reporter, &name, |object| {
             match self.kind {
                 Kind::Cpp(factory) => {

@@ -162,7 +162,8 @@ fn tables(dso: &Dso) -> std::result::Result<(Option<Made<InputCalls>>, Writer), 
     // SAFETY: tables of the interface are static.
     let reader = table(format!("{}_input_imageio_c", dso.stem)).map(|t| unsafe { &*t.cast::<InputCalls>() });
     // SAFETY: as above.
-    let writer = table(format!("{}_output_imageio_c", dso.stem)).map(|t| unsafe { &*t.cast::<OutputCalls>() });
+    let writer =
+        table(format!("{}_output_imageio_c", dso.stem)).map(|t| unsafe { &*t.cast::<OutputCalls>() });
     let versions = [reader.map(|t| t.abi), writer.map(|t| t.abi)];
     if let Some(other) = versions.into_iter().flatten().find(|abi| *abi != ABI) {
         return Err(format!("a table of it has the version {other}, and this suite takes {ABI}"));

@@ -10,11 +10,11 @@ pub(crate) use entry::c_string;
 pub use entry::{GeneratorObject, InterfaceObject, Meanwhile};
 
 use crate::Messages;
+use granita_base::shape::KnotSpan;
 use granita_base::{
     BaseType, CurveBasis, Interp, Location, Param, ParamData, ParamType, Params, Reporter, Severity,
     ShapeDesc, TrimDesc,
 };
-use granita_base::shape::KnotSpan;
 use granita_scene::{Call, Matrix, SceneSink, Stop, TransformTarget};
 use std::collections::HashMap;
 use std::ffi::{CStr, CString, c_int};

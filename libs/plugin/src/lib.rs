@@ -24,11 +24,13 @@ mod generator;
 mod images;
 mod interface;
 mod plugins;
+mod shadeop;
 
 pub use errors::{ErrorManager, Messages};
 pub use ffi::Errors;
 pub use interface::{GeneratorObject, Interface, InterfaceHost, InterfaceObject, Meanwhile};
 pub use plugins::Plugins;
+pub use shadeop::noise;
 
 use granita_base::{Environment, Reporter, SearchPath};
 use granita_image::{FormatRegistry, Limits};

@@ -126,10 +126,6 @@ impl Plugins {
         self.0.allowed
     }
 
-    pub(crate) fn reporter(&self) -> &Reporter {
-        &self.0.reporter
-    }
-
     pub(crate) fn keep(&self, generator: Arc<dyn Generator>) -> Arc<str> {
         let name: Arc<str> = format!("<generator-{}>", self.0.number.fetch_add(1, Ordering::Relaxed)).into();
         lock(&self.0.kept).insert(name.clone(), generator);
@@ -170,7 +166,12 @@ impl Plugins {
             Err(why) => {
                 self.tell(file, &format!("refused: {why}"));
                 let text = format!("plugin {} is not used: {why}", file.display());
-                self.0.reporter.once(&format!("plugin {}", file.display()), severity, &Location::default(), text);
+                self.0.reporter.once(
+                    &format!("plugin {}", file.display()),
+                    severity,
+                    &Location::default(),
+                    text,
+                );
                 None
             }
         }

@@ -75,7 +75,7 @@ fn types_that_a_format_lacks_are_replaced() {
     let stored = |format: &str, levels: [i32; 4]| {
         let mut params = Params::new();
         params.set(Param::declared("int[4] quantize", &levels[..]).unwrap());
-        let (quantize, pixel_type) = Quantize::for_output(&**all.by_name(format).unwrap(), &params);
+        let (quantize, pixel_type) = Quantize::for_output(&*all.by_name(format).unwrap(), &params);
         assert!(quantize.pixel_type() == pixel_type || pixel_type == PixelType::Half);
         pixel_type
     };

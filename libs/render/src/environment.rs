@@ -7,6 +7,7 @@ use granita_gsl::ir::Module;
 use granita_image::FormatRegistry;
 use granita_scene::Call;
 use granita_sdb::Databases;
+use granita_shade::Shadeop;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -17,6 +18,14 @@ pub trait ShaderLibrary: Send + Sync {
     /// # Errors
     /// See [`NoShader`].
     fn load(&self, name: &str) -> Result<Arc<Module>, NoShader>;
+
+    /// A function in C++ that a shader calls, by the text that the compiler left for it (`granita_gsl::ShadeopCall`).
+    ///
+    /// # Errors
+    /// Why there is none.
+    fn shadeop(&self, text: &str) -> Result<Arc<dyn Shadeop>, String> {
+        Err(format!("shadeop {text}: this program loads none"))
+    }
 }
 
 /// Why a name stands for no shader.

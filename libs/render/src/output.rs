@@ -455,7 +455,12 @@ impl OutputImage {
             other => other,
         };
         let spec = self.spec(camera, stored);
-        self.begin(format.create(&self.path, &CreateOptions { spec: &spec, levels: 1 })?, &spec, quantize, camera)
+        self.begin(
+            format.create(&self.path, &CreateOptions { spec: &spec, levels: 1 })?,
+            &spec,
+            quantize,
+            camera,
+        )
     }
 
     /// Begins a file in a format that exposes and quantizes by itself: it gets the values as they are.
@@ -468,8 +473,13 @@ impl OutputImage {
         let levels = [quantize.zero, quantize.one, quantize.min, quantize.max];
         let ty = ParamType::array(BaseType::Int, 4);
         spec.attributes.set(Param { name: "quantize".into(), ty, data: levels[..].into() });
-        for (name, value) in [("gain", quantize.gain), ("gamma", quantize.gamma), ("dither", quantize.dither)] {
-            spec.attributes.set(Param { name: name.into(), ty: ParamType::of(BaseType::Float), data: value.into() });
+        for (name, value) in [("gain", quantize.gain), ("gamma", quantize.gamma), ("dither", quantize.dither)]
+        {
+            spec.attributes.set(Param {
+                name: name.into(),
+                ty: ParamType::of(BaseType::Float),
+                data: value.into(),
+            });
         }
         let file = format.create(&self.path, &CreateOptions { spec: &spec, levels: 1 })?;
         self.begin(file, &spec, Quantize::FLOAT, camera)

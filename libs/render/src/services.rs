@@ -19,7 +19,7 @@ use granita_base::{
 use granita_scene::{AttributeSet, LightId, ShaderUsage};
 use granita_shade::{
     Batch, DatabaseQuery, DatabaseSave, EnvironmentQuery, Grid, IlluminateQuery, Lane, Lane3, Lanes3,
-    LightInfo, LightResult, LookupResult, Primvar, RayKind, Services, ShadowQuery, SubsurfaceQuery,
+    LightInfo, LightResult, LookupResult, Primvar, RayKind, Services, Shadeop, ShadowQuery, SubsurfaceQuery,
     TextureQuery, Topology, TraceQuery, TraceResult,
 };
 use std::sync::Arc;
@@ -332,6 +332,10 @@ impl Services for Run<'_, '_> {
         let reader = if may_wait { textures.reader_with(&maker) } else { textures.reader() };
         let bias = |lane| self.bias(query.options.bias, lane);
         maps::shadow_with((textures, reader), query, &seeds, &bias, out);
+    }
+
+    fn shadeop(&mut self, text: &str) -> Result<Arc<dyn Shadeop>, String> {
+        self.frame.library.shadeop(text)
     }
 
     fn light_count(&mut self) -> usize {

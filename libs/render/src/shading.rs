@@ -50,7 +50,7 @@ pub(crate) struct ShadingContext {
     pub(crate) rays: RayWorld,
     /// Indirect light and occlusion of points that grids have in common.
     pub(crate) light_cache: LightCache,
-    library: Arc<dyn ShaderLibrary>,
+    pub(crate) library: Arc<dyn ShaderLibrary>,
     states: Mutex<States>,
 }
 

@@ -183,7 +183,11 @@ impl SessionRenderer {
         RenderEnvironment {
             registry: self.registry.clone(),
             databases: self.databases.clone(),
-            shaders: Arc::new(Shaders::new(self.search_path(scene, "path:shader"), self.reporter.clone())),
+            shaders: Arc::new(Shaders::new(
+                self.search_path(scene, "path:shader"),
+                self.plugins.clone(),
+                self.reporter.clone(),
+            )),
             texture_path: self.search_path(scene, "path:texture"),
             variables: self.options.environment.clone(),
             reporter: self.reporter.clone(),

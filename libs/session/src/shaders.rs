@@ -2,7 +2,9 @@
 
 use granita_base::{Location, Reporter, SearchPath, Severity};
 use granita_gsl::{CompileOptions, Module, compile};
+use granita_plugin::Plugins;
 use granita_render::{NoShader, ShaderLibrary};
+use granita_shade::Shadeop;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,14 +12,16 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// The shaders of one frame: compiled ones on the path, sources on the path, then the bundled ones.
 pub(crate) struct Shaders {
     path: SearchPath,
+    plugins: Plugins,
     reporter: Reporter,
+    shadeops: Mutex<BTreeMap<String, Result<Arc<dyn Shadeop>, String>>>,
     known: Mutex<BTreeMap<String, Result<Arc<Module>, NoShader>>>,
 }
 
 impl Shaders {
     /// Looks into the folders of `path`.
-    pub(crate) fn new(path: SearchPath, reporter: Reporter) -> Self {
-        Self { path, reporter, known: Mutex::default() }
+    pub(crate) fn new(path: SearchPath, plugins: Plugins, reporter: Reporter) -> Self {
+        Self { path, plugins, reporter, shadeops: Mutex::default(), known: Mutex::default() }
     }
 
     fn find(&self, name: &str) -> Result<Arc<Module>, NoShader> {
@@ -81,8 +85,13 @@ impl Shaders {
             }
             Err(error) => Err(error),
         };
-        let options =
-            CompileOptions { include_paths: &folders, loader: Some(&load), ..CompileOptions::default() };
+        let shadeops = |name: &str| self.plugins.shadeop_forms(name, &self.path);
+        let options = CompileOptions {
+            include_paths: &folders,
+            loader: Some(&load),
+            shadeops: Some(&shadeops),
+            ..CompileOptions::default()
+        };
         match compile(source, file, &options) {
             Ok(compiled) => {
                 for warning in &compiled.warnings {
@@ -110,5 +119,15 @@ impl ShaderLibrary for Shaders {
         let module = self.find(name);
         known.insert(name.to_owned(), module.clone());
         module
+    }
+
+    fn shadeop(&self, text: &str) -> Result<Arc<dyn Shadeop>, String> {
+        let mut known = self.shadeops.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = known.get(text) {
+            return found.clone();
+        }
+        let found = self.plugins.shadeop(text, &self.path);
+        known.insert(text.to_owned(), found.clone());
+        found
     }
 }

@@ -83,11 +83,13 @@ mod link;
 mod ops;
 mod run;
 mod services;
+mod shadeop;
 mod tape;
 
 pub use error::ShadeError;
 pub use grid::{Grid, Lanes3, Message, Primvar, PrimvarData, RayKind, Topology, Uneven};
 pub use link::{ConnectionSource, Group, LayerSource, LinkOptions};
+pub use ops::{NoiseForm, noise_at};
 pub use run::executor::Executor;
 pub use run::params::base_type;
 pub use services::{
@@ -95,3 +97,4 @@ pub use services::{
     Lane3, LightInfo, LightResult, LightSample, LookupOptions, LookupResult, Services, ShadowQuery,
     SubsurfaceQuery, TextureQuery, TraceQuery, TraceResult,
 };
+pub use shadeop::{OptionValue, Shadeop, ShadeopArg, ShadeopContext, ShadeopData, Spot, is_text_option};

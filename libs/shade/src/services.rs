@@ -431,6 +431,14 @@ pub trait Services {
         self.unsupported("fprintf");
     }
 
+    /// A function in C++ that shaders call, by the text that the compiler leaves for it.
+    ///
+    /// # Errors
+    /// Why there is none, to be said once.
+    fn shadeop(&mut self, text: &str) -> Result<Arc<dyn crate::Shadeop>, String> {
+        Err(format!("shadeop {text}: this program loads none"))
+    }
+
     /// A message for the user: `printf` (as [`Severity::Message`]), `error`, or the executor's own.
     fn say(&mut self, severity: Severity, text: &str);
 

@@ -6,13 +6,14 @@ mod run;
 mod surroundings;
 
 use clap::Parser;
-use granita_base::Severity;
+use granita_base::{Environment, Reporter, SearchPath, Severity};
 use granita_cli::{Status, parse};
 use granita_gsl::{CompileOptions, Diagnostic, Module, compile, gso};
 use granita_image::AtomicFile;
+use granita_plugin::Plugins;
 use std::ffi::OsString;
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Compiles a shader.
 ///
@@ -45,7 +46,7 @@ struct Options {
     #[arg(long, value_name = "LEVEL", default_value_t = 1)]
     verbosity: u8,
 
-    /// Tell about every library that is loaded (none are: C++ shadeops are not supported yet)
+    /// Tell about every library that is tried for functions in C++
     #[arg(long)]
     debugdso: bool,
 
@@ -90,9 +91,6 @@ struct Options {
 /// Runs the tool; `args` begins with the name it was called by.
 pub fn main(args: Vec<OsString>) -> Status {
     let options = parse::<Options>(args);
-    if options.debugdso && options.verbosity >= 1 {
-        say("gslc: warning: C++ shadeops are not supported yet; no libraries are loaded");
-    }
     if options.run { run::run(&options) } else { compile_file(&options) }
 }
 
@@ -135,6 +133,7 @@ fn compiled(source: &str, file: &str, options: &Options) -> Option<Module> {
         }
         load(path)
     };
+    let (plugins, folders) = (plugins(options), shadeop_path(options, file));
     let compiled = compile(
         source,
         file,
@@ -143,6 +142,7 @@ fn compiled(source: &str, file: &str, options: &Options) -> Option<Module> {
             defines: &defines,
             undefines: &options.undefine,
             loader: Some(&load),
+            shadeops: Some(&|name: &str| plugins.shadeop_forms(name, &folders)),
         },
     );
     match compiled {
@@ -155,6 +155,23 @@ fn compiled(source: &str, file: &str, options: &Options) -> Option<Module> {
             None
         }
     }
+}
+
+/// Finds functions in C++.
+fn plugins(options: &Options) -> Plugins {
+    let reporter = Reporter::new(Box::new(|message| say(&format!("gslc: {message}"))));
+    reporter.set_verbosity(options.verbosity);
+    let plugins = Plugins::new(reporter, true);
+    plugins.set_debug(options.debugdso);
+    plugins
+}
+
+/// Where they are: beside the source, then in the folders of `-I`.
+fn shadeop_path(options: &Options, file: &str) -> SearchPath {
+    let beside = Path::new(file).parent().map(|p| if p.as_os_str().is_empty() { Path::new(".") } else { p });
+    let folders = beside.into_iter().map(Path::to_path_buf).chain(options.include.iter().map(PathBuf::from));
+    let text = folders.map(|f| f.to_string_lossy().into_owned()).collect::<Vec<_>>().join(":");
+    SearchPath::parse(&text, &SearchPath::default(), &Environment::empty())
 }
 
 /// The text, and the name that messages give it. What is no UTF-8 (old comments) is replaced.

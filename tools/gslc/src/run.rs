@@ -7,6 +7,7 @@ use granita_cli::{Status, environment, print};
 use granita_gsl::ir::{Module, ShaderKind, ValueType};
 use granita_gsl::{CompileOptions, compile, gso};
 use granita_image::{CreateOptions, ImageSpec, Limits, PixelType, Pixels};
+use granita_plugin::Plugins;
 use granita_shade::{
     Batch, Executor, Grid, Group, IlluminateQuery, Lane3, Lanes3, LayerSource, LinkOptions, Topology,
 };
@@ -86,10 +87,12 @@ fn try_run(options: &Options) -> Result<Status, String> {
         CacheOptions::default(),
         reporter.clone(),
     );
+    let plugins = (crate::plugins(options), crate::shadeop_path(options, &options.source));
     let job = Job {
         group: &group,
         lights: &lights,
         textures: &textures,
+        plugins: &plugins,
         reporter: &reporter,
         name: &name,
         ty,
@@ -219,6 +222,7 @@ struct Job<'a> {
     group: &'a Group,
     lights: &'a [Group],
     textures: &'a TextureCache,
+    plugins: &'a (Plugins, SearchPath),
     reporter: &'a Reporter,
     /// The value that becomes the picture.
     name: &'a str,
@@ -267,6 +271,7 @@ impl Job<'_> {
                 textures: self.textures,
                 executor: Executor::new(),
                 grid: None,
+                plugins: self.plugins,
                 reporter: self.reporter,
                 printed: String::new(),
             };

@@ -1,11 +1,12 @@
 //! What a shader finds around it when it runs without a renderer: one space, units that scale by their
 //! definition, lights by name, texture files, and no rays.
 
-use granita_base::{Param, Reporter, Severity, Transform, hash};
+use granita_base::{Param, Reporter, SearchPath, Severity, Transform, hash};
+use granita_plugin::Plugins;
 use granita_render::lookups;
 use granita_shade::{
     EnvironmentQuery, Executor, Grid, Group, IlluminateQuery, Lane3, Lanes3, LightInfo, LightResult,
-    LookupResult, Services, ShadowQuery, TextureQuery,
+    LookupResult, Services, Shadeop, ShadowQuery, TextureQuery,
 };
 use granita_texture::TextureCache;
 use std::sync::Arc;
@@ -20,6 +21,8 @@ pub(crate) struct Surroundings<'a> {
     pub(crate) executor: Executor,
     /// The grid that is being shaded.
     pub(crate) grid: Option<Grid>,
+    /// Finds functions in C++ along this path.
+    pub(crate) plugins: &'a (Plugins, SearchPath),
     /// Takes messages; text of `printf` goes to `printed`.
     pub(crate) reporter: &'a Reporter,
     /// What `printf` printed.
@@ -83,6 +86,10 @@ impl Services for Surroundings<'_> {
         let seed = self.grid.as_ref().map_or(0, |grid| grid.seed);
         let bias = |lane: usize| query.options.bias.map_or(0.0, |b| b.get(lane).max(0.0));
         lookups::shadow(self.textures, query, &|lane| hash::words(&[seed, lane]), &bias, out);
+    }
+
+    fn shadeop(&mut self, text: &str) -> Result<Arc<dyn Shadeop>, String> {
+        self.plugins.0.shadeop(text, &self.plugins.1)
     }
 
     fn light_count(&mut self) -> usize {

@@ -99,9 +99,11 @@ fn renderer(kind: &str, manager: &Messages) -> Result<*mut c_void, String> {
         ("", None) => live::renderer(manager),
         ("remote", None) => remote::renderer(manager)?,
         _ => {
-            return Err("there is no renderer of this type (known: none, \"pyg\", \"pyg FILE\", \"FILE.pyg\", \
+            return Err(
+                "there is no renderer of this type (known: none, \"pyg\", \"pyg FILE\", \"FILE.pyg\", \
                         \"remote\")"
-                .to_owned());
+                    .to_owned(),
+            );
         }
     };
     object.into_renderer().ok_or_else(|| "there is not enough memory".to_owned())
@@ -115,6 +117,23 @@ fn object(
     meanwhile: Option<Arc<dyn granita_plugin::Meanwhile>>,
 ) -> InterfaceObject<'static> {
     InterfaceObject::new(Interface::new(sink, host, manager.clone(), Location::default()), meanwhile)
+}
+
+/// See `gelato_c.h`.
+///
+/// # Safety
+/// As [`granita_plugin::noise`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gelato_noise(
+    kind: c_int,
+    indim: c_int,
+    x: *const f32,
+    period: *const f32,
+    outdim: c_int,
+    out: *mut f32,
+) {
+    // SAFETY: the contract is the same.
+    unsafe { granita_plugin::noise(kind, indim, x, period, outdim, out) }
 }
 
 /// Writes calls as Pyg; to the end when it is dropped.

@@ -62,10 +62,9 @@ pub(crate) fn session(reporter: &Reporter) -> (Session, During) {
     let tool = environment.get("GELATOHOME").map(|home| Path::new(home).join("bin/gelato"));
     let names = ["gelato", "maketx", "gslc", "gsoinfo", "topyg"];
     let options = SessionOptions {
-        own_tools: tool.filter(|t| t.is_file()).map(|program| OwnTools {
-            program,
-            names: names.iter().map(|n| (*n).to_owned()).collect(),
-        }),
+        own_tools: tool
+            .filter(|t| t.is_file())
+            .map(|program| OwnTools { program, names: names.iter().map(|n| (*n).to_owned()).collect() }),
         environment,
         ..SessionOptions::default()
     };

@@ -7,6 +7,7 @@ use crate::check::zero;
 use crate::hir::{self, Component, ExprKind, FuncId, StmtKind, VarKind};
 use crate::ir::*;
 use crate::source::Pos;
+use std::sync::Arc;
 
 impl<'a> Lowerer<'a> {
     // Expressions.
@@ -380,9 +381,34 @@ impl<'a> Lowerer<'a> {
         dst.unwrap_or_else(|| self.float(0.0))
     }
 
+    /// A function of a library: its operands behind the text that names it.
+    fn shadeop(&mut self, text: &Arc<str>, func: &hir::Func, args: &'a [hir::Expr], pos: Pos) -> SymbolId {
+        let named = ConstValue::Strings([text.clone()].into());
+        let mut symbols = vec![self.constant(SymbolType::of(ValueType::String), &named)];
+        let mut back = Vec::new();
+        for (arg, formal) in args.iter().zip(&func.formals) {
+            if self.shader.vars[formal.0].written {
+                let (symbol, spot) = self.output(arg);
+                back.extend(spot.map(|s| (s, symbol)));
+                symbols.push(symbol);
+            } else {
+                symbols.push(self.expr(arg));
+            }
+        }
+        let dst = (func.ret != ValueType::Void).then(|| self.local(func.ret));
+        self.op(OpCode::Call(crate::Func::Shadeop), dst, symbols, pos);
+        for (spot, symbol) in back {
+            self.store(spot, symbol, pos);
+        }
+        dst.unwrap_or_else(|| self.float(0.0))
+    }
+
     fn call(&mut self, id: FuncId, args: &'a [hir::Expr], pos: Pos) -> SymbolId {
         let shader = self.shader;
         let func = &shader.funcs[id.0];
+        if let Some(text) = &func.shadeop {
+            return self.shadeop(text, func, args, pos);
+        }
         // All arguments first: one of them may call the same function.
         let mut symbols = Vec::with_capacity(args.len());
         let mut back = Vec::new();

@@ -78,7 +78,8 @@ fn start(
     // SAFETY: the plugin's factory, of the form that its version promises.
     let this = unsafe { (made.calls.create)(made.factory, why.room()) };
     if this.is_null() {
-        let why = why.get().map_or("gave no ImageInput (NULL)".to_owned(), |t| format!("threw an exception: {t}"));
+        let why =
+            why.get().map_or("gave no ImageInput (NULL)".to_owned(), |t| format!("threw an exception: {t}"));
         return Err(format.fault(path, format!("its create function {why}")));
     }
     let object = Object { calls: made.calls, this, destroy: Some(made.calls.destroy) };
@@ -144,14 +145,18 @@ fn description(
         13 => Some(PixelType::U8),
         15 => Some(PixelType::U16),
         5 | 12 | 14 | 16 | 17 => None,
-        other => return Err(format.fault(path, format!("it says that the format of channels is number {other}"))),
+        other => {
+            return Err(format.fault(path, format!("it says that the format of channels is number {other}")));
+        }
     };
     let own = reader.converts(format);
-    let mut image = ImageSpec::new(width, height, n as usize, native.filter(|_| !own).unwrap_or(PixelType::Float));
+    let mut image =
+        ImageSpec::new(width, height, n as usize, native.filter(|_| !own).unwrap_or(PixelType::Float));
     (image.x, image.y) = (spec.x, spec.y);
     let full = |n: c_int, own: u32| u32::try_from(n).ok().filter(|n| *n > 0).unwrap_or(own);
     (image.full_width, image.full_height) = (full(spec.full_width, width), full(spec.full_height, height));
-    let (tile_width, tile_height) = (side("tile width", spec.tile_width)?, side("tile height", spec.tile_height)?);
+    let (tile_width, tile_height) =
+        (side("tile width", spec.tile_width)?, side("tile height", spec.tile_height)?);
     if tile_width > 0 && tile_height > 0 {
         (image.tile_width, image.tile_height) = (tile_width, tile_height);
     }
@@ -229,7 +234,15 @@ impl Reader {
         if ask("unassociatedalpha", type_bits(PT_INT, None, 0), (&raw mut unassociated).cast()) {
             set("unassociatedalpha", ParamType::of(BaseType::Int), unassociated.into());
         }
-        for name in ["textureformat", "wrapmodes", "ImageDescription", "DocumentName", "Artist", "copyright", "software"] {
+        for name in [
+            "textureformat",
+            "wrapmodes",
+            "ImageDescription",
+            "DocumentName",
+            "Artist",
+            "copyright",
+            "software",
+        ] {
             let mut value: *const std::ffi::c_char = std::ptr::null();
             if ask(name, type_bits(PT_STRING, None, 0), (&raw mut value).cast())
                 // SAFETY: a string of the plugin, valid until the next call.
@@ -248,7 +261,8 @@ impl Reader {
         }
         let mut why = Text::new();
         if let Some((spec, row)) = rest.filter(|(spec, _)| !spec.is_tiled()) {
-            let left = u64::from(spec.height.saturating_sub(row)) * u64::from(spec.width) * spec.nchannels() as u64;
+            let left =
+                u64::from(spec.height.saturating_sub(row)) * u64::from(spec.width) * spec.nchannels() as u64;
             if left > MAX_DRAINED {
                 return;
             }
@@ -358,9 +372,8 @@ impl PluginInput {
             let mut spec = empty();
             let at = c_int::try_from(index).unwrap_or(c_int::MAX);
             // SAFETY: a live, open object.
-            let status = unsafe {
-                (self.made.calls.seek_subimage)(reader.object.this, at, &raw mut spec, why.room())
-            };
+            let status =
+                unsafe { (self.made.calls.seek_subimage)(reader.object.this, at, &raw mut spec, why.room()) };
             if status != ffi::OK {
                 return Err(self.fault(failure("seek_subimage", status, &why)));
             }
@@ -413,7 +426,9 @@ impl ImageInput for PluginInput {
         }
         self.limits.check_read(&self.path, spec, spec.width, y1 - y0)?;
         if spec.is_tiled() {
-            return granita_image::rows_from_tiles(spec, y0, y1, |tx, ty| self.read_tile(image, level, tx, ty));
+            return granita_image::rows_from_tiles(spec, y0, y1, |tx, ty| {
+                self.read_tile(image, level, tx, ty)
+            });
         }
         let row_values = spec.width as usize * spec.nchannels();
         let row_bytes = row_values * spec.pixel_type.bytes();

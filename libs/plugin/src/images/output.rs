@@ -134,7 +134,11 @@ fn quantization(spec: &ImageSpec, list: &mut List) {
         PixelType::U32 | PixelType::Half | PixelType::Float => [0; 4],
     };
     let float = ParamType::of(BaseType::Float);
-    given.set(Param { name: "quantize".into(), ty: ParamType::array(BaseType::Int, 4), data: levels[..].into() });
+    given.set(Param {
+        name: "quantize".into(),
+        ty: ParamType::array(BaseType::Int, 4),
+        data: levels[..].into(),
+    });
     for (name, value) in [("gain", 1.0), ("gamma", 1.0), ("dither", 0.0)] {
         given.set(Param { name: name.into(), ty: float, data: value.into() });
     }

@@ -226,9 +226,26 @@ fn sum(counts: &[c_int]) -> Option<usize> {
 }
 
 const WORD_CALLS: [&str; 20] = [
-    "Input", "Camera", "Output", "World", "Render", "Comment", "Command", "PushAttributes", "PopAttributes",
-    "SaveAttributes", "RestoreAttributes", "Modify", "PushTransform", "PopTransform", "SetTransform", "Shader",
-    "Light", "ShaderGroupBegin", "ShaderGroupEnd", "ConnectShaders",
+    "Input",
+    "Camera",
+    "Output",
+    "World",
+    "Render",
+    "Comment",
+    "Command",
+    "PushAttributes",
+    "PopAttributes",
+    "SaveAttributes",
+    "RestoreAttributes",
+    "Modify",
+    "PushTransform",
+    "PopTransform",
+    "SetTransform",
+    "Shader",
+    "Light",
+    "ShaderGroupBegin",
+    "ShaderGroupEnd",
+    "ConnectShaders",
 ];
 
 extern "C" fn words(
@@ -414,7 +431,9 @@ extern "C" fn mesh(
         let made = values(nverts, n).and_then(|nverts| Some((nverts, values(verts, sum(nverts)?)?)));
         match made {
             Some((nverts, verts)) => i.mesh(string(interp), nverts.into(), verts.into()),
-            None => i.refuse("Mesh: its arrays are missing, or a face has a negative number of vertices".to_owned()),
+            None => i.refuse(
+                "Mesh: its arrays are missing, or a face has a negative number of vertices".to_owned(),
+            ),
         }
     });
 }

@@ -2,11 +2,11 @@
 
 use super::optimize::written;
 use crate::ShadeError;
-use granita_gsl::Func;
 use granita_gsl::ir::{
     Block, ConstValue, EmitForm, Global, Module, Op, OpCode, ShaderKind, Stmt, SymbolId, SymbolKind,
     ValueType,
 };
+use granita_gsl::{Func, ShadeopCall};
 
 /// What the walk finds.
 #[derive(Debug, Default)]
@@ -254,6 +254,20 @@ impl Walk<'_> {
                 self.facts.listens.extend(kind);
             }
             _ => {}
+        }
+        if func == Func::Shadeop {
+            let Some(call) = ShadeopCall::of(self.module, op.args.first()) else {
+                return self.fail("a shadeop without a name".to_owned());
+            };
+            if call.outputs.len() + 1 != op.args.len() {
+                return self.fail(format!("shadeop `{}` has {} operands", call.name, op.args.len() - 1));
+            }
+            op.args[1..]
+                .iter()
+                .zip(&call.outputs)
+                .filter(|(_, o)| **o)
+                .for_each(|(&s, _)| self.write(s, true));
+            return;
         }
         // Functions that may store into their arguments, or leave them as they are.
         let from = match func {

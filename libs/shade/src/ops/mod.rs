@@ -19,6 +19,7 @@ mod matrix;
 mod message;
 mod noise;
 mod pattern;
+pub(crate) mod shadeop;
 mod shading;
 mod spaces;
 mod spline;
@@ -26,6 +27,7 @@ mod text;
 
 pub(crate) use color::LUMINANCE;
 pub(crate) use derive::uneven;
+pub use pattern::{NoiseForm, noise_at};
 
 use crate::Group;
 use crate::Lane;
@@ -76,6 +78,7 @@ fn call(m: &mut Machine<'_>, func: Func, op: &Op) {
         F::Ambient | F::Diffuse | F::Specular | F::SpecularBrdf => shading::run(m, func, op),
         F::Displace | F::Bump => displace::run(m, func, op),
         F::SetMessage | F::GetMessage | F::GetAttribute | F::GetTextureInfo => message::run(m, func, op),
+        F::Shadeop => shadeop::run(m, op),
         F::Subsurface | F::SpatialDbSave | F::SpatialDbQuery => database::run(m, func, op),
         _ => math::run(m, func, op),
     }

@@ -77,6 +77,43 @@ pub(super) fn noise(m: &mut Machine<'_>, func: Func, op: &Op) {
     });
 }
 
+/// Which noise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoiseForm {
+    /// `noise`: within [0, 1].
+    Noise,
+    /// `snoise`: within [-1, 1].
+    Signed,
+    /// `cnoise`: one value for each cell.
+    Cell,
+}
+
+/// The noise of the language at one point of 1 to 4 dimensions, into one or more uncorrelated components; `period`, one
+/// for each dimension, makes it repeat.
+pub fn noise_at(form: NoiseForm, x: &[f32], period: Option<&[f32]>, out: &mut [f32]) {
+    let kind = match form {
+        NoiseForm::Noise => NoiseKind::Unsigned,
+        NoiseForm::Signed => NoiseKind::Signed,
+        NoiseForm::Cell => NoiseKind::Cell,
+    };
+    const NONE: Lane<'static> = Lane { values: &[0.0], stride: 0 };
+    let lane = |list: &'_ [f32], k: usize| -> Option<[f32; 1]> { list.get(k).map(|v| [*v]) };
+    let values: [Option<[f32; 1]>; 4] = std::array::from_fn(|k| lane(x, k));
+    let periods: Option<[Option<[f32; 1]>; 4]> = period.map(|p| std::array::from_fn(|k| lane(p, k)));
+    let task = NoiseTask {
+        x: std::array::from_fn(|k| values[k].as_ref().map(|v| Lane { values: &v[..], stride: 0 })),
+        periods: periods.as_ref().map(|p| {
+            std::array::from_fn(|k| p[k].as_ref().map_or(NONE, |v| Lane { values: &v[..], stride: 0 }))
+        }),
+        kind,
+    };
+    for (c, value) in out.iter_mut().enumerate() {
+        let mut one = [0.0];
+        simd::noise(&task, c as u32, &mut one);
+        *value = one[0];
+    }
+}
+
 /// `random` and `randomgrid`. Without an argument the numbers depend on the grid's seed, the lane and how
 /// many were drawn before, so that a picture can be computed again.
 pub(super) fn random(m: &mut Machine<'_>, func: Func, op: &Op) {

@@ -94,7 +94,7 @@ pub(super) fn first_written(op: &Op) -> usize {
         Func::Fresnel | Func::Texture | Func::Texture3d | Func::Environment | Func::Shadow => 3,
         Func::Occlusion => 4,
         Func::SpatialDbQuery | Func::GetMessage | Func::GetTextureInfo => 2,
-        Func::GetAttribute => 1,
+        Func::GetAttribute | Func::Shadeop => 1,
         _ => usize::MAX,
     }
 }

@@ -1,0 +1,209 @@
+//! Functions that are written elsewhere, as in C++ (reference 14): what they are given, and what they may ask.
+
+use crate::ops::shadeop::Machinery;
+use crate::{Lane, Lane3, LookupOptions, RayKind};
+use granita_base::{Param, Vec3};
+use granita_gsl::ir::ValueType;
+use std::sync::Arc;
+
+/// A function that shaders call for a whole grid.
+pub trait Shadeop: Send + Sync {
+    /// Runs it for the active points.
+    ///
+    /// # Errors
+    /// What went wrong; it is told once, and what was written until then stays.
+    fn run(&self, context: &mut ShadeopContext<'_, '_>) -> Result<(), String>;
+}
+
+/// Values of an argument, point after point, each with all its components.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ShadeopData {
+    /// Numbers.
+    Floats(Vec<f32>),
+    /// Strings.
+    Strings(Vec<Arc<str>>),
+}
+
+/// One argument, or a variable of the shader that was asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShadeopArg {
+    /// Type of an element.
+    pub value: ValueType,
+    /// Length of an array.
+    pub array: Option<u32>,
+    /// Whether each point has a value of its own; otherwise there is one for all.
+    pub varying: bool,
+    /// Whether it is taken back when the function is done.
+    pub output: bool,
+    /// The values.
+    pub data: ShadeopData,
+}
+
+impl ShadeopArg {
+    /// Numbers or strings of one point.
+    pub fn width(&self) -> usize {
+        self.value.components() * self.array.unwrap_or(1) as usize
+    }
+
+    /// Gives each of `points` points a value of its own.
+    pub fn spread(&mut self, points: usize) {
+        if self.varying {
+            return;
+        }
+        self.varying = true;
+        match &mut self.data {
+            ShadeopData::Floats(v) => *v = v.repeat(points),
+            ShadeopData::Strings(v) => *v = std::iter::repeat_n(&*v, points).flatten().cloned().collect(),
+        }
+    }
+}
+
+/// A value of an option of a lookup.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum OptionValue<'a> {
+    /// A number.
+    Number(f32),
+    /// A string.
+    Text(&'a str),
+}
+
+/// A run of a function: its arguments, the active points, and the shader around it.
+pub struct ShadeopContext<'c, 'm> {
+    pub(crate) machinery: Machinery<'c, 'm>,
+}
+
+impl std::fmt::Debug for ShadeopContext<'_, '_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "ShadeopContext({} arguments)", self.machinery.args.len())
+    }
+}
+
+/// A point of a lookup for directions or positions, with its differences to the neighbours.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Spot {
+    /// The point or direction.
+    pub at: Vec3,
+    /// Difference along x.
+    pub dx: Vec3,
+    /// Difference along y.
+    pub dy: Vec3,
+}
+
+impl ShadeopContext<'_, '_> {
+    /// Points of the grid.
+    pub fn points(&self) -> usize {
+        self.machinery.machine.n
+    }
+
+    /// The active points, increasing; at least one.
+    pub fn active(&self) -> &[u32] {
+        &self.machinery.machine.mask.active
+    }
+
+    /// Why the grid is shaded.
+    pub fn ray(&self) -> RayKind {
+        self.machinery.machine.grid.ray
+    }
+
+    /// The arguments: the result first, if there is one; variables that were asked for behind.
+    pub fn args(&mut self) -> &mut Vec<ShadeopArg> {
+        &mut self.machinery.args
+    }
+
+    /// Puts a parameter or global of the shader behind the arguments, and gives its number; `None` when the shader names
+    /// none such.
+    pub fn symbol(&mut self, name: &str) -> Option<usize> {
+        self.machinery.symbol(name)
+    }
+
+    /// An attribute of the renderer.
+    pub fn attribute(&mut self, name: &str) -> Option<Param> {
+        self.machinery.machine.services.attribute(name)
+    }
+
+    /// Data about a texture file.
+    pub fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {
+        self.machinery.machine.services.texture_info(texture, name)
+    }
+
+    /// A message of the function, said once for its words.
+    pub fn complain(&mut self, what: &str) {
+        self.machinery.complain(what);
+    }
+
+    /// A filtered lookup at (s, t), with the differences dsdx, dtdx, dsdy, dtdy, into as many channels as `out` has.
+    pub fn texture(
+        &mut self,
+        name: &str,
+        at: [f32; 6],
+        options: &[(&str, OptionValue<'_>)],
+        out: &mut [f32],
+    ) {
+        self.machinery.texture(name, at, options, out);
+    }
+
+    /// An environment, at the grid's own position of the point whose turn it is.
+    pub fn environment(
+        &mut self,
+        name: &str,
+        at: Spot,
+        options: &[(&str, OptionValue<'_>)],
+        out: &mut [f32],
+    ) {
+        self.machinery.environment(name, at, options, out);
+    }
+
+    /// A shadow map or set: 0 open, 1 blocked.
+    pub fn shadow(&mut self, name: &str, at: Spot, options: &[(&str, OptionValue<'_>)], out: &mut [f32]) {
+        self.machinery.shadow(name, at, options, out);
+    }
+}
+
+/// Options by name, as [`LookupOptions`]; values stay in `numbers`.
+pub(crate) fn lookup_options<'a>(
+    options: &'a [(&'a str, OptionValue<'a>)],
+    numbers: &'a [[f32; 1]],
+) -> LookupOptions<'a> {
+    let mut o = LookupOptions::default();
+    for ((name, value), number) in options.iter().zip(numbers) {
+        let lane = Some(Lane { values: &number[..], stride: 0 });
+        let text = match value {
+            OptionValue::Text(text) if !text.is_empty() && *text != "default" => Some(*text),
+            _ => None,
+        };
+        match *name {
+            "blur" => (o.sblur, o.tblur) = (lane, lane),
+            "sblur" => o.sblur = lane,
+            "tblur" => o.tblur = lane,
+            "width" => (o.swidth, o.twidth) = (lane, lane),
+            "swidth" => o.swidth = lane,
+            "twidth" => o.twidth = lane,
+            "wrap" => (o.swrap, o.twrap) = (text, text),
+            "swrap" => o.swrap = text,
+            "twrap" => o.twrap = text,
+            "firstchannel" => o.firstchannel = lane,
+            "fill" => o.fill = lane,
+            "angle" => o.angle = lane,
+            "Kr" => o.kr = lane,
+            "space" => o.space = text,
+            "radius" => o.radius = lane,
+            "up" => o.up = text,
+            "samples" => o.samples = lane,
+            "bias" => o.bias = lane,
+            "maxhitdist" => o.maxhitdist = lane,
+            "shade" => o.shade = lane,
+            _ => {}
+        }
+    }
+    o
+}
+
+/// Whether an option takes a string.
+pub fn is_text_option(name: &str) -> bool {
+    matches!(name, "wrap" | "swrap" | "twrap" | "space" | "up" | "distribution" | "filename" | "filemode")
+}
+
+/// One value for all points.
+pub(crate) fn everywhere(v: &[[f32; 1]; 3]) -> Lane3<'_> {
+    Lane3 { xyz: std::array::from_fn(|c| Lane { values: &v[c][..], stride: 0 }) }
+}

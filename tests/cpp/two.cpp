@@ -1,0 +1,119 @@
+// Two renderers whose calls come by turns, each with its own handler; then one that works on its own.
+#include <stdio.h>
+#include <stdlib.h>
+#include <string>
+
+#include "gelatoapi.h"
+#include "imageio.h"
+
+using namespace Gelato;
+
+#define CHECK(what) do { if (! (what)) { fprintf (stderr, "line %d: %s\n", __LINE__, #what); exit (1); } } while (0)
+
+class Kept : public ErrorHandler {
+public:
+    std::string all;
+    int last;
+    void operator() (ErrCode code, const char *msg) {
+        last = code;
+        all += std::string (msg) + "\n";
+    }
+};
+
+class Pixels : public ImageOutput {
+public:
+    int rows, width;
+    float sum;
+    Pixels () : rows (0), width (0), sum (0) {}
+    bool open (const char *, const ImageIOFormatSpec &spec, int nparams, const ImageIOParameter *param, bool) {
+        width = spec.width;
+        int index;
+        CHECK (IOParamFindValue ("quantize", PT_INT, 4, index, nparams, param));
+        CHECK (IOParamFindValue ("worldtocamera", PT_FLOAT, 16, index, nparams, param));
+        CHECK (spec.nchannels == 3 && spec.channelnames.size () == 3 && spec.channelnames[0][0] == 'R');
+        return true;
+    }
+    bool write_scanline (int y, int, const float *data, int xstride) {
+        CHECK (y == rows++);
+        for (int x = 0; x < width; ++x)
+            sum += data[x * xstride];
+        return true;
+    }
+    bool close () { return true; }
+};
+
+static void output (GelatoAPI *r, ImageOutput *image, int width)
+{
+    char address[30];
+    int res[2] = { width, 24 };
+    snprintf (address, sizeof(address), "%p", (void *) image);
+    r->Attribute ("resolution", res);
+    r->Output ("image", address, "rgb", "camera");
+}
+
+int main ()
+{
+    Kept first, second;
+    ErrorManager *a = ErrorManager::Create (&first), *b = ErrorManager::Create (&second, VERBOSITY_QUIET);
+    GelatoAPI *r = GelatoAPI::CreateRenderer (NULL, a), *s = GelatoAPI::CreateRenderer ("", b);
+    CHECK (r && s && &r->Err () == a && a->Handler () == &first && b->Verbosity () == VERBOSITY_QUIET);
+    Pixels here, there;
+    output (r, &here, 32);
+    output (s, &there, 16);
+    int res[2] = { 0, 0 };
+    float fov = 0, color[3];
+    char *text = NULL;
+    CHECK (r->GetAttribute ("resolution", res) && res[0] == 32 && s->GetAttribute ("int[2] resolution", res) && res[0] == 16);
+    CHECK (r->GetAttribute ("fov", fov) && fov == 90 && ! r->GetAttribute ("string fov", text) && ! r->GetAttribute ("quux", fov));
+    r->Attribute ("string projection", "orthographic");
+    CHECK (r->GetAttribute ("projection", text) && std::string (text) == "orthographic");
+    CHECK (s->GetAttribute ("projection", text) && std::string (text) == "perspective");
+    r->World ();
+    s->World ();
+    float red[3] = { 1, 0, 0 };
+    r->Attribute ("C", red);
+    CHECK (r->GetAttribute ("C", color) && color[1] == 0 && s->GetAttribute ("C", color) && color[1] == 1);
+    r->Translate (0, 0, 3);
+    s->Translate (0, 0, 3);
+    r->Shader ("surface", "defaultsurface");
+    s->Attribute ("nonsense", 1);
+    r->Sphere (1);
+    s->PopAttributes ();
+    s->Shader ("surface", "defaultsurface");
+    s->Sphere (0.5f);
+    r->Err ().Message ("%s %d", "said", 1);
+    s->Render ();
+    r->Render ();
+    CHECK (here.rows == 24 && there.rows == 24 && here.sum > 2 * there.sum && there.sum > 0);
+    CHECK (first.all == "said 1\n" && first.last == ERR_MESSAGE);
+    CHECK (second.last == ERR_ERROR && second.all.find ("nonsense") != std::string::npos);
+    char *summary = b->Summary ();
+    CHECK (summary && std::string (summary).find ("error") != std::string::npos);
+    free (summary);
+    float done = 0;
+    CHECK (r->GetAttribute ("render:progress", done) && done == 1);
+    delete r;
+    delete s;
+    a->Handler (&second);
+    a->Error ("to the other");
+    CHECK (second.all.find ("to the other") != std::string::npos);
+    delete b;
+
+    // Work that goes on by itself: until it is done, only questions and commands are taken.
+    Pixels far;
+    first.all.clear ();
+    a->Handler (&first);
+    r = GelatoAPI::CreateRenderer ("remote", a);
+    output (r, &far, 32);
+    r->World ();
+    r->Translate (0, 0, 3);
+    r->Sphere (1);
+    r->Render ();
+    CHECK (r->GetAttribute ("render:progress", done) && done >= 0 && done <= 1);
+    r->Command ("wait");
+    CHECK (r->GetAttribute ("render:progress", done) && done == 1);
+    CHECK (far.rows == 24);
+    delete r;
+    delete a;
+    return 0;
+}

@@ -1,0 +1,125 @@
+//! What programs and plugins do wrong, and what several of them do at once.
+
+use crate::support::*;
+
+/// Every call of the scene interface, as Pyg; and its mistakes.
+#[test]
+fn every_call_crosses() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = own(folder.path(), "calls.cpp");
+    let golden = std::fs::read_to_string(granita_tests::repository().join("tests/cpp/calls.pyg")).unwrap();
+    for compiler in compilers() {
+        let made = program(compiler, &source, "gelato");
+        let ran = run(&made, folder.path(), &[]);
+        let said = String::from_utf8_lossy(&ran.stderr);
+        assert!(ran.status.success(), "{said}");
+        let written = std::fs::read_to_string(folder.path().join("calls.pyg")).unwrap();
+        if std::env::var_os("BLESS").is_some() {
+            std::fs::write(granita_tests::repository().join("tests/cpp/calls.pyg"), &written).unwrap();
+            continue;
+        }
+        assert_eq!(written, golden);
+        for mistake in [
+            "Mesh: unknown interpolation \"spline\"",
+            "Patch: -2 is no number of things",
+            "parameter \"P\" has no data (NULL)",
+            "\"x\" needs a type",
+            "cannot read declaration \"quux y\"",
+            "a generator that is NULL",
+            "the generator's run threw an exception: no such luck",
+        ] {
+            assert!(said.contains(mistake), "{mistake}: {said}");
+        }
+    }
+}
+
+/// Two renderers, their calls by turns, their messages apart; one of them works while the program goes on.
+#[test]
+fn renderers_are_independent() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = own(folder.path(), "two.cpp");
+    for compiler in compilers() {
+        let made = program(compiler, &source, "gelato");
+        let ran = run(&made, folder.path(), &[]);
+        assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+        if compiler == "g++" {
+            valgrind(&made, folder.path());
+        }
+    }
+}
+
+/// Plugins that are wrong: one message each that names the file, and the work goes on.
+#[test]
+fn bad_plugins_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = own(folder.path(), "bad.cpp");
+    let render = |format: &str| {
+        let scene = format!(
+            "Attribute (\"int[2] resolution\", (8, 6))\nOutput (\"out\", \"{format}\", \"rgb\", \"c\")\n\
+             Output (\"good.tif\", \"tiff\", \"rgb\", \"c\")\nWorld ()\nTranslate (0, 0, 3)\n\
+             Sphere (1, -1, 1, 360)\nRender ()\n"
+        );
+        std::fs::write(folder.path().join("a.pyg"), scene).unwrap();
+        let _ = std::fs::remove_file(folder.path().join("good.tif"));
+        let (status, _, err) = tool("gelato", folder.path(), &["a.pyg"]);
+        assert!(status == 1 && folder.path().join("good.tif").is_file(), "{format}: {status} {err}");
+        err
+    };
+    for (define, wanted) in [
+        ("VERSION", "its imageio_version is 2, and this suite takes 3"),
+        ("NOVERSION", "it has no symbol imageio_version"),
+        ("NOCREATE", "it has neither of the symbols bad_output_imageio_create and bad_input_imageio_create"),
+        ("UNDEFINED", "it cannot be loaded: undefined symbol: nobody_has_this"),
+        ("NULLOBJECT", "its create function gave no ImageOutput (NULL)"),
+        ("THROWS_CREATE", "its create function threw an exception: not today"),
+        ("THROWS_OPEN", "open threw an exception: not today"),
+        ("FAILS_OPEN", "open failed: no room for out"),
+        ("FAILS_WRITE", "write_scanline failed without a reason (row 0)"),
+        ("THROWS_WRITE", "write_scanline threw an exception: something that is no std::exception"),
+        ("THROWS_CLOSE", "close threw an exception: not today"),
+    ] {
+        let file = plugin(compilers()[0], &source, "bad.imageio.so", &[&format!("-D{define}")]);
+        let err = render("bad");
+        assert!(err.contains(wanted) && err.contains("bad.imageio.so"), "{define}: {err}");
+        assert_eq!(err.matches("bad.imageio.so").count(), 1, "{define}: {err}");
+        std::fs::remove_file(file).unwrap();
+    }
+    std::fs::write(folder.path().join("bad.imageio.so"), "no library").unwrap();
+    let err = render("bad");
+    assert!(err.contains("bad.imageio.so is not used: it cannot be loaded"), "{err}");
+    let err = render("0x1234");
+    assert!(err.contains("is no ImageOutput of the program"), "{err}");
+}
+
+/// A format that only a plugin knows, with tiles and levels: found by its list of extensions, and by trying.
+#[test]
+fn a_format_goes_around() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = own(folder.path(), "chest.cpp");
+    for compiler in compilers() {
+        plugin(compiler, &source, "chest.imageio.so", &[]);
+        let scene = "Attribute (\"int[2] resolution\", (40, 30))\nOutput (\"a.chs\", \"chest\", \"rgba\", \"c\")\n\
+                     Parameter (\"int[4] quantize\", (0, 0, 0, 0))\nOutput (\"a.tif\", \"tiff\", \"rgba\", \"c\")\n\
+                     World ()\nTranslate (0, 0, 3)\nSphere (1, -1, 1, 360)\nRender ()\n";
+        std::fs::write(folder.path().join("a.pyg"), scene).unwrap();
+        let (status, _, err) = tool("gelato", folder.path(), &["a.pyg"]);
+        assert_eq!((status, err.as_str()), (0, ""));
+        // By its extension, then without one: by trying.
+        std::fs::rename(folder.path().join("a.chs"), folder.path().join("nameless")).unwrap();
+        for (input, output, format) in
+            [("a.tif", "t.chs", "chest"), ("t.chs", "u.tx", "tiff"), ("nameless", "v.tx", "tiff")]
+        {
+            let (status, _, err) = tool("maketx", folder.path(), &["-format", format, "-o", output, input]);
+            assert_eq!((status, err.as_str()), (0, ""), "{input} {output}");
+        }
+        let read = |name: &str| {
+            let formats = granita_plugin::bundled_formats(granita_image::Limits::default());
+            let input = formats.open(&folder.path().join(name)).unwrap();
+            (input.levels(0), input.read_level(0, 0).unwrap().to_floats())
+        };
+        let (a, b) = (read("u.tx"), read("v.tx"));
+        assert!(a.0 > 3 && a.0 == b.0);
+        let worst = a.1.iter().zip(&b.1).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(worst < 0.01, "{worst}");
+    }
+}

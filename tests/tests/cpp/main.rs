@@ -1,0 +1,10 @@
+// tidy: tests
+//! The C++ face: headers, libraries, plugins; with the compilers that are installed.
+
+#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test that cannot go on fails, and says why")]
+
+mod border;
+mod headers;
+mod reference;
+mod shadeops;
+mod support;
