@@ -1,4 +1,5 @@
 // Shadeops of all kinds: strings, arrays, matrices, outputs, symbols, attributes, noise, lookups, mistakes.
+#include <math.h>
 #include <stdexcept>
 
 #include "noise.h"

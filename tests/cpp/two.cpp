@@ -76,7 +76,7 @@ int main ()
     r->Translate (0, 0, 3);
     s->Translate (0, 0, 3);
     r->Shader ("surface", "defaultsurface");
-    s->Attribute ("nonsense", 1);
+    s->Patch ("nonsense", 2, 2);
     r->Sphere (1);
     s->PopAttributes ();
     s->Shader ("surface", "defaultsurface");

@@ -4,12 +4,14 @@
 //! - `ci` does what a change must pass: the README's test command, format, lints, docs, `tidy`;
 //! - `bless [NAME]` accepts what the suite's cases make now as their references;
 //! - `trade SCENE` measures what each knob of a scene's indirect light and occlusion costs and buys;
+//! - `install --prefix P` builds everything and lays it out as `$GELATOHOME`; `examples-cpp` compiles `examples/cpp`;
 //! - `report` leaves an HTML page with reference, result and difference of every picture case.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a tool for a terminal")]
 
 mod ci;
+mod cpp;
 mod laws;
 mod suite;
 mod texts;
@@ -38,6 +40,21 @@ enum Chore {
     },
     /// Write target/suite-report/index.html.
     Report,
+    /// Build tools and libraries, and lay them out as $GELATOHOME: bin, lib, include, shaders, inputs, textures, doc.
+    Install {
+        /// The folder.
+        #[arg(long, value_name = "FOLDER")]
+        prefix: std::path::PathBuf,
+        /// What the dev profile makes, for trying.
+        #[arg(long)]
+        debug: bool,
+    },
+    /// Compile the programs and plugins of examples/cpp into target/examples-cpp.
+    ExamplesCpp {
+        /// Against what the dev profile makes.
+        #[arg(long)]
+        debug: bool,
+    },
     /// Time and error of a scene for every knob of its indirect light and occlusion, as a table and a plot.
     Trade {
         /// SCENE.pyg [--threads N] [--reference SAMPLES] [--svg FILE]
@@ -52,6 +69,8 @@ fn main() -> ExitCode {
         Chore::Ci => ci::run(),
         Chore::Bless { name } => suite::bless(name.as_deref()),
         Chore::Report => suite::report(),
+        Chore::Install { prefix, debug } => cpp::install(&prefix, debug),
+        Chore::ExamplesCpp { debug } => cpp::examples(debug),
         Chore::Trade { words } => suite::trade(&words),
     };
     match done {

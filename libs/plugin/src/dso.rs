@@ -34,7 +34,7 @@ impl Dso {
         }
         let library = open(&path).map_err(|e| {
             // The system begins with the path, which messages name anyway.
-            let text = e.to_string();
+            let text = std::error::Error::source(&e).map_or_else(|| e.to_string(), ToString::to_string);
             text.strip_prefix(&format!("{}: ", path.display())).unwrap_or(&text).to_owned()
         })?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();

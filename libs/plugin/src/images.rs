@@ -1,5 +1,6 @@
 //! Image formats from plugins (reference 13): `FORMAT.imageio.so`, and images in the memory of a program.
 
+mod bundled;
 mod input;
 mod output;
 

@@ -221,21 +221,29 @@ fn address(format: &str) -> Option<usize> {
     usize::from_str_radix(format.strip_prefix("0x")?.trim_start_matches("0x"), 16).ok().filter(|a| *a != 0)
 }
 
+impl Plugins {
+    /// The image plugin of this very name.
+    pub(crate) fn image_named(&self, name: &str) -> Option<Arc<PluginFormat>> {
+        self.image(&self.find(Kind::Image, name, &self.image_path())?, Severity::Error)
+    }
+
+    /// The first image plugin that lists the extension.
+    pub(crate) fn image_listed(&self, extension: &str, writes: bool) -> Option<Arc<PluginFormat>> {
+        self.images().into_iter().find(|f| !extension.is_empty() && f.lists(extension, writes))
+    }
+}
+
 impl FormatFinder for Plugins {
     fn named(&self, name: &str) -> Option<Arc<dyn Format>> {
         if let Some(address) = address(name) {
             let granted = lock(&self.0.granted).contains(&address);
             return granted.then(|| Arc::new(PluginFormat::in_program(address)) as Arc<dyn Format>);
         }
-        let file = self.find(Kind::Image, name, &self.image_path())?;
-        self.image(&file, Severity::Error).map(|f| f as Arc<dyn Format>)
+        self.image_named(name).map(|f| f as Arc<dyn Format>)
     }
 
     fn listed(&self, extension: &str, writes: bool) -> Option<Arc<dyn Format>> {
-        if extension.is_empty() {
-            return None;
-        }
-        self.images().into_iter().find(|f| f.lists(extension, writes)).map(|f| f as Arc<dyn Format>)
+        self.image_listed(extension, writes).map(|f| f as Arc<dyn Format>)
     }
 
     fn readers(&self) -> Vec<Arc<dyn Format>> {

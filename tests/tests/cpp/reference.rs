@@ -104,10 +104,11 @@ fn gsoinfo_of_chapter_15() {
         .iter()
         .fold(source, |s, c| s.replace(&format!("'\\\\{c}'"), &format!("'\\{c}'")));
     let folder = tempfile::tempdir().unwrap();
-    let shader = "surface every [string help = \"two\\nlines \\\"quoted\\\"\";] (float Kd = 0.5 [float min = 0; float max = 1;],\n\
-        color tint = color (1, 0.5, 0.25), point from = point (\"shader\", 1, 2, 3), string map = \"\",\n\
-        float weights[3] = { 1, 2, 3 }, string names[2] = { \"a\", \"b\" }, float open[] = { 4, 5 },\n\
-        output color spec = 0, float later = Kd * time, matrix m = 1) { C = Kd * tint; spec = later; }\n";
+    let shader = "surface every [[ string help = \"two\\nlines \\\"quoted\\\"\" ]] (\n\
+        float Kd = 0.5 [[ float min = 0, float max = 1 ]], color tint = color (1, 0.5, 0.25),\n\
+        point from = point (\"shader\", 1, 2, 3), string map = \"\", float weights[3] = { 1, 2, 3 },\n\
+        string names[2] = { \"a\", \"b\" }, float list[] = { 4, 5 }, output color spec = 0,\n\
+        float later = Kd * time, matrix m = 1) { C = Kd * tint; spec = later; }\n";
     std::fs::write(folder.path().join("every.gsl"), shader).unwrap();
     let (status, _, err) = tool("gslc", folder.path(), &["every.gsl"]);
     assert_eq!((status, err.as_str()), (0, ""));

@@ -77,7 +77,7 @@ fn the_shadow_lookup_of_chapter_14() {
         std::fs::write(folder.path().join("map.pyg"), map).unwrap();
         let (status, _, err) = tool("gelato", folder.path(), &["map.pyg"]);
         assert_eq!((status, err.as_str()), (0, ""));
-        let (status, _, err) = tool("maketx", folder.path(), &["-mode", "shadow", "-o", "foo.sm", "foo.z"]);
+        let (status, _, err) = tool("maketx", folder.path(), &["-shadow", "-o", "foo.sm", "foo.z"]);
         assert_eq!((status, err.as_str()), (0, ""), "{err}");
         let shader = "surface looks () { C = color (dso (point (\"world\", 0, 0, 2)), dso (point (\"world\", 1.7, 0, 2)), 0.5); }";
         let (color, said) = shaded(folder.path(), shader, "looks", &[]);

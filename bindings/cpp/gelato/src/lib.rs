@@ -5,6 +5,7 @@
 
 #![allow(unsafe_code, reason = "the C interface is made of pointers; every block says why it is sound")]
 
+mod images;
 mod live;
 mod remote;
 

@@ -146,7 +146,7 @@ fn quantization(spec: &ImageSpec, list: &mut List) {
 }
 
 /// `PT_UINT8` and so on.
-fn base_type(pixels: PixelType) -> c_int {
+pub(super) fn base_type(pixels: PixelType) -> c_int {
     match pixels {
         PixelType::U8 => 13,
         PixelType::U16 => 15,
