@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-const TOOLS: [&str; 5] = ["gelato", "maketx", "gslc", "gsoinfo", "topyg"];
+const TOOLS: [&str; 6] = ["gelato", "maketx", "gslc", "gsoinfo", "topyg", "iv"];
 const LIBRARIES: [&str; 2] = ["gelato", "gsoargs"];
 
 /// The root of the checkout.
@@ -13,9 +13,9 @@ fn repository() -> PathBuf {
 }
 
 /// Builds tools and libraries, and says where they are.
-fn build(debug: bool) -> Result<PathBuf, String> {
+fn build(tools: &[&'static str], debug: bool) -> Result<PathBuf, String> {
     let mut words = vec!["build", "--bins", "--lib"];
-    words.extend(TOOLS.iter().flat_map(|tool| ["--package", tool]));
+    words.extend(tools.iter().flat_map(|tool| ["--package", tool]));
     words.extend(["--package", "libgelato", "--package", "libgsoargs"]);
     if !debug {
         words.push("--release");
@@ -59,7 +59,7 @@ fn copy_all(from: &Path, folder: &Path, ending: &str) -> Result<(), String> {
 
 /// `install --prefix P`: the layout of `$GELATOHOME`.
 pub(crate) fn install(prefix: &Path, debug: bool) -> Result<(), String> {
-    let (root, built) = (repository(), build(debug)?);
+    let (root, built) = (repository(), build(&TOOLS, debug)?);
     let folder = |name: &str| made(prefix.join(name));
     let (bin, lib) = (folder("bin")?, folder("lib")?);
     for tool in TOOLS {
@@ -107,7 +107,7 @@ fn compile_shaders(bin: &Path, shaders: &Path) -> Result<(), String> {
 
 /// `examples-cpp`: compiles them into `target/examples-cpp`.
 pub(crate) fn examples(debug: bool) -> Result<(), String> {
-    let (root, built) = (repository(), build(debug)?);
+    let (root, built) = (repository(), build(&["gelato", "topyg"], debug)?);
     let out = made(built.parent().unwrap_or(&built).join("examples-cpp"))?;
     let source = root.join("examples/cpp");
     let compiler = std::env::var("CXX").unwrap_or_else(|_| "c++".to_owned());
@@ -136,4 +136,17 @@ pub(crate) fn examples(debug: bool) -> Result<(), String> {
     }
     println!("compiled into {}", out.display());
     Ok(())
+}
+
+/// `crossing`: what calls from C++ cost (`benches/cpp/crossing.cpp`).
+pub(crate) fn crossing(debug: bool) -> Result<(), String> {
+    let (root, built) = (repository(), build(&["gelato", "topyg"], debug)?);
+    let out = made(built.parent().unwrap_or(&built).join("examples-cpp"))?;
+    let compiler = std::env::var("CXX").unwrap_or_else(|_| "c++".to_owned());
+    let (folder, path) = (format!("-L{}", built.display()), format!("-Wl,-rpath,{}", built.display()));
+    let mut command = Command::new(&compiler);
+    command.args(["-O2", "-w", "-std=c++11", "-I"]).arg(root.join("bindings/cpp/include"));
+    command.current_dir(&out).arg(root.join("benches/cpp/crossing.cpp"));
+    run(command.args(["-o", "crossing", &folder, "-lgelato", &path]))?;
+    run(Command::new(out.join("crossing")).current_dir(&out))
 }

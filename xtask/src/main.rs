@@ -5,6 +5,7 @@
 //! - `bless [NAME]` accepts what the suite's cases make now as their references;
 //! - `trade SCENE` measures what each knob of a scene's indirect light and occlusion costs and buys;
 //! - `install --prefix P` builds everything and lays it out as `$GELATOHOME`; `examples-cpp` compiles `examples/cpp`;
+//! - `crossing` measures what calls from C++ cost;
 //! - `report` leaves an HTML page with reference, result and difference of every picture case.
 
 #![forbid(unsafe_code)]
@@ -49,6 +50,12 @@ enum Chore {
         #[arg(long)]
         debug: bool,
     },
+    /// Measure what calls from C++ cost.
+    Crossing {
+        /// Of what the dev profile makes.
+        #[arg(long)]
+        debug: bool,
+    },
     /// Compile the programs and plugins of examples/cpp into target/examples-cpp.
     ExamplesCpp {
         /// Against what the dev profile makes.
@@ -71,6 +78,7 @@ fn main() -> ExitCode {
         Chore::Report => suite::report(),
         Chore::Install { prefix, debug } => cpp::install(&prefix, debug),
         Chore::ExamplesCpp { debug } => cpp::examples(debug),
+        Chore::Crossing { debug } => cpp::crossing(debug),
         Chore::Trade { words } => suite::trade(&words),
     };
     match done {

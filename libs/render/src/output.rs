@@ -126,7 +126,7 @@ impl OutputSet {
             offset += width;
         }
         for (output, data) in datas {
-            let shows = |format: &Arc<dyn Format>| format.supports("rectangles");
+            let shows = |format: Arc<dyn Format>| format.supports("rectangles");
             let is_shown = registry.by_name(&output.format).is_some_and(shows);
             let image = set.image(output, &data, camera, is_shown, reporter)?;
             set.images.push(image);

@@ -9,12 +9,15 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
+/// A function in C++, or why there is none.
+type FoundShadeop = Result<Arc<dyn Shadeop>, String>;
+
 /// The shaders of one frame: compiled ones on the path, sources on the path, then the bundled ones.
 pub(crate) struct Shaders {
     path: SearchPath,
     plugins: Plugins,
     reporter: Reporter,
-    shadeops: Mutex<BTreeMap<String, Result<Arc<dyn Shadeop>, String>>>,
+    shadeops: Mutex<BTreeMap<String, FoundShadeop>>,
     known: Mutex<BTreeMap<String, Result<Arc<Module>, NoShader>>>,
 }
 

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test that cannot go on fails, and says why")]
 
 mod border;
+mod examples;
 mod headers;
 mod reference;
 mod shadeops;

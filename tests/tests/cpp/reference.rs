@@ -103,6 +103,8 @@ fn gsoinfo_of_chapter_15() {
     let source = ["n", "t", "v", "b", "r", "f", "a"]
         .iter()
         .fold(source, |s, c| s.replace(&format!("'\\\\{c}'"), &format!("'\\{c}'")));
+    // And it has lost a letter.
+    let source = source.replace("gsinfo (", "gsoinfo (");
     let folder = tempfile::tempdir().unwrap();
     let shader = "surface every [[ string help = \"two\\nlines \\\"quoted\\\"\" ]] (\n\
         float Kd = 0.5 [[ float min = 0, float max = 1 ]], color tint = color (1, 0.5, 0.25),\n\

@@ -104,7 +104,7 @@ fn shadeops_of_all_kinds() {
         quiet("sn", "C = same_noise (P, noise (P), snoise (P[0]), pnoise (P[0], 3));", [1.0; 3]);
         quiet(
             "la",
-            "float n = 0; string s = label (\"row\", 3 * v * 0 + 12, n); C = color (n, s == \"row12\", label (\"\", 1, n) == \"1\");",
+            "float n = 0, m = 0; string s = label (\"row\", 3 * v * 0 + 12, n); C = color (n, s == \"row12\", label (\"\", 1, m) == \"1\");",
             [5.0, 1.0, 1.0],
         );
         quiet(

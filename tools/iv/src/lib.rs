@@ -20,7 +20,8 @@ use granita_image::Limits;
 use std::ffi::OsString;
 
 fn run(args: &Args, reporter: &Reporter) -> Status {
-    let formats = granita_plugin::bundled_formats(Limits::default());
+    let formats =
+        granita_plugin::formats_with_plugins(Limits::default(), &granita_cli::environment(), reporter, false);
     if args.net.serve.is_some() {
         return serve::run(&args.net, &args.files, &formats, reporter);
     }

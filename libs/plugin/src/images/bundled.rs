@@ -540,7 +540,8 @@ unsafe extern "C" fn in_parameter(
         let absent = || format!("the file has no \"{name}\" of that type");
         let param =
             input.spec()?.attributes.get(&name).cloned().filter(|_| !value.is_null()).ok_or_else(absent)?;
-        let array = (bits >> 23 & 1 == 1).then_some(bits >> 5 & 0x3_ffff).unwrap_or(1) as usize;
+        let array = if bits >> 23 & 1 == 1 { bits >> 5 & 0x3_ffff } else { 1 };
+        let array = array as usize;
         let components = match bits & 31 {
             6..=9 => 3,
             11 => 16,

@@ -340,7 +340,7 @@ fn answer(i: &mut Interface<'_>, data: &ParamData, kind: c_int, out: *mut c_void
         }
         let floats = data.to_floats().unwrap_or_default();
         match (kind, data) {
-            (1 | 2 | 3, _) => return number(floats[0], kind, out),
+            (1..=3, _) => return number(floats[0], kind, out),
             (0 | 5, ParamData::Int(v)) => std::ptr::copy_nonoverlapping(v.as_ptr(), out.cast(), v.len()),
             (5, _) => {
                 let Some(v) = data.to_ints() else { return false };

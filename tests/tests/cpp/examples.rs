@@ -1,0 +1,73 @@
+//! What `examples/cpp` holds works as its README says.
+
+use crate::support::*;
+use granita_tests::{has_program, repository};
+use std::process::Command;
+
+#[test]
+fn examples_do_what_they_say() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    for name in [
+        "scene.cpp",
+        "callback.cpp",
+        "spiral.cpp",
+        "fmap.cpp",
+        "fbm.cpp",
+        "steps.rs",
+        "marble.gsl",
+        "plugins.pyg",
+    ] {
+        std::fs::copy(repository().join("examples/cpp").join(name), at.join(name)).unwrap();
+    }
+    for compiler in compilers() {
+        let ran = run(&program(compiler, &at.join("scene.cpp"), "gelato"), at, &[]);
+        assert_eq!(
+            (String::from_utf8_lossy(&ran.stdout), ran.stderr.len()),
+            ("ring.tif is done\n".into(), 0)
+        );
+        assert!(at.join("ring.tif").is_file());
+        let ran = run(&program(compiler, &at.join("callback.cpp"), "gelato"), at, &[]);
+        let text = String::from_utf8_lossy(&ran.stdout).into_owned();
+        let rows: Vec<&str> = text.lines().collect();
+        assert!(rows.len() == 28 && rows.iter().all(|row| row.len() == 64), "{text}");
+        assert!(rows[14].contains('@') && rows[0].trim().is_empty(), "{text}");
+        for (source, name) in
+            [("spiral.cpp", "spiral.generator.so"), ("fmap.cpp", "fmap.imageio.so"), ("fbm.cpp", "fbm.so")]
+        {
+            plugin(compiler, &at.join(source), name, &["-Wall", "-Werror"]);
+        }
+        let (status, out, err) = tool("gelato", at, &["plugins.pyg"]);
+        assert_eq!((status, out.as_str(), err.as_str()), (0, "", ""));
+        // The plugin's picture holds what ours holds, as floats and one channel less.
+        let (status, _, err) = tool("maketx", at, &["-noresize", "-o", "a.tx", "plugins.fmap"]);
+        assert_eq!((status, err.as_str()), (0, ""));
+        let formats = granita_plugin::bundled_formats(granita_image::Limits::default());
+        let read = |name: &str| {
+            let input = formats.open(&at.join(name)).unwrap();
+            (input.spec(0, 0).unwrap().nchannels(), input.read_level(0, 0).unwrap().to_floats())
+        };
+        let ((n, ours), (m, theirs)) = (read("plugins.tif"), read("a.tx"));
+        assert_eq!((n, m, ours.len() / n), (4, 3, theirs.len() / m));
+        let worst = ours.chunks(4).zip(theirs.chunks(3)).map(|(a, b)| (a[0] - b[0].clamp(0.0, 1.0)).abs());
+        let worst = worst.fold(0.0, f32::max);
+        assert!(worst < 0.01, "{worst}");
+        // The spheres of the generator are there: a call for each.
+        let (_, out, err) = tool("topyg", at, &["spiral 7 0.1"]);
+        assert!(out.matches("Sphere (0.1, -0.1, 0.1, 360)").count() == 7 && err.is_empty(), "{out}{err}");
+    }
+    if !has_program("rustc") {
+        return eprintln!("rustc is not on the path: the plugin in Rust is not tested");
+    }
+    let made = Command::new("rustc")
+        .current_dir(at)
+        .args(["--edition", "2024", "--crate-type", "cdylib", "-C", "panic=abort", "-A", "warnings"])
+        .args(["-o", "steps.generator.so", "steps.rs"])
+        .output()
+        .unwrap();
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let (_, out, err) = tool("topyg", at, &["steps 12"]);
+    assert!(out.matches("Patch (\"linear\", 2, 2").count() == 12 && err.is_empty(), "{out}{err}");
+    let (status, _, err) = tool("topyg", at, &["steps many"]);
+    assert!(status != 0 && err.contains("steps.generator.so: steps: how many? as in \"steps 12\""), "{err}");
+}
