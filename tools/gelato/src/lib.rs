@@ -96,7 +96,7 @@ struct Options {
     #[arg(long, conflicts_with = "files")]
     stream: bool,
 
-    /// Run no scripts and programs that the scene names: for scenes from strangers
+    /// Run no scripts, plugins and programs that the scene names: for scenes from strangers
     #[arg(long)]
     safe: bool,
 }

@@ -47,9 +47,8 @@ fn environment() -> Environment {
 #[unsafe(no_mangle)]
 pub extern "C" fn gelato_create_errors(handler: *mut c_void, verbosity: c_int) -> *mut Errors {
     let verbosity = u8::try_from(verbosity.clamp(0, 2)).unwrap_or(1);
-    let manager = Box::leak(Box::new(ErrorManager::with_handler(handler, verbosity)));
-    // It is freed through its table.
-    manager.as_errors()
+    // Its head is its first field; it is freed through its table.
+    Box::into_raw(Box::new(ErrorManager::with_handler(handler, verbosity))).cast()
 }
 
 /// See `gelato_c.h`.
