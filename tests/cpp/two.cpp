@@ -42,6 +42,20 @@ public:
     bool close () { return true; }
 };
 
+class Ball : public GelatoAPI::Generator {
+public:
+    Ball (int *runs, int *lost) : runs (runs), lost (lost) {}
+    ~Ball () { ++*lost; }
+    void run (GelatoAPI *r, const char *) {
+        ++*runs;
+        r->Translate (0, 0, 3);
+        r->Shader ("surface", "defaultsurface");
+        r->Sphere (1);
+    }
+private:
+    int *runs, *lost;
+};
+
 static void output (GelatoAPI *r, ImageOutput *image, int width)
 {
     char address[30];
@@ -98,6 +112,21 @@ int main ()
     a->Error ("to the other");
     CHECK (second.all.find ("to the other") != std::string::npos);
     delete b;
+
+    // A program's own generator, put off until the camera sees its bound; and one that no camera sees.
+    Pixels late;
+    r = GelatoAPI::CreateRenderer (NULL, a);
+    output (r, &late, 32);
+    r->World ();
+    const float seen[6] = { -1, 1, -1, 1, 2, 4 }, unseen[6] = { -1, 1, -1, 1, -4, -2 };
+    int runs = 0, lost = 0;
+    r->Input (new Ball (&runs, &lost), seen);
+    r->Input (new Ball (&runs, &lost), unseen);
+    CHECK (runs == 0);
+    r->Render ();
+    CHECK (runs == 1 && late.rows == 24 && late.sum > 0);
+    delete r;
+    CHECK (lost == 2);
 
     // Work that goes on by itself: until it is done, only questions and commands are taken.
     Pixels far;

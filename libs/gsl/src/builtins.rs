@@ -544,7 +544,8 @@ mod tests {
 
     #[test]
     fn every_function_has_a_row_and_every_row_a_function() {
-        for func in Func::ALL {
+        // What a library declares has no row.
+        for func in Func::ALL.iter().filter(|func| **func != Func::Shadeop) {
             assert!(TABLE.iter().any(|s| s.func == *func), "{} has no signature", func.word());
             assert_eq!(
                 Func::ALL.iter().filter(|f| f.word() == func.word()).count(),

@@ -413,8 +413,7 @@ pub const TABLE: &[AttributeRow] = &[
         (STRING, "path:imageio"),
         Text(".:$GELATOHOME/lib"),
         "where image plugins are looked for",
-    )
-    .hint(),
+    ),
     row(
         Global,
         "4.3.7",
