@@ -4,8 +4,8 @@
 //! that needs it; no ray, no structure.
 //!
 //! Rays come in the batches that a shading grid makes. Their hits are gathered by object, made into grids
-//! and shaded by the same executor as everything else. What a batch finds depends on the batch alone, and
-//! batches depend on grids alone: neither threads nor buckets show.
+//! and shaded by the same executor as everything else. What a ray finds depends on the ray alone: random numbers at its hits
+//! follow from its name, so that neither threads, buckets nor batches show.
 
 use crate::object::Holdout;
 use crate::raycache::{CACHE_BYTES, TessellationCache};
@@ -164,6 +164,8 @@ impl RayWorld {
 pub(crate) struct RayRequest {
     /// Lane of the shader that traces.
     pub(crate) lane: u32,
+    /// Names the ray: what is random about its hits.
+    pub(crate) name: u32,
     /// Where, which way, how far.
     pub(crate) ray: Ray,
     /// Width at the origin.
@@ -183,13 +185,11 @@ pub(crate) struct RayPurpose {
     pub(crate) shade: bool,
     /// Length of time that the shading stands for.
     pub(crate) dtime: f32,
-    /// Names the batch: hash of the grid and the call.
-    pub(crate) seed: u32,
 }
 
 impl RayPurpose {
-    fn hits(&self, ray: RayKind, seed: u32) -> HitShading {
-        HitShading { ray, time: 0.0, dtime: self.dtime, seed, derivatives: false }
+    fn hits(&self, ray: RayKind) -> HitShading {
+        HitShading { ray, time: 0.0, dtime: self.dtime, seed: 0, derivatives: false }
     }
 }
 
@@ -281,7 +281,7 @@ impl ShaderThread<'_> {
         let kind = RayKind { level: why.parent.level + 1, shadow: false, indirect: why.indirect };
         let mut layer = 0;
         while !waiting.is_empty() {
-            let how = why.hits(kind, hash::words(&[why.seed, layer]));
+            let how = why.hits(kind);
             // Only the nearest are asked.
             let wanted = if layer == 0 { wanted } else { &[] };
             let talk = Talk { said, wanted, values: &mut values };
@@ -360,7 +360,7 @@ impl ShaderThread<'_> {
         }
         let kind = RayKind { shadow: true, ..why.parent };
         let talk = Talk { said, wanted: &[], values: &mut [] };
-        let shaded = self.shade_hits(scene, rays, &waiting, why.hits(kind, why.seed), talk);
+        let shaded = self.shade_hits(scene, rays, &waiting, why.hits(kind), talk);
         for (w, Shaded { opacity, .. }) in waiting.iter().zip(shaded) {
             out[w.ray as usize] *= Color::ONE - opacity.clamp(Color::ZERO, Color::ONE);
         }
@@ -430,10 +430,10 @@ impl ShaderThread<'_> {
                         Some((mesh, mesh_hit(&rays[pending[k].ray as usize], &pending[k].hit, triangle)))
                     };
                     let hits: Vec<(&RayMesh, MeshHit)> = part.iter().filter_map(place).collect();
-                    let seed = hash::words(&[how.seed, id, part[0].1 as u32]);
                     let time = f32::from_bits(time);
-                    let mut grid =
-                        raymesh::grid_of(&hits, &object, HitShading { time, seed, derivatives, ..how });
+                    let how = HitShading { time, seed: id, derivatives, ..how };
+                    let mut grid = raymesh::grid_of(&hits, &object, how);
+                    grid.names = names(part.iter().map(|o| &pending[o.1]), rays, id, grid.len());
                     for (lane, (_, k, _)) in part.iter().enumerate() {
                         out[*k].n = grid.n.get(lane).normalize_or_zero();
                     }
@@ -516,6 +516,19 @@ pub(crate) fn asks_parent(object: &crate::object::ObjectState) -> bool {
         .any(|s| s.group.asks_parent())
 }
 
+/// What names the points of a grid of hits: nothing that they share with others, so that it cannot be told which hits came
+/// together. Neighbours are named as their hits are.
+fn names<'p>(
+    hits: impl Iterator<Item = &'p Pending>,
+    rays: &[RayRequest],
+    id: u32,
+    points: usize,
+) -> Vec<u32> {
+    let name = |w: &Pending| hash::words(&[rays[w.ray as usize].name, id, w.hit.t.to_bits()]);
+    let centres: Vec<u32> = hits.map(name).collect();
+    centres.iter().cycle().take(points).copied().collect()
+}
+
 /// A value of the shader that traces, for each of `points` points: those of the hits' rays, then again those of
 /// their neighbours.
 fn of_rays(value: &Primvar, lanes: &[u32], points: usize) -> Option<Primvar> {
@@ -543,7 +556,7 @@ mod tests {
 
     fn request(origin: Vec3, dir: Vec3, time: f32) -> RayRequest {
         let ray = Ray { origin, tmin: 0.0, dir, tmax: f32::INFINITY, time };
-        RayRequest { lane: 0, ray, width: 0.0, spread: 0.0 }
+        RayRequest { lane: 0, name: 0, ray, width: 0.0, spread: 0.0 }
     }
 
     #[test]
@@ -571,7 +584,6 @@ mod tests {
         indirect: false,
         shade: false,
         dtime: 0.0,
-        seed: 0,
     };
 
     #[test]

@@ -24,6 +24,9 @@ use granita_shade::{
 };
 use std::sync::Arc;
 
+/// What names of lanes are hashed with for places on area lights.
+const AREA: u32 = 0xa9ea;
+
 /// One run of one shader group over one grid.
 pub(crate) struct Run<'r, 'f> {
     thread: &'r mut ShaderThread<'f>,
@@ -54,10 +57,14 @@ pub(crate) struct Run<'r, 'f> {
     dtime: f32,
     ray: RayKind,
     seed: u32,
+    /// What names each lane instead of the seed and its number ([`Grid::names`]); empty where these do.
+    names: Vec<u32>,
     /// Number of hits, when the grid is hits and their neighbours.
     centres: Option<u32>,
     /// Calls that drew random numbers so far: two calls of one shader draw different ones.
     calls: u32,
+    /// The same for each lane that has a name: what others of its grid do must not show.
+    lane_calls: Vec<u32>,
     /// What the shader says to the shaders of objects that its rays meet.
     said: Vec<Primvar>,
 }
@@ -91,17 +98,20 @@ impl<'r, 'f> Run<'r, 'f> {
             dtime: grid.dtime,
             ray: grid.ray,
             seed: grid.seed,
+            names: grid.names.clone(),
             centres: match grid.topology {
                 Topology::Triplets { n } => Some(n as u32).filter(|n| *n > 0),
                 _ => None,
             },
             calls: 0,
+            lane_calls: vec![0; grid.names.len()],
             said: Vec::new(),
         }
     }
 
     /// For a light that shines on the grid of `surface`.
     fn for_light(surface: &'r mut Run<'_, 'f>, light: &'r LightState) -> Self {
+        let names = surface.names_for(light.seed);
         Self {
             frame: surface.frame,
             thread: surface.thread,
@@ -121,6 +131,8 @@ impl<'r, 'f> Run<'r, 'f> {
             dtime: surface.dtime,
             ray: surface.ray,
             seed: hash::words(&[surface.seed, light.seed, surface.calls]),
+            lane_calls: vec![0; names.len()],
+            names,
             centres: surface.centres,
             calls: 0,
             said: Vec::new(),
@@ -153,13 +165,16 @@ impl<'r, 'f> Run<'r, 'f> {
             rays::unknown_set(self, &area.set);
             return sum;
         };
-        let call = self.calls;
+        let (call, names) = (self.calls, self.names_for(light.seed));
         let (mut pl, mut nl) = (Lanes3::zeros(grid.len()), Lanes3::zeros(grid.len()));
         let share = 1.0 / area.samples as f32;
         let scale = |lanes: &mut Lanes3| lanes.xyz.iter_mut().flatten().for_each(|v| *v *= share);
         for index in 0..area.samples {
             let own = self.seed;
-            let seed = |lane: u32| hash::words(&[own, call, light.seed, lane]);
+            let seed = |lane: u32| match names.get(lane as usize) {
+                Some(name) => hash::words(&[*name, light.seed, AREA]),
+                None => hash::words(&[own, call, light.seed, lane]),
+            };
             let active = query.batch.active;
             if !arealight::points(scene, self.thread, index, active, &seed, [&mut pl, &mut nl]) {
                 return sum;
@@ -182,20 +197,32 @@ impl<'r, 'f> Run<'r, 'f> {
                 }
             }
             (sum.nondiffuse, sum.nonspecular, sum.params) = (one.nondiffuse, one.nonspecular, one.params);
-            self.calls += 1;
+            self.next_call(active);
         }
         sum
     }
 
     /// Seed of a lane for the next random call.
     fn lane_seed(&self, call: u32, lane: u32) -> u32 {
-        hash::words(&[self.seed, call, lane])
+        match self.names.get(lane as usize) {
+            Some(name) => hash::words(&[*name, self.lane_calls[lane as usize]]),
+            None => hash::words(&[self.seed, call, lane]),
+        }
     }
 
     /// Numbers the calls that draw random numbers.
-    fn next_call(&mut self) -> u32 {
+    fn next_call(&mut self, active: &[u32]) -> u32 {
         self.calls += 1;
+        if !self.lane_calls.is_empty() {
+            active.iter().for_each(|lane| self.lane_calls[*lane as usize] += 1);
+        }
         self.calls
+    }
+
+    /// Names of lanes for what a light does.
+    fn names_for(&self, light: u32) -> Vec<u32> {
+        let name = |(name, call): (&u32, &u32)| hash::words(&[*name, light, *call]);
+        self.names.iter().zip(&self.lane_calls).map(name).collect()
     }
 
     /// A bias option: below 0 or absent means the attribute.
@@ -255,6 +282,7 @@ fn without_variables(grid: &Grid) -> Grid {
         primvars: Vec::new(),
         flip_normals: grid.flip_normals,
         seed: grid.seed,
+        names: grid.names.clone(),
         ray: grid.ray,
         object: grid.object.clone(),
         messages: Vec::new(),
@@ -324,7 +352,7 @@ impl Services for Run<'_, '_> {
             lanes.copy3(out);
             return;
         }
-        let call = self.next_call();
+        let call = self.next_call(query.batch.active);
         let seeds = |lane: u32| self.lane_seed(call, lane);
         let (textures, maker) = (&self.frame.textures, dynamic::Maker(self.frame));
         // What builds structures that others wait for, and what renders a map, must not wait for maps.

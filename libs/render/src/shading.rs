@@ -28,6 +28,8 @@ pub(crate) struct ShadingContext {
     pub(crate) scene: Arc<Scene>,
     /// The camera that dices and shades: the first one.
     pub(crate) camera: CameraView,
+    /// Its place in the world.
+    pub(crate) eye_world: Vec3,
     /// Receives messages.
     pub(crate) reporter: Reporter,
     /// Named spaces.
@@ -113,6 +115,7 @@ impl ShadingContext {
             light_cache: LightCache::default(),
             scene: scene.clone(),
             camera: camera.clone(),
+            eye_world: camera.position_world(),
             textures,
             dynamic: DynamicMaps::default(),
             lights,

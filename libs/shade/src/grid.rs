@@ -180,6 +180,9 @@ pub struct Grid {
     pub flip_normals: bool,
     /// Seeds `random ()`; depends on nothing but the primitive and the place on it.
     pub seed: u32,
+    /// Of points that others of the grid must not show at: what each is named for random numbers, in place of the seed and its
+    /// lane. Empty otherwise.
+    pub names: Vec<u32>,
     /// Why it is shaded.
     pub ray: RayKind,
     /// Name of the object, for messages.
@@ -220,6 +223,7 @@ impl Grid {
             primvars: Vec::new(),
             flip_normals: false,
             seed: 0,
+            names: Vec::new(),
             ray: RayKind::default(),
             object: Arc::from(""),
             messages: Vec::new(),

@@ -206,7 +206,7 @@ fn rounded(bound: Bound) -> Bound {
 impl ShadingContext {
     /// Size of a pixel of the camera at the distance of a place.
     pub(crate) fn pixel_world(&self, p: Vec3) -> f32 {
-        let distance = self.camera.position_world().distance(p).max(self.camera.near);
+        let distance = self.eye_world.distance(p).max(self.camera.near);
         1.0 / self.camera.raster_scale(distance).abs().max_element()
     }
 }

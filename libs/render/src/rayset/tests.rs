@@ -19,7 +19,7 @@ fn point(seed: u32, i: u32) -> Vec3 {
 fn request(origin: Vec3, to: Vec3, width: f32, spread: f32) -> RayRequest {
     let dir = (to - origin).normalize();
     let ray = Ray { origin, tmin: 0.0, dir, tmax: f32::INFINITY, time: 0.0 };
-    RayRequest { lane: 0, ray, width, spread }
+    RayRequest { lane: 0, name: 0, ray, width, spread }
 }
 
 fn bumpy(f: &Fixture, radius: f32) -> AttributeSet {

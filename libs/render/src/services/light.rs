@@ -1,7 +1,7 @@
 //! Indirect light and occlusion (reference 5.8.11), at every point or between few.
 
 use super::maps::fit;
-use super::rays::{Aim, unknown_set};
+use super::rays::{Aim, HIT, unknown_set};
 use super::{Run, count, option};
 use crate::lightcache::hemisphere::{Seen, Strata};
 use crate::lightcache::lattice::{Lattice, Points, Tolerance, Wanted};
@@ -192,7 +192,7 @@ impl Run<'_, '_> {
     /// Pixels of the camera that a unit of distance at `p` covers.
     fn pixels_per_unit(&self, p: Vec3) -> f32 {
         let camera = &self.frame.camera;
-        let distance = camera.position_world().distance(p).max(camera.near);
+        let distance = self.frame.eye_world.distance(p).max(camera.near);
         camera.raster_scale(distance).abs().max_element()
     }
 }
@@ -232,7 +232,7 @@ pub(super) fn indirect(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut 
 
 /// What arrives at the active points; `None` when nothing can be asked.
 fn gather(run: &mut Run<'_, '_>, kind: Kind, query: &TraceQuery<'_>) -> Option<Vec<Option<Arc<Record>>>> {
-    let call = run.next_call();
+    let call = run.next_call(query.batch.active);
     if !run.may_trace() || query.batch.active.is_empty() {
         return None;
     }
@@ -409,9 +409,7 @@ impl Gatherer<'_, '_, '_, '_> {
         let mut out = Vec::with_capacity(asks.len());
         let mut rest = asks;
         while let Some(first) = rest.first() {
-            // Shaders of hits may see which rays come together: what is a function of its place is traced by itself.
-            let alone = self.question.by_place && self.question.kind == Kind::Irradiance;
-            let most = if alone { 1 } else { (RAYS / first.samples.max(1) as usize).max(1) };
+            let most = (RAYS / first.samples.max(1) as usize).max(1);
             let (now, later) = rest.split_at(most.min(rest.len()));
             rest = later;
             self.trace_together(scene, now, &mut out);
@@ -438,21 +436,17 @@ impl Gatherer<'_, '_, '_, '_> {
                     let time = self.run.ray_time(index, ask.seed);
                     let dir = cells.direction(axis, index, ask.seed);
                     let aim = Aim { p, dir, bias, margin, tmax: Run::reach(o.maxhitdist, i), time };
-                    rays.push(RayRequest { lane: ask.lane, ray: aim.ray(), width: 0.0, spread });
+                    let name = hash::words(&[ask.seed, index, HIT]);
+                    rays.push(RayRequest { lane: ask.lane, name, ray: aim.ray(), width: 0.0, spread });
                 }
             }
             strata.push((cells, axis));
         }
         self.run.frame.light_cache.count(0, rays.len());
-        let seed = match asks {
-            [one] if question.by_place => one.seed,
-            _ => hash::words(&[self.run.seed, self.call, asks.first().map_or(0, |a| a.lane)]),
-        };
         let purpose = RayPurpose {
             indirect: kind == Kind::Irradiance,
             shade: kind == Kind::Irradiance,
-            seed,
-            ..self.run.purpose(self.call)
+            ..self.run.purpose()
         };
         let falls = |ask: &Ask| option(o.falloff, ask.lane as usize, 0.0) > 0.0;
         let found: Vec<(Color, f32)> = if kind == Kind::Occlusion && question.full && !asks.iter().any(falls)

@@ -23,6 +23,7 @@ const PRECISION: f32 = 4.0e-6;
 pub(super) const DIRECTION: u32 = 1;
 const FOOTPRINT: u32 = 2;
 const TIME: u32 = 3;
+pub(super) const HIT: u32 = 4;
 
 /// Origin, direction and reach of a ray.
 pub(super) struct Aim {
@@ -76,14 +77,8 @@ impl Run<'_, '_> {
         self.ray.level >= self.frame.rays.limits.max_depth
     }
 
-    pub(super) fn purpose(&self, call: u32) -> RayPurpose {
-        RayPurpose {
-            parent: self.ray,
-            indirect: self.ray.indirect,
-            shade: true,
-            dtime: self.dtime,
-            seed: hash::words(&[self.seed, call]),
-        }
+    pub(super) fn purpose(&self) -> RayPurpose {
+        RayPurpose { parent: self.ray, indirect: self.ray.indirect, shade: true, dtime: self.dtime }
     }
 }
 
@@ -150,7 +145,7 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
     let mut spread_over: Vec<(u32, u32)> = Vec::new();
     let mut rays = Vec::new();
     let traces = !run.is_too_deep() && run.may_trace();
-    let call = run.next_call();
+    let call = run.next_call(query.batch.active);
     for &lane in query.batch.active {
         let i = lane as usize;
         let value = if traces { Color::ZERO } else { run.frame.rays.limits.max_depth_color };
@@ -185,6 +180,7 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
             };
             rays.push(RayRequest {
                 lane,
+                name: hash::words(&[seed, index, HIT]),
                 ray: aim.ray(),
                 width: dpdx.length().max(dpdy.length()) * per_ray,
                 spread: (drdx.length().max(drdy.length()) + 2.0 * half_angle.max(0.0)) * per_ray,
@@ -196,7 +192,7 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
         return;
     };
     let shade = o.shade.is_none_or(|s| query.batch.active.iter().any(|l| s.get(*l as usize) != 0.0));
-    let purpose = RayPurpose { shade, ..run.purpose(call) };
+    let purpose = RayPurpose { shade, ..run.purpose() };
     let found = run.thread.radiance(scene, &rays, purpose, &run.said);
     let mut rest = &found[..];
     for (lane, samples) in spread_over {
@@ -225,7 +221,7 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
     fit(out, query.batch.lanes);
     let o = &query.options;
     let traces = run.may_trace();
-    let call = run.next_call();
+    let call = run.next_call(query.batch.active);
     let mut spread_over: Vec<(u32, u32)> = Vec::new();
     let mut rays = Vec::new();
     for &lane in query.batch.active {
@@ -257,14 +253,15 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
             let aim = Aim { p, dir, bias, margin, tmax: distance, time: run.ray_time(index, seed) };
             let footprint = query.dpdx.get(i).length().max(query.dpdy.get(i).length());
             let (width, spread) = (footprint * per_ray, 2.0 * half_angle.max(0.0) * per_ray);
-            rays.push(RayRequest { lane, ray: aim.ray(), width, spread });
+            let name = hash::words(&[seed, index, HIT]);
+            rays.push(RayRequest { lane, name, ray: aim.ray(), width, spread });
         }
         spread_over.push((lane, samples));
     }
     let Some(scene) = run.frame.rays.scene(query.name, run.frame).filter(|_| !rays.is_empty()) else {
         return;
     };
-    let purpose = run.purpose(call);
+    let purpose = run.purpose();
     let passed = run.thread.transmission(scene, &rays, purpose, &run.said);
     let mut rest = &passed[..];
     for (lane, samples) in spread_over {
@@ -301,7 +298,8 @@ fn probe(
         };
         lanes.push(lane);
         let spread = 2.0 * angle.max(0.0) / (samples as f32).sqrt();
-        rays.push(RayRequest { lane, ray: aim.ray(), width: 0.0, spread });
+        let name = hash::words(&[seed, index, HIT]);
+        rays.push(RayRequest { lane, name, ray: aim.ray(), width: 0.0, spread });
     }
     (lanes, rays)
 }
@@ -326,7 +324,7 @@ pub(super) fn trace(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut Tra
     let traces = run.may_trace();
     // The same call for all iterations of a loop: its samples form one sequence.
     if query.sample == 0 {
-        run.next_call();
+        run.next_call(query.batch.active);
     }
     let call = run.calls;
     let (lanes, rays) = probe(run, query, call, query.sample);
@@ -343,8 +341,7 @@ pub(super) fn trace(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut Tra
     };
     let wants = query.options.shade.is_none_or(|s| lanes.iter().any(|l| s.get(*l as usize) != 0.0));
     let too_deep = run.is_too_deep();
-    let seed = hash::words(&[run.seed, call, query.sample]);
-    let purpose = RayPurpose { shade: wants && !too_deep, seed, ..run.purpose(call) };
+    let purpose = RayPurpose { shade: wants && !too_deep, ..run.purpose() };
     let (found, values) = run.thread.radiance_and(scene, &rays, purpose, &run.said, query.wanted);
     // From rays to lanes.
     for ((_, ty), of_rays) in query.wanted.iter().zip(values) {

@@ -115,15 +115,20 @@ pub fn noise_at(form: NoiseForm, x: &[f32], period: Option<&[f32]>, out: &mut [f
 }
 
 /// `random` and `randomgrid`. Without an argument the numbers depend on the grid's seed, the lane and how
-/// many were drawn before, so that a picture can be computed again.
+/// many were drawn before, so that a picture can be computed again. Lanes with names of their own count for themselves.
 pub(super) fn random(m: &mut Machine<'_>, func: Func, op: &Op) {
     let Some(dst) = op.dst else { return };
     let components = m.type_of(dst).components();
     let (seed, draw) = (m.grid.seed, m.draws);
+    let per_lane = op.args.is_empty() && func == Func::Random;
+    let mut drawn_before = Vec::new();
     if op.args.is_empty() {
         m.draws = m.draws.wrapping_add(1);
+        if per_lane && !m.grid.names.is_empty() {
+            drawn_before = std::mem::take(&mut m.lane_draws);
+            drawn_before.resize(m.n, 0_u32);
+        }
     }
-    let per_lane = op.args.is_empty() && func == Func::Random;
     let varying = per_lane || m.varies(&op.args);
     compute_as(m, dst, varying, components, |m, out, work| {
         let x = spread(m, &op.args);
@@ -133,6 +138,8 @@ pub(super) fn random(m: &mut Machine<'_>, func: Func, op: &Op) {
                 let k = c as u32;
                 let v = if dimensions > 0 {
                     hashed(&at(&x, i)[..dimensions], k)
+                } else if let (true, Some(name)) = (per_lane, m.grid.names.get(i)) {
+                    drawn(&[*name, drawn_before[i], 1], k)
                 } else if per_lane {
                     drawn(&[seed, draw, i as u32 + 1], k)
                 } else {
@@ -142,6 +149,10 @@ pub(super) fn random(m: &mut Machine<'_>, func: Func, op: &Op) {
             }
         });
     });
+    if !drawn_before.is_empty() {
+        m.mask.active.iter().for_each(|lane| drawn_before[*lane as usize] += 1);
+        m.lane_draws = drawn_before;
+    }
 }
 
 /// `aastep (edge, s, [ds], ...)`: the step seen through a kernel over `[s - ds/2, s + ds/2]`; `ds` is the

@@ -162,6 +162,7 @@ fn machine<'a>(
         loops,
         scopes,
         draws: 0,
+        lane_draws: Vec::new(),
         emission: Emission::default(),
         emitted: None,
         light: None,

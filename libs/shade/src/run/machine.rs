@@ -83,6 +83,8 @@ pub(crate) struct Machine<'a> {
     pub(crate) scopes: Vec<(ScopeId, Mask)>,
     /// Calls of `random` and `randomgrid` so far.
     pub(crate) draws: u32,
+    /// Calls of `random` of each lane, where lanes have names.
+    pub(crate) lane_draws: Vec<u32>,
     pub(crate) emission: Emission,
     /// Where samples of a running light go.
     pub(crate) emitted: Option<LightResult>,

@@ -1,0 +1,71 @@
+"""Scenes of benches/peers/light.py for gelato."""
+
+import math
+import os
+import subprocess
+import time
+
+
+class Gelato:
+    """Renders with a program of this suite; images are arrays of `side` x `side` x 3."""
+
+    name = "gelato"
+
+    def __init__(self, program, threads, place, read):
+        self.program, self.threads, self.place, self.read = program, threads, place, read
+
+    def panorama(self, path):
+        """Makes an environment map of a panorama, once for all pictures; not timed."""
+        map = f"{self.place}/panorama.env"
+        command = f'Command ("system maketx -envlatl {os.path.abspath(path)} -o {map}")'
+        subprocess.run([self.program, "-silent", "-"], input=command.encode(), check=True)
+
+    def render(self, scene, files, side, measure, options):
+        """`measure`: "direct", "bounce", "sky" (how open points are) or "panorama". The picture and seconds, of the whole program."""
+        text = self.text(scene, files, side, measure, options)
+        path = f"{self.place}/out.exr"
+        words = [self.program, "-silent", "-threads", str(self.threads), "-o", path, "-data", "rgb", "-"]
+        begin = time.time()
+        subprocess.run(words, input=text.encode(), check=True)
+        seconds = time.time() - begin
+        return self.read(path), seconds
+
+    def text(self, scene, files, side, measure, options):
+        o, t = scene.origin, scene.target
+        x, y, z = (b - a for a, b in zip(o, t))
+        turn, tilt = math.degrees(math.atan2(x, z)), math.degrees(math.atan2(y, math.hypot(x, z)))
+        lines = [
+            f'Attribute ("int[2] resolution", ({side}, {side}))',
+            'Attribute ("string projection", "perspective")',
+            'Attribute ("int[2] spatialquality", (4, 4))',
+            f'Attribute ("float fov", {scene.fov})',
+            "Scale (-1, 1, 1)",
+            f"Rotate ({tilt}, 1, 0, 0)", f"Rotate ({-turn}, 0, 1, 0)", f"Translate ({-o[0]}, {-o[1]}, {-o[2]})",
+            "World ()",
+        ]
+        if measure == "panorama":
+            lines += [
+                "PushAttributes ()", 'Attribute ("string geometryset", "light")',
+                f'Shader ("surface", "envsurf", "string envname", "{self.place}/panorama.env")',
+                "Scale (1e5, 1e5, 1e5)", "Sphere (1, -1, 1, 360)", "PopAttributes ()",
+            ]
+        elif measure in ("direct", "bounce") and scene.lamp:
+            lines.append(f'Light ("lamp", "pointlight", "float intensity", {scene.strength}, "float falloff", 2, '
+                         f'"point from", {scene.lamp}, "string shadowname", "light")')
+        elif measure in ("direct", "bounce"):
+            lines.append(f'Light ("sun", "distantlight", "float intensity", {scene.strength}, "point from", (0, 0, 0), '
+                         f'"point to", {scene.sun}, "string shadowname", "light")')
+        if measure in ("bounce", "panorama"):
+            lines.append(f'Light ("bounce", "indirectlight", "string indirectname", "light", {options})')
+        if measure == "sky":
+            lines.append(f'Shader ("surface", "ambocclude", "string occlusionname", "light", "float twosided", 1, {options})')
+        else:
+            lines.append('Shader ("surface", "matte", "float Ka", 0)')
+        lines.append('Attribute ("string geometryset", "+light")')
+        for shape in scene.shapes:
+            lines.append(f'Attribute ("color C", {tuple(shape.color)})')
+            for quad in shape.quads:
+                lines.append(f'Mesh ("linear", (4,), (0, 1, 2, 3), "vertex point P", {tuple(v for p in quad for v in p)})')
+            if shape.file:
+                lines.append(f'Input ("{files[shape.name]}")')
+        return "\n".join(lines + ["Render ()", ""])

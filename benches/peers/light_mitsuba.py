@@ -1,0 +1,96 @@
+"""Scenes of benches/peers/light.py for Mitsuba 3 (package `mitsuba`), which also makes the references."""
+
+import time
+
+import mitsuba as mi
+import numpy as np
+
+# Samples that are traced at once, at most.
+AT_ONCE = 1 << 24
+
+
+class Mitsuba:
+    name = "Mitsuba"
+
+    def __init__(self, variant):
+        """The quickest variant that there is: its just-in-time compiler needs an LLVM library that it knows (DRJIT_LIBLLVM_PATH)."""
+        for name in [variant] if variant else ["llvm_ad_rgb", "scalar_rgb"]:
+            try:
+                mi.set_variant(name)
+                self.variant = name
+                break
+            except ImportError:
+                continue
+        else:
+            raise ImportError(f"no variant {variant}")
+
+    @staticmethod
+    def read(path):
+        return np.array(mi.Bitmap(path).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False))
+
+    @staticmethod
+    def layer(path, names):
+        """Channels of the layer of a file whose name ends in one of `names`."""
+        parts = mi.Bitmap(path).split()
+        found = [part for title, part in parts if title.split(".")[-1] in names]
+        return np.array(found[0].convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False))
+
+    def load(self, scene, files, side, measure):
+        t = mi.ScalarTransform4f()
+        white = measure == "sky"
+        words = {"type": "scene", "sensor": {
+            "type": "perspective", "fov": scene.fov, "near_clip": 0.001 * np.linalg.norm(np.subtract(scene.target, scene.origin)),
+            "far_clip": 1e7, "to_world": t.look_at(origin=scene.origin, target=scene.target, up=[0, 1, 0]),
+            "film": {"type": "hdrfilm", "width": side, "height": side, "rfilter": {"type": "box"}, "pixel_format": "rgb"},
+            "sampler": {"type": "multijitter"},
+        }}
+        strength = {"type": "rgb", "value": [np.pi * scene.strength] * 3}
+        if measure == "sky":
+            words["light"] = {"type": "constant", "radiance": {"type": "rgb", "value": [1, 1, 1]}}
+        elif measure == "panorama":
+            words["light"] = {"type": "envmap", "filename": scene.panorama}
+        elif scene.lamp:
+            words["light"] = {"type": "point", "position": list(scene.lamp), "intensity": strength}
+        else:
+            words["light"] = {"type": "directional", "direction": list(scene.sun), "irradiance": strength}
+        for shape in scene.shapes:
+            color = (1, 1, 1) if white else shape.color
+            words[shape.name] = {
+                "type": "obj", "filename": files[shape.name], "face_normals": not shape.file,
+                "bsdf": {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(color)}}},
+            }
+        self.scene = mi.load_dict(words, optimize=False)
+        self.side = side
+
+    def integrator(self, measure):
+        if measure == "sky":
+            # Cosine-distributed rays alone: better than rays towards an even sky as well.
+            return mi.load_dict({"type": "direct", "emitter_samples": 0, "bsdf_samples": 1})
+        if measure == "panorama":
+            return mi.load_dict({"type": "direct", "hide_emitters": True})
+        return mi.load_dict({"type": "path", "max_depth": {"direct": 2, "bounce": 3}[measure]})
+
+    def render(self, measure, spp, seed=0):
+        integrator = self.integrator(measure)
+        parts = max(1, spp * self.side * self.side // AT_ONCE)
+        begin = time.time()
+        total = 0
+        for k in range(parts):
+            total = total + np.array(mi.render(self.scene, integrator=integrator, spp=spp // parts, seed=seed + 7919 * k))
+        return total / parts, time.time() - begin
+
+    def shapes(self):
+        """Which shape each pixel shows, from 1; -1 for none and for pixels on edges of shapes."""
+        integrator = mi.load_dict({"type": "aov", "aovs": "s:shape_index,t:depth"})
+        image = np.array(mi.render(self.scene, integrator=integrator, spp=64))
+        index, depth = image[..., -2], image[..., -1]
+        whole = np.where(depth > 0, np.round(index), -1)
+        mixed = np.abs(index - np.round(index)) > 1e-3
+        out = np.where(around(whole, np.ptp) | around(mixed, np.max), -1, whole)
+        return out.astype(int)
+
+
+def around(image, what):
+    """What becomes of each pixel and its eight neighbours, as true or false."""
+    all = [np.roll(image, (y, x), (0, 1)) for y in (-1, 0, 1) for x in (-1, 0, 1)]
+    return what(np.stack(all).astype(float), 0) > 0
