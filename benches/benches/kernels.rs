@@ -1,4 +1,4 @@
-//! Kernels: dice, closest hit, texture lookup.
+//! Kernels: dice, closest hit, texture lookup, searches of spatial databases.
 
 #![allow(missing_docs, reason = "criterion's macros")]
 #![allow(clippy::unwrap_used, reason = "a bench that cannot go on ends")]
@@ -7,6 +7,7 @@ use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_mai
 use granita_base::{Params, Reporter, ShapeDesc, Vec3};
 use granita_geom::{Piece, ShapeKey};
 use granita_image::{FormatRegistry, Limits};
+use granita_sdb::{Between, Density, Key, Packed, Probe, Schema, Value};
 use granita_texture::make::{MakeOptions, make};
 use granita_texture::{CacheOptions, Lookup, TextureCache, Use};
 use granita_trace::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
@@ -106,5 +107,49 @@ fn lookup(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(kernels, dice, closest, lookup);
+/// A million photons: half of them even on a square, half crowded along a ring as under a lens.
+fn photons() -> Packed {
+    let unit = |i: u32, d: u32| granita_base::hash::unit(granita_base::hash::words(&[i, d]));
+    let record = |i: u32| {
+        let (a, b) = (unit(i, 0), unit(i, 1));
+        let [x, y] = if i.is_multiple_of(2) {
+            [a, b]
+        } else {
+            let (s, c) = (a * std::f32::consts::TAU).sin_cos();
+            let r = 0.2 + 0.02 * (b - 0.5) * b;
+            [0.5 + r * c, 0.5 + r * s]
+        };
+        [x, y, 0.0, 0.0, 0.0, 1.0, 1.0, 0.5, 0.2]
+    };
+    let schema = Schema { key: Key::Oriented, value: Value::Color };
+    Packed::new(schema, &(0..1_000_000).flat_map(record).collect::<Vec<f32>>())
+}
+
+fn databases(c: &mut Criterion) {
+    let photons = photons();
+    let unit = |i: u32, d: u32| granita_base::hash::unit(granita_base::hash::words(&[i, d]));
+    let probes: Vec<Probe> = (0..4096)
+        .map(|i| {
+            let (x, y) = (i % 64, i / 64);
+            let p = [(x as f32 + unit(i, 5)) / 64.0, (y as f32 + unit(i, 6)) / 64.0, 0.0];
+            Probe { p, n: Some([0.0, 0.0, 1.0]) }
+        })
+        .collect();
+    let mut group = c.benchmark_group("databases");
+    group.sample_size(10);
+    group.throughput(Throughput::Elements(probes.len() as u64));
+    for minsamples in [20, 100, 500] {
+        let how = Density { minsamples, maxdist: 0.1, maxerror: 0.25 };
+        group.bench_function(format!("density of {minsamples} photons"), |b| {
+            b.iter(|| probes.iter().filter_map(|p| photons.density(p, &how)).count());
+        });
+    }
+    let how = Between { minsamples: 3, maxdist: 0.05, maxerror: 0.25, always: false };
+    group.bench_function("values of 3 records", |b| {
+        b.iter(|| probes.iter().filter_map(|p| photons.between(p, &how)).count());
+    });
+    group.finish();
+}
+
+criterion_group!(kernels, dice, closest, lookup, databases);
 criterion_main!(kernels);

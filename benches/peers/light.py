@@ -1,7 +1,7 @@
 """Indirect light and occlusion beside Mitsuba 3 and Cycles: how long each takes to come how near.
 
     python3 benches/peers/light.py --gelato target/release/gelato [--threads N] [--side PIXELS] [--quick]
-        [--mesh FILE.ply] [--panorama FILE.exr] [--only WORD]
+        [--mesh FILE.ply] [--panorama FILE.exr] [--only WORD] [--limit SECONDS]
 
 Mitsuba is the package `mitsuba` of Python (3.5 or later), which also makes the references: without it the script says so and ends.
 Its variant `llvm_ad_rgb` is used where its LLVM library is found (DRJIT_LIBLLVM_PATH), `scalar_rgb` elsewhere. Cycles is the package
@@ -36,6 +36,8 @@ import light_gelato
 import light_scenes
 
 BARS = (0.05, 0.03, 0.02, 0.01)
+# Samples a pixel of the others.
+SAMPLES = (4, 16, 64, 256, 1024)
 
 
 def luminance_edges(image):
@@ -117,8 +119,8 @@ def measure(words, place, ours, mitsuba, cycles, scene, kind, title):
     mask = where > 0
     own = ours.render(scene, files, side, "direct", "")[0] if kind == "bounce" else 0
     rows = []
-    for samples in (16, 64, 256, 1024) + (() if words.quick else (2048,)):
-        for maxerror in (0.25, 0.5, 1.0):
+    for samples in (64, 256, 1024) + (() if words.quick else (2048,)):
+        for maxerror in (0.1, 0.25, 1.0):
             options = f'"float samples", {samples}, "float maxerror", {maxerror}'
             image, seconds = ours.render(scene, files, side, kind, options)
             rows.append((f"samples {samples}, maxerror {maxerror}", seconds, error(image - own, reference, mask)))
@@ -131,17 +133,21 @@ def measure(words, place, ours, mitsuba, cycles, scene, kind, title):
         walls(scene, image - own, reference, where)
     rows = []
     mitsuba.render(kind, 4)
-    for spp in (4, 16, 64, 256, 1024):
+    for spp in SAMPLES:
         image, seconds = mitsuba.render(kind, spp, 7)
         rows.append((f"{spp} a pixel", seconds, error(image - direct, reference, mask)))
+        if seconds > words.limit:
+            break
     tables.append((f"Mitsuba, {mitsuba.variant}", rows))
     if cycles:
         cycles.load(scene, side, kind)
         cycles.render(4)
         rows = []
-        for spp in (4, 16, 64, 256, 1024):
+        for spp in SAMPLES:
             image, seconds = cycles.render(spp, 7)
             rows.append((f"{spp} a pixel", seconds, error(image, reference, mask)))
+            if seconds > words.limit:
+                break
             if words.keep:
                 np.save(f"{words.keep}/{title.replace(' ', '_').replace(',', '')}_cycles.npy", image)
         tables.append(("Cycles", rows))
@@ -158,6 +164,7 @@ def main():
     words.add_argument("--mesh", default="examples/data/bunny.obj")
     words.add_argument("--panorama", default="examples/first/studio.exr")
     words.add_argument("--only", default="", help="only tables whose title has this word")
+    words.add_argument("--limit", type=float, default=60, help="seconds; a picture that takes longer is the last of its table")
     words.add_argument("--variant", default="", help="of Mitsuba")
     words.add_argument("--keep", default="", help="a folder for pictures, as NumPy arrays")
     words = words.parse_args()

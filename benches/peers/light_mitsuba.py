@@ -38,12 +38,14 @@ class Mitsuba:
     def load(self, scene, files, side, measure):
         t = mi.ScalarTransform4f()
         white = measure == "sky"
-        words = {"type": "scene", "sensor": {
+        self.camera = {
             "type": "perspective", "fov": scene.fov, "near_clip": 0.001 * np.linalg.norm(np.subtract(scene.target, scene.origin)),
             "far_clip": 1e7, "to_world": t.look_at(origin=scene.origin, target=scene.target, up=[0, 1, 0]),
             "film": {"type": "hdrfilm", "width": side, "height": side, "rfilter": {"type": "box"}, "pixel_format": "rgb"},
             "sampler": {"type": "multijitter"},
-        }}
+        }
+        words = {"type": "scene", "sensor": self.camera}
+        self.sensors = {}
         strength = {"type": "rgb", "value": [np.pi * scene.strength] * 3}
         if measure == "sky":
             words["light"] = {"type": "constant", "radiance": {"type": "rgb", "value": [1, 1, 1]}}
@@ -72,12 +74,21 @@ class Mitsuba:
 
     def render(self, measure, spp, seed=0):
         integrator = self.integrator(measure)
-        parts = max(1, spp * self.side * self.side // AT_ONCE)
+        bands = self.bands(max(1, spp * self.side * self.side // AT_ONCE))
         begin = time.time()
-        total = 0
-        for k in range(parts):
-            total = total + np.array(mi.render(self.scene, integrator=integrator, spp=spp // parts, seed=seed + 7919 * k))
-        return total / parts, time.time() - begin
+        parts = [np.array(mi.render(self.scene, sensor=band, integrator=integrator, spp=spp, seed=seed + 7919 * k))
+                 for k, band in enumerate(bands)]
+        return np.concatenate(parts), time.time() - begin
+
+    def bands(self, count):
+        """Cameras that show some rows each: all samples of a pixel stay together, and well spread."""
+        if count not in self.sensors:
+            edges = [self.side * k // count for k in range(count + 1)]
+            film = dict(self.camera["film"], crop_width=self.side, crop_offset_x=0)
+            self.sensors[count] = [
+                mi.load_dict(dict(self.camera, film=dict(film, crop_offset_y=a, crop_height=b - a))) for a, b in zip(edges, edges[1:])
+            ]
+        return self.sensors[count]
 
     def shapes(self):
         """Which shape each pixel shows, from 1; -1 for none and for pixels on edges of shapes."""

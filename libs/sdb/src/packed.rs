@@ -213,17 +213,22 @@ impl Packed {
         (lo, hi)
     }
 
-    /// Passes the number of every record that may count, nearest boxes first. What it returns is the largest measure that
-    /// still counts; it may shrink from record to record.
-    pub(crate) fn search(&self, near: &Nearness<'_>, take: &mut dyn FnMut(Option<usize>) -> f32) {
+    /// Passes the numbers of all records that may count, nearest boxes first.
+    pub(crate) fn search<L: Fn(f32, f32) -> f32>(&self, near: &Nearness<L>, found: &mut impl Found) {
         if let Some(top) = self.levels.len().checked_sub(1) {
-            self.visit(self.numbers(), top, 0, near, take);
+            self.visit(self.numbers(), top, 0, near, found);
         }
     }
 
     /// What no record under a box is below.
     #[inline]
-    fn least(&self, numbers: &[f32], level: &Level, i: usize, near: &Nearness<'_>) -> f32 {
+    fn least<L: Fn(f32, f32) -> f32>(
+        &self,
+        numbers: &[f32],
+        level: &Level,
+        i: usize,
+        near: &Nearness<L>,
+    ) -> f32 {
         let (lo, hi) = self.corners(numbers, level, i);
         let at = near.at;
         let squared = (0..3).map(|c| (lo[c] - at[c]).max(at[c] - hi[c]).max(0.0)).map(|x| x * x).sum();
@@ -237,44 +242,54 @@ impl Packed {
         (near.least)(squared, cosine)
     }
 
-    fn visit(
+    fn visit<L: Fn(f32, f32) -> f32>(
         &self,
         numbers: &[f32],
         level: usize,
         node: usize,
-        near: &Nearness<'_>,
-        take: &mut dyn FnMut(Option<usize>) -> f32,
+        near: &Nearness<L>,
+        found: &mut impl Found,
     ) {
         let below = if level == 0 { self.count } else { self.levels[level - 1].count };
         let children = node * FAN..((node + 1) * FAN).min(below);
         if level == 0 {
-            for i in children {
-                take(Some(i));
-            }
+            let n = self.schema.numbers();
+            found.records(children.start, &numbers[children.start * n..children.end * n]);
             return;
         }
         let inner = &self.levels[level - 1];
-        let mut order = [(f32::INFINITY, 0_usize); FAN];
-        let n = children.len();
-        for (slot, i) in order.iter_mut().zip(children) {
-            *slot = (self.least(numbers, inner, i, near), i);
+        // Measures are not negative, so their bits are in their order; boxes in order of their numbers after that.
+        let mut order = [0_u64; FAN];
+        let (mut n, most) = (0, found.most());
+        for (k, i) in children.clone().enumerate() {
+            let least = self.least(numbers, inner, i, near);
+            order[n] = u64::from(least.max(0.0).to_bits()) << 32 | k as u64;
+            n += usize::from(least <= most);
         }
         let order = &mut order[..n];
-        order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        for &(least, i) in order.iter() {
-            if least > take(None) {
+        order.sort_unstable();
+        for &key in order.iter() {
+            if f32::from_bits((key >> 32) as u32) > found.most() {
                 return;
             }
-            self.visit(numbers, level - 1, i, near, take);
+            self.visit(numbers, level - 1, children.start + (key & 0xffff_ffff) as usize, near, found);
         }
     }
 }
 
 /// What is near in a search.
-pub(crate) struct Nearness<'a> {
+pub(crate) struct Nearness<L> {
     pub(crate) at: [f32; 3],
     pub(crate) normal: Option<[f32; 3]>,
     /// The smallest measure that records can have whose squared distance is at least the first number, and the cosine
-    /// of whose angle to the normal is at most the second; infinite for none that counts.
-    pub(crate) least: &'a dyn Fn(f32, f32) -> f32,
+    /// of whose angle to the normal is at most the second; not negative, infinite for none that counts.
+    pub(crate) least: L,
+}
+
+/// Takes what a search finds.
+pub(crate) trait Found {
+    /// Some records, one after another, and the number of the first.
+    fn records(&mut self, first: usize, records: &[f32]);
+    /// The largest measure that still counts.
+    fn most(&self) -> f32;
 }

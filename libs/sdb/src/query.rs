@@ -1,9 +1,8 @@
 //! What stands near a place: values between records, and how dense records are.
 
-use crate::packed::Nearness;
+use crate::packed::{FAN, Found, Nearness};
 use crate::{Key, Packed};
 use std::cmp::Ordering;
-use std::collections::BinaryHeap;
 use std::f32::consts::PI;
 
 /// Where to look.
@@ -68,13 +67,61 @@ impl PartialOrd for Near {
     }
 }
 
+/// Fewest records that are taken before the worst are put aside.
+const SPARE: usize = 32;
+
+/// The best records of a search so far, and some more: these are put aside together when there are many, which costs less than
+/// keeping the best in order.
+struct Best<M> {
+    count: usize,
+    /// Numbers of a record.
+    stride: usize,
+    kept: Vec<Near>,
+    most: f32,
+    measure: M,
+}
+
+impl<M: Fn(&[f32]) -> f32> Best<M> {
+    /// Puts aside all but the best.
+    fn thin(&mut self) {
+        if self.kept.len() > self.count {
+            self.kept.select_nth_unstable(self.count - 1);
+            self.kept.truncate(self.count);
+        }
+        if self.kept.len() == self.count {
+            self.most = self.kept.iter().fold(0.0, |most, near| near.far.max(most));
+        }
+    }
+}
+
+impl<M: Fn(&[f32]) -> f32> Found for Best<M> {
+    fn records(&mut self, first: usize, records: &[f32]) {
+        let before = self.kept.len();
+        for (k, record) in records.chunks_exact(self.stride).enumerate() {
+            let far = (self.measure)(record);
+            if far <= self.most {
+                self.kept.push(Near { far, index: first + k });
+            }
+        }
+        let spare = self.count.max(SPARE);
+        let is_first = before < self.count && self.kept.len() >= self.count;
+        if is_first || self.kept.len() >= self.count + spare {
+            self.thin();
+        }
+    }
+
+    fn most(&self) -> f32 {
+        self.most
+    }
+}
+
 fn dot(a: [f32; 3], b: &[f32]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 impl Packed {
-    /// The `count` records of smallest `measure`, at most `most`; nearest first, and in the order of the database when
-    /// they are alike. `measure` gets the square of the distance, the vector to the record, and the record; what it
+    /// The `count` (1 or more) records of smallest `measure`, at most `most`; nearest first, and in the order of the database
+    /// when they are alike. `measure` gets the square of the distance, the vector to the record, and the record; what it
     /// returns is not below what `least` says of its box (see [`Nearness`]), or not a number for records that do not
     /// count.
     fn nearest(
@@ -87,29 +134,24 @@ impl Packed {
     ) -> Vec<Near> {
         let d = self.schema().key.dimensions();
         let at = probe.p;
-        let near = Nearness { at, normal: probe.n, least: &least };
-        let mut heap: BinaryHeap<Near> = BinaryHeap::with_capacity(count.min(64) + 1);
-        self.search(&near, &mut |record| {
-            if let Some(index) = record {
-                let record = self.record(index);
+        let mut best = Best {
+            count,
+            stride: self.schema().numbers(),
+            kept: Vec::with_capacity(count.min(64) + count.clamp(SPARE, 64) + FAN),
+            most,
+            measure: |record: &[f32]| {
                 let mut to = [0.0; 3];
                 for c in 0..d {
                     to[c] = record[c] - at[c];
                 }
-                let far = measure(dot(to, &to), to, record);
-                if far <= most {
-                    let near = Near { far, index };
-                    if heap.len() < count {
-                        heap.push(near);
-                    } else if heap.peek().is_some_and(|worst| near < *worst) {
-                        heap.pop();
-                        heap.push(near);
-                    }
-                }
-            }
-            if heap.len() < count { most } else { heap.peek().map_or(most, |worst| worst.far) }
-        });
-        heap.into_sorted_vec()
+                measure(dot(to, &to), to, record)
+            },
+        };
+        self.search(&Nearness { at, normal: probe.n, least }, &mut best);
+        best.thin();
+        let mut kept = best.kept;
+        kept.sort_unstable();
+        kept
     }
 
     /// The value at a place, from the `minsamples` records that are best there; `None` when there are not so many, or
