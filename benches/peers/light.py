@@ -119,10 +119,14 @@ def measure(words, place, ours, mitsuba, cycles, scene, kind, title):
     mask = where > 0
     own = ours.render(scene, files, side, "direct", "")[0] if kind == "bounce" else 0
     rows = []
-    for samples in (64, 256, 1024) + (() if words.quick else (2048,)):
+    longest = 0
+    for samples in (16, 64, 256, 1024, 2048):
+        if longest > words.limit:
+            break
         for maxerror in (0.1, 0.25, 1.0):
             options = f'"float samples", {samples}, "float maxerror", {maxerror}'
             image, seconds = ours.render(scene, files, side, kind, options)
+            longest = max(longest, seconds)
             rows.append((f"samples {samples}, maxerror {maxerror}", seconds, error(image - own, reference, mask)))
             if words.keep:
                 np.save(f"{words.keep}/{title.replace(' ', '_').replace(',', '')}_{samples}_{maxerror}.npy",
