@@ -1,7 +1,7 @@
 """Indirect light and occlusion beside Mitsuba 3 and Cycles: how long each takes to come how near.
 
     python3 benches/peers/light.py --gelato target/release/gelato [--threads N] [--side PIXELS] [--quick]
-        [--mesh FILE.ply] [--panorama FILE.exr] [--only WORD] [--limit SECONDS]
+        [--mesh FILE.ply] [--panorama FILE.exr] [--only WORD] [--limit SECONDS] [--processor]
 
 Mitsuba is the package `mitsuba` of Python (3.5 or later), which also makes the references: without it the script says so and ends.
 Its variant `llvm_ad_rgb` is used where its LLVM library is found (DRJIT_LIBLLVM_PATH), `scalar_rgb` elsewhere. Cycles is the package
@@ -10,7 +10,7 @@ Its variant `llvm_ad_rgb` is used where its LLVM library is found (DRJIT_LIBLLVM
 Three scenes: the Cornell box under a point light, a room with the sun in its window, and a mesh on a floor under a panorama (a rabbit
 when no other is named). Of the first two the light of one bounce is compared, of the third that of the panorama; of
 all, how open points are to an even sky. Pixels on edges of shapes and of direct light do not count (the programs filter edges
-differently). Errors are root mean squares over the mean of the reference, whose noise is taken off. Times are of the whole program
+differently; `--walls` compares means by shape first). Errors are root mean squares over the mean of the reference, whose noise is taken off. Times are of the whole program
 for gelato; for the others, of a picture of a scene that is loaded (Mitsuba) or was rendered before (Cycles).
 """
 
@@ -164,6 +164,7 @@ def main():
     words.add_argument("--threads", type=int, default=os.cpu_count())
     words.add_argument("--side", type=int, default=256)
     words.add_argument("--quick", action="store_true", help="a coarser reference")
+    words.add_argument("--processor", action="store_true", help="processor time, not the clock: for a busy machine")
     words.add_argument("--walls", action="store_true", help="means over walls, of many samples")
     words.add_argument("--mesh", default="examples/data/bunny.obj")
     words.add_argument("--panorama", default="examples/first/studio.exr")
@@ -172,11 +173,11 @@ def main():
     words.add_argument("--variant", default="", help="of Mitsuba")
     words.add_argument("--keep", default="", help="a folder for pictures, as NumPy arrays")
     words = words.parse_args()
-    mitsuba = light_mitsuba.Mitsuba(words.variant)
+    mitsuba = light_mitsuba.Mitsuba(words.variant, words.processor)
     mesh = light_scenes.on_a_floor(words.mesh, light_scenes.read_mesh(words.mesh)[0], words.panorama)
     with tempfile.TemporaryDirectory() as place:
-        ours = light_gelato.Gelato(words.gelato, words.threads, place, mitsuba.read)
-        cycles = light_cycles and light_cycles.Cycles(words.threads, place, mitsuba.layer)
+        ours = light_gelato.Gelato(words.gelato, words.threads, place, mitsuba.read, words.processor)
+        cycles = light_cycles and light_cycles.Cycles(words.threads, place, mitsuba.layer, words.processor)
         ours.panorama(words.panorama)
         for scene, kind, what in (
             (light_scenes.cornell(), "bounce", "light of one bounce"), (light_scenes.cornell(), "sky", "occlusion"),

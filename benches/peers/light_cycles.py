@@ -14,7 +14,8 @@ from light_scenes import normals, read_mesh
 class Cycles:
     name = "Cycles"
 
-    def __init__(self, threads, place, read):
+    def __init__(self, threads, place, read, processor):
+        self.clock = time.process_time if processor else time.time
         self.threads, self.place, self.read = threads, place, read
 
     def load(self, scene, side, measure):
@@ -127,9 +128,9 @@ class Cycles:
         self.out.cycles.samples, self.out.cycles.seed = spp, seed
         self.out.render.filepath = f"{self.place}/cycles.exr"
         with silence():
-            begin = time.time()
+            begin = self.clock()
             bpy.ops.render.render(write_still=True)
-            seconds = time.time() - begin
+            seconds = self.clock() - begin
         # Named otherwise before version 5.
         part = ("Diffuse Indirect", "DiffInd") if self.measure == "bounce" else ("Diffuse Direct", "DiffDir")
         light, color = (self.read(self.out.render.filepath, names) for names in (part, ("Diffuse Color", "DiffCol")))

@@ -12,8 +12,9 @@ AT_ONCE = 1 << 24
 class Mitsuba:
     name = "Mitsuba"
 
-    def __init__(self, variant):
+    def __init__(self, variant, processor):
         """The quickest variant that there is: its just-in-time compiler needs an LLVM library that it knows (DRJIT_LIBLLVM_PATH)."""
+        self.clock = time.process_time if processor else time.time
         for name in [variant] if variant else ["llvm_ad_rgb", "scalar_rgb"]:
             try:
                 mi.set_variant(name)
@@ -75,10 +76,10 @@ class Mitsuba:
     def render(self, measure, spp, seed=0):
         integrator = self.integrator(measure)
         bands = self.bands(max(1, spp * self.side * self.side // AT_ONCE))
-        begin = time.time()
+        begin = self.clock()
         parts = [np.array(mi.render(self.scene, sensor=band, integrator=integrator, spp=spp, seed=seed + 7919 * k))
                  for k, band in enumerate(bands)]
-        return np.concatenate(parts), time.time() - begin
+        return np.concatenate(parts), self.clock() - begin
 
     def bands(self, count):
         """Cameras that show some rows each: all samples of a pixel stay together, and well spread."""

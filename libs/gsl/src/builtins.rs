@@ -182,6 +182,7 @@ const TEXTURE: &[Choice] = &[
     o("fill", F),
     out("alpha", F),
 ];
+/// "sample" and "direction" are not of the reference.
 const ENVIRONMENT: &[Choice] = &[
     o("angle", F),
     o("blur", F),
@@ -197,9 +198,11 @@ const ENVIRONMENT: &[Choice] = &[
     o("radius", F),
     o("up", S),
     o("samples", F),
+    o("sample", F),
     o("bias", F),
     o("maxhitdist", F),
     o("shade", F),
+    out("direction", V),
     out("alpha", F),
     out("hitdist", F),
     out("Phit", P),

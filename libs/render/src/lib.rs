@@ -28,6 +28,7 @@ mod bucket;
 mod camera;
 mod canvas;
 mod dicing;
+mod directions;
 mod dynamic;
 mod environment;
 mod error;

@@ -26,6 +26,8 @@ use std::sync::Arc;
 
 /// What names of lanes are hashed with for places on area lights.
 const AREA: u32 = 0xa9ea;
+/// The same for directions drawn by the light of maps.
+const SKY: u32 = 0x5c1e;
 
 /// One run of one shader group over one grid.
 pub(crate) struct Run<'r, 'f> {
@@ -340,6 +342,16 @@ impl Services for Run<'_, '_> {
             lanes.copy3(&mut out.n_hit);
         } else {
             let space = query.options.space.and_then(|s| self.to_common(s, query.batch.layer));
+            if query.options.sample.is_some()
+                && let Some(directions) = self.frame.directions(query.name, query.options.up)
+            {
+                // All samples of a point form one sequence, in whatever call they are drawn.
+                let seeds = |lane: u32| match self.names.get(lane as usize) {
+                    Some(name) => hash::words(&[*name, SKY]),
+                    None => hash::words(&[self.seed, SKY, lane]),
+                };
+                return maps::drawn(&self.frame.textures, query, space, &directions, &seeds, out);
+            }
             maps::environment(&self.frame.textures, query, space, out);
         }
     }

@@ -4,12 +4,13 @@
 //! are first asked for, structures for rays when the first ray needs them. A [`ShaderThread`] holds what
 //! one thread writes to while it shades.
 
+use crate::directions::Directions;
 use crate::dynamic::DynamicMaps;
 use crate::lightcache::LightCache;
 use crate::lights::LightState;
 use crate::object::{Holdout, LinkedShaders, Linker, ObjectState, StateShaders};
 use crate::raytrace::RayWorld;
-use crate::services::Run;
+use crate::services::{Run, maps};
 use crate::spaces::{Spaces, Units};
 use crate::{CameraView, RenderEnvironment, ShaderLibrary, ShadingStatistics, preshaded};
 use granita_base::{Color, Location, ParamData, Reporter, SearchPath, Severity, Vec3};
@@ -17,7 +18,7 @@ use granita_gsl::ir::{Global, ValueType};
 use granita_scene::{LightId, Primitive, Scene, ShaderGroup, ShaderUsage};
 use granita_sdb::{Attributes, Clusters, Databases, Mode, Packed};
 use granita_shade::{Executor, Grid, Group, Lanes3, Primvar, PrimvarData, Services, Topology};
-use granita_texture::{CacheOptions, TextureCache};
+use granita_texture::{CacheOptions, TextureCache, Up, Use};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -44,6 +45,8 @@ pub(crate) struct ShadingContext {
     pub(crate) databases: Arc<Databases>,
     database_attributes: Attributes,
     texture_path: SearchPath,
+    /// Chances of directions by the light of environment maps, by name and upper direction.
+    directions: Mutex<HashMap<(String, String), Option<Arc<Directions>>>>,
     /// Databases that `subsurface ()` asks.
     clustered: Mutex<HashMap<String, Option<Clustered>>>,
     /// By [`LightId`]; `None` for lights that stay dark.
@@ -123,6 +126,7 @@ impl ShadingContext {
             databases: environment.databases.clone(),
             database_attributes: database_attributes(scene),
             texture_path: environment.texture_path.clone(),
+            directions: Mutex::default(),
             clustered: Mutex::default(),
             states: Mutex::default(),
             reporter,
@@ -137,6 +141,16 @@ impl ShadingContext {
     /// The records that queries of a database see.
     pub(crate) fn database(&self, name: &str, mode: Mode) -> Option<Arc<Packed>> {
         self.databases.records(name, mode, &self.texture_path)
+    }
+
+    /// Chances of directions by the light of a map; `None` when there is no such map.
+    pub(crate) fn directions(&self, name: &str, up: Option<&str>) -> Option<Arc<Directions>> {
+        let mut all = self.directions.lock().unwrap_or_else(PoisonError::into_inner);
+        let make = || {
+            let id = self.textures.find_for(name, Use::Environment)?;
+            Some(Arc::new(maps::directions(&self.textures, id, up.and_then(Up::from_word))))
+        };
+        all.entry((name.to_owned(), up.unwrap_or("").to_owned())).or_insert_with(make).clone()
     }
 
     /// The same with far records taken together; made when first asked for.

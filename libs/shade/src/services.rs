@@ -73,6 +73,8 @@ pub struct LookupOptions<'a> {
     pub radius: Option<Lane<'a>>,
     pub up: Option<&'a str>,
     pub samples: Option<Lane<'a>>,
+    /// Which of the samples: the map is not looked up along `r`, but in a direction drawn by its light.
+    pub sample: Option<Lane<'a>>,
     pub bias: Option<Lane<'a>>,
     pub maxhitdist: Option<Lane<'a>>,
     pub shade: Option<Lane<'a>>,
@@ -133,6 +135,8 @@ pub struct LookupResult {
     pub p_hit: Lanes3,
     /// Mean normal of hits; empty when not traced.
     pub n_hit: Lanes3,
+    /// Directions that were drawn, of length 1; empty when none were.
+    pub direction: Lanes3,
 }
 
 /// `shadow ()`.

@@ -1,7 +1,7 @@
 //! Indirect light and occlusion (reference 5.8.11), at every point or between few.
 
 use super::maps::fit;
-use super::rays::{Aim, HIT, unknown_set};
+use super::rays::{Aim, HIT, TracingLanes, unknown_set};
 use super::{Run, count, option};
 use crate::lightcache::hemisphere::{Seen, Strata};
 use crate::lightcache::lattice::{Lattice, Points, Tolerance, Wanted};
@@ -68,9 +68,8 @@ impl<'q> Question<'q> {
         let tolerance = Tolerance { maxerror, maxpixeldist, minsamples: usize::try_from(least).unwrap_or(0) };
         let word = o.filemode.unwrap_or("");
         let mode = run.frame.database_mode(name, word);
-        // Hits and their neighbours are not kept.
-        let camera = run.ray.level == 0 && !run.thread.builds_rays;
-        let mode = Mode { write: mode.write && camera, ..mode };
+        // What rays of indirect light ask for where they hit is not kept: it is many times what is seen.
+        let mode = Mode { write: mode.write && !run.thread.builds_rays && !run.ray.indirect, ..mode };
         let lattice = matches!(run.topology, Topology::Rect { .. }) && run.centres.is_none();
         let full = !lattice || listens || maxerror.is_nan() || maxerror <= 0.0 || maxpixeldist <= 0.0;
         let mut words = vec![
@@ -104,7 +103,8 @@ impl<'q> Question<'q> {
             database: name,
             mode,
             known: None,
-            by_place: !full || mode.write,
+            // At hits in any case, so that these look alike whether a file is written or not.
+            by_place: !full || mode.write || run.ray.level > 0,
             hash: hash::words(&words),
             places: places(run, query),
         }
@@ -279,16 +279,14 @@ struct Gatherer<'g, 'r, 'f, 'q> {
 impl Gatherer<'_, '_, '_, '_> {
     fn everywhere(&mut self) -> Vec<Option<Arc<Record>>> {
         let query = self.question.query;
-        let wanted: Vec<Wanted> = query
-            .batch
-            .active
-            .iter()
-            .map(|&lane| Wanted { lane, shared: self.question.mode.write })
-            .collect();
+        let lanes = TracingLanes::new(self.run, query.batch.active);
+        let shared = self.question.mode.write;
+        let wanted: Vec<Wanted> = lanes.traced.iter().map(|&lane| Wanted { lane, shared }).collect();
         let mut out = vec![None; query.batch.lanes];
         for (w, record) in wanted.iter().zip(self.records(&wanted)) {
             out[w.lane as usize] = Some(record);
         }
+        lanes.copy(&mut out);
         out
     }
 

@@ -1,7 +1,8 @@
 //! Lookups in texture, environment and shadow files.
 
 use super::{count, option};
-use granita_base::{Transform, Vec3};
+use crate::directions::Directions;
+use granita_base::{Transform, Vec3, sample};
 use granita_shade::{
     Batch, EnvironmentQuery, Lane3, Lanes3, LookupOptions, LookupResult, ShadowQuery, TextureQuery,
 };
@@ -22,6 +23,7 @@ pub(super) fn prepare(batch: Batch<'_>, channels: usize, out: &mut LookupResult)
     out.hitdist.clear();
     out.p_hit = Lanes3::default();
     out.n_hit = Lanes3::default();
+    out.direction = Lanes3::default();
 }
 
 /// Puts `values` (channels, then alpha) into a lane.
@@ -116,6 +118,55 @@ fn each(
             None => values[wanted - 1] = 0.0,
         }
         store(out, i, &values[..wanted]);
+    }
+}
+
+/// The chances of directions by the light of a map, in its own space.
+pub(crate) fn directions(textures: &TextureCache, id: TextureId, up: Option<Up>) -> Directions {
+    let mut reader = textures.reader();
+    Directions::new(|r, angle| {
+        let lookup = EnvLookup { r, angle: Some(0.5 * angle), up, ..EnvLookup::default() };
+        let mut values = [0.0; 3];
+        reader.environment(id, &lookup, &mut values);
+        (values[0] + values[1] + values[2]) / 3.0
+    })
+}
+
+/// `environment ()` with "sample" in a map: of so many "samples", one in a direction drawn by the light of the map. Its value is
+/// what it adds to the integral over all directions: light over chance over number. `space` as above.
+pub(super) fn drawn(
+    textures: &TextureCache,
+    query: &EnvironmentQuery<'_>,
+    space: Option<Transform>,
+    directions: &Directions,
+    seed: &dyn Fn(u32) -> u32,
+    out: &mut LookupResult,
+) {
+    prepare(query.batch, query.channels, out);
+    out.direction = Lanes3::zeros(query.batch.lanes);
+    let o = &query.options;
+    let Some(id) = textures.find_for(query.name, Use::Environment) else { return };
+    let space = space.unwrap_or(Transform::IDENTITY);
+    let wanted = (query.channels + 1).min(CHANNELS);
+    let mut reader = textures.reader();
+    for &lane in query.batch.active {
+        let i = lane as usize;
+        let (x, y) = sample::square(option(o.sample, i, 0.0).clamp(0.0, 65536.0) as u32, seed(lane));
+        let (r, chance) = directions.at(x, y);
+        let lookup = EnvLookup {
+            r,
+            angle: Some(0.5 * Directions::cell()),
+            up: o.up.and_then(Up::from_word),
+            first_channel: first_channel(o.firstchannel, i),
+            fill: option(o.fill, i, 0.0),
+            ..EnvLookup::default()
+        };
+        let mut values = [0.0; CHANNELS];
+        reader.environment(id, &lookup, &mut values[..wanted]);
+        let share = 1.0 / (chance * count(o.samples, i) as f32);
+        values[..query.channels].iter_mut().for_each(|v| *v *= share);
+        store(out, i, &values[..wanted]);
+        out.direction.set(i, space.vector(r).normalize_or_zero());
     }
 }
 

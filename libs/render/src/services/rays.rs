@@ -115,9 +115,9 @@ impl TracingLanes {
     }
 
     /// Gives the copying lanes of an array their values.
-    pub(super) fn copy<T: Copy>(&self, lanes: &mut [T]) {
+    pub(super) fn copy<T: Clone>(&self, lanes: &mut [T]) {
         for &(to, from) in &self.copied {
-            lanes[to] = lanes[from];
+            lanes[to] = lanes[from].clone();
         }
     }
 }

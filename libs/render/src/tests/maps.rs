@@ -94,6 +94,45 @@ fn environments_are_in_their_space_and_as_far_away_as_they_say() {
     assert_eq!(f.complaints(), Vec::<String>::new());
 }
 
+/// Light of a map from directions drawn by it, on a surface that faces +z.
+#[test]
+fn directions_drawn_by_a_map_bring_its_light() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = |samples: u32| {
+        format!(
+            "surface drawn{samples} (string file = \"\") {{
+                color sum = 0;
+                float k;
+                for (k = 0; k < {samples}; k += 1) {{
+                    vector d = 0;
+                    color c = (color) environment (file, vector (0, 0, 1), \"samples\", {samples}, \"sample\", k, \"direction\", d);
+                    sum += c * max (0, d[2]) / M_PI;
+                }}
+                C = sum;
+            }}"
+        )
+    };
+    let (few, many) = (source(32), source(1024));
+    let mut f = Fixture::new(&[&few, &many]);
+    let at =
+        |f: &mut Fixture, name: &str, file: &Path| color_at(f, name, file, Transform::IDENTITY, [0.3; 2]);
+    let even = texture(folder.path(), "even.env", (64, 32), Mode::EnvLatLong, |_, _| Color::splat(0.5));
+    let got = at(&mut f, "drawn1024", &even);
+    assert!((got - 0.5).abs().max_element() < 2e-3, "{got}");
+    // One bright texel, as good as a point light: its solid angle times the cosine, over pi.
+    let sun = texture(folder.path(), "sun.env", (256, 128), Mode::EnvLatLong, |x, y| {
+        if (x, y) == (200, 30) { Color::new(5000.0, 2500.0, 0.0) } else { Color::ZERO }
+    });
+    let z = |row: f32| (row / 128.0 * PI).cos();
+    let exact = 5000.0 * (z(30.0) - z(31.0)) * TAU / 256.0 * z(30.5) / PI;
+    let few = at(&mut f, "drawn32", &sun);
+    assert!((few.x / exact - 1.0).abs() < 0.25, "{few} for {exact}");
+    let many = at(&mut f, "drawn1024", &sun);
+    assert!((many.x / exact - 1.0).abs() < 0.03, "{many} for {exact}");
+    assert!((many.y / many.x - 0.5).abs() < 1e-3 && many.z == 0.0, "{many}");
+    assert_eq!(f.complaints(), Vec::<String>::new());
+}
+
 #[test]
 fn what_is_missing_is_filled_told_once_and_replaced_by_substitutes() {
     let folder = tempfile::tempdir().unwrap();

@@ -54,8 +54,8 @@ impl<'v> Parts<'v> {
 pub(crate) struct Parsed<'v> {
     pub(crate) options: LookupOptions<'v>,
     pub(crate) distribution: Option<&'v str>,
-    /// Variables for results: alpha, hitdist, Phit, Nhit.
-    results: [Option<SymbolId>; 4],
+    /// Variables for results: alpha, hitdist, Phit, Nhit, direction.
+    results: [Option<SymbolId>; 5],
     /// Names that nobody knows.
     unknown: Vec<&'v str>,
 }
@@ -85,6 +85,7 @@ pub(crate) fn options<'v>(parts: &Parts<'v>, pairs: &[(SymbolId, SymbolId)]) -> 
             "radius" => o.radius = lane,
             "up" => o.up = text(),
             "samples" => o.samples = lane,
+            "sample" => o.sample = lane,
             "bias" => o.bias = lane,
             "maxhitdist" => o.maxhitdist = lane,
             "shade" => o.shade = lane,
@@ -93,6 +94,7 @@ pub(crate) fn options<'v>(parts: &Parts<'v>, pairs: &[(SymbolId, SymbolId)]) -> 
             "hitdist" => parsed.results[1] = Some(value),
             "Phit" => parsed.results[2] = Some(value),
             "Nhit" => parsed.results[3] = Some(value),
+            "direction" => parsed.results[4] = Some(value),
             "adaptive" => o.adaptive = lane,
             "maxerror" => o.maxerror = lane,
             "maxpixeldist" => o.maxpixeldist = lane,
@@ -284,6 +286,7 @@ fn environment(
         result.hitdist.clear();
         result.p_hit = Lanes3::default();
         result.n_hit = Lanes3::default();
+        result.direction = Lanes3::default();
         m.services.environment(&query, &mut result);
         (parsed.results, unknown_text(&parsed))
     };
@@ -300,6 +303,7 @@ fn environment(
     }
     store_triple(m, results[2], &result.p_hit);
     store_triple(m, results[3], &result.n_hit);
+    store_triple(m, results[4], &result.direction);
     m.st.lookup = result;
     for out in [p, dpdx, dpdy, drdx, drdy] {
         m.discard(out);
