@@ -1,11 +1,13 @@
 //! What each knob of a scene's indirect light and occlusion costs, and what it buys.
 //!
-//! `cargo xtask trade SCENE.pyg [--threads N] [--reference SAMPLES] [--svg FILE]`
+//! `cargo xtask trade SCENE.pyg [--threads N] [--reference SAMPLES] [--resolution X,Y] [--svg FILE]`
 //!
 //! The scene is rendered with one knob moved at a time, and with all pairs of "samples" and "maxerror"; the time of each picture and
 //! its distance from a reference (every point sampled, with `--reference` samples, 1024 unless told) become a table and a
 //! plot. Settings that no other beats in both are marked. "samples", "adaptive", "maxerror" and "maxpixeldist" are parameters of
-//! the scene's shaders `indirectlight`, `envlight` and `ambocclude`; "shadingquality" and "spatialquality" are attributes.
+//! the scene's shaders `indirectlight`, `envlight` and `ambocclude`; "shadingquality" and "spatialquality" are attributes. Of a scene
+//! that has none of these shaders the attributes alone are moved. What commands of the scene make (maps, photons) is made once,
+//! before anything is timed.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
@@ -66,6 +68,8 @@ struct Options {
     scene: PathBuf,
     threads: String,
     reference: f64,
+    /// In place of the scene's.
+    resolution: Option<String>,
     svg: PathBuf,
 }
 
@@ -73,27 +77,31 @@ fn options() -> Result<Options, String> {
     let mut words = std::env::args().skip(1);
     let mut scene = None;
     let (mut threads, mut reference, mut svg) = ("1".to_owned(), 1024.0, PathBuf::from("trade.svg"));
+    let mut resolution = None;
     while let Some(word) = words.next() {
         let mut value = || words.next().ok_or(format!("{word} needs a value"));
         match &*word {
             "--threads" => threads = value()?,
             "--reference" => reference = value()?.parse().map_err(|e| format!("--reference: {e}"))?,
+            "--resolution" => resolution = Some(value()?),
             "--svg" => svg = PathBuf::from(value()?),
             _ if word.starts_with('-') => return Err(format!("no option {word}")),
             _ => scene = Some(PathBuf::from(word)),
         }
     }
-    Ok(Options { scene: scene.ok_or("name a scene (flat Pyg)")?, threads, reference, svg })
+    Ok(Options { scene: scene.ok_or("name a scene (flat Pyg)")?, threads, reference, resolution, svg })
 }
 
 fn run() -> Result<(), String> {
     let options = options()?;
     let text =
         std::fs::read_to_string(&options.scene).map_err(|e| format!("{}: {e}", options.scene.display()))?;
-    if !SHADERS.iter().any(|s| text.contains(s)) {
-        return Err(format!("{} uses none of {}", options.scene.display(), SHADERS.join(", ")));
-    }
     let gelato = release_tool("gelato")?;
+    let has_shaders = SHADERS.iter().any(|s| text.contains(s));
+    if !has_shaders {
+        eprintln!("{} uses none of {}: attributes only", options.scene.display(), SHADERS.join(", "));
+    }
+    let text = prepared(&gelato, &options, text)?;
     let place = tempfile::tempdir().map_err(|e| e.to_string())?;
     let picture = place.path().join("picture.exr");
     let render = |setting: &Setting| render(&gelato, &options.threads, &with(&text, setting), &picture);
@@ -109,7 +117,7 @@ fn run() -> Result<(), String> {
     let (seconds, reference) = render(&best)?;
     eprintln!("took {seconds:.1} s");
     let mut outcomes = Vec::new();
-    for (knob, setting) in settings() {
+    for (knob, setting) in settings().into_iter().filter(|s| has_shaders || !of_shaders(s.0)) {
         let (seconds, pixels) = render(&setting)?;
         let error = distance(&pixels, &reference)?;
         eprintln!("{}: {seconds:.2} s, {:.2}%", words(&setting), 100.0 * error);
@@ -120,6 +128,36 @@ fn run() -> Result<(), String> {
         .map_err(|e| format!("{}: {e}", options.svg.display()))?;
     println!("\n{}", options.svg.display());
     Ok(())
+}
+
+/// Whether a knob is a parameter of shaders.
+fn of_shaders(knob: &str) -> bool {
+    !matches!(knob, "base" | "shadingquality" | "spatialquality")
+}
+
+/// The scene as it is rendered again and again: without its commands, once they have made what the scene needs, and at the
+/// resolution that was asked for.
+fn prepared(gelato: &Path, options: &Options, mut text: String) -> Result<String, String> {
+    let is_command = |line: &str| line.trim_start().starts_with("Command");
+    if text.lines().any(is_command) {
+        let status = Command::new(gelato).arg("-silent").arg(&options.scene).stdout(Stdio::null()).status();
+        let status = status.map_err(|e| format!("{}: {e}", gelato.display()))?;
+        if !status.success() {
+            return Err(format!("gelato {}: {status}", options.scene.display()));
+        }
+        let mut kept = String::new();
+        text.lines().filter(|line| !is_command(line)).for_each(|line| kept += &format!("{line}\n"));
+        text = kept;
+    }
+    if let Some(resolution) = &options.resolution {
+        let declared = "\"int[2] resolution\", (";
+        let Some(at) = text.find(declared).map(|at| at + declared.len()) else {
+            return Err(format!("{} says no resolution that could be replaced", options.scene.display()));
+        };
+        let end = closing(&text, at);
+        text.replace_range(at..end, resolution);
+    }
+    Ok(text)
 }
 
 /// One knob at a time, then pairs of the two that matter most; none twice.

@@ -227,6 +227,11 @@ impl RayScene {
         (triangles as u64, (self.tracer.bytes() + self.boxes.bytes() + parts + solids + residents) as u64)
     }
 
+    /// Whether everything in it is as flat as it is drawn: no tessellation stands for a curved surface.
+    pub(crate) fn is_flat(&self) -> bool {
+        self.solids.is_empty()
+    }
+
     /// The object that was hit.
     pub(crate) fn object(&self, hit: &SetHit) -> &Arc<ObjectState> {
         match self.solid_of(hit.part) {

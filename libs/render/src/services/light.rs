@@ -427,7 +427,7 @@ impl Gatherer<'_, '_, '_, '_> {
             let cells = Strata::new(ask.samples, angle, query.distribution != "uniform");
             let axis = question.axis(i);
             let p = question.places[i];
-            let (bias, margin) = (self.run.bias(o.bias, i), self.run.frame.ray_margin(p));
+            let (bias, margin) = (self.run.bias(o.bias, i), self.run.margin(scene, p));
             let spread = 2.0 * angle.max(0.0) / (ask.samples.max(1) as f32).sqrt();
             if axis != Vec3::ZERO {
                 for index in 0..cells.len() {

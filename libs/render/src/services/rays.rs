@@ -2,6 +2,7 @@
 
 use super::maps::{fit, prepare};
 use super::{Run, count, option};
+use crate::rayset::RayScene;
 use crate::raytrace::{RayPurpose, RayRequest};
 use crate::sampling::{Distribution, in_cone};
 use granita_base::{Color, Vec3, hash, sample};
@@ -54,6 +55,11 @@ impl Run<'_, '_> {
         } else {
             self.time
         }
+    }
+
+    /// What the tessellation of a set may be off at `p`.
+    pub(super) fn margin(&self, scene: &RayScene, p: Vec3) -> f32 {
+        if scene.is_flat() { 0.0 } else { self.frame.ray_margin(p) }
     }
 
     /// "maxhitdist": none when absent or not positive.
@@ -224,6 +230,8 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
     let call = run.next_call(query.batch.active);
     let mut spread_over: Vec<(u32, u32)> = Vec::new();
     let mut rays = Vec::new();
+    let asks = traces && !query.batch.active.is_empty();
+    let scene = if asks { run.frame.rays.scene(query.name, run.frame) } else { None };
     for &lane in query.batch.active {
         let i = lane as usize;
         out.set(i, Vec3::ZERO);
@@ -249,7 +257,7 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
             let seed_direction = hash::words(&[seed, DIRECTION]);
             let dir = in_cone(axis, half_angle, Distribution::Uniform, index, seed_direction);
             let bias = run.bias(o.bias, i);
-            let margin = run.frame.ray_margin(p);
+            let margin = scene.map_or(0.0, |scene| run.margin(scene, p));
             let aim = Aim { p, dir, bias, margin, tmax: distance, time: run.ray_time(index, seed) };
             let footprint = query.dpdx.get(i).length().max(query.dpdy.get(i).length());
             let (width, spread) = (footprint * per_ray, 2.0 * half_angle.max(0.0) * per_ray);
@@ -258,9 +266,7 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
         }
         spread_over.push((lane, samples));
     }
-    let Some(scene) = run.frame.rays.scene(query.name, run.frame).filter(|_| !rays.is_empty()) else {
-        return;
-    };
+    let Some(scene) = scene.filter(|_| !rays.is_empty()) else { return };
     let purpose = run.purpose();
     let passed = run.thread.transmission(scene, &rays, purpose, &run.said);
     let mut rest = &passed[..];
