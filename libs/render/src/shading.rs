@@ -46,7 +46,7 @@ pub(crate) struct ShadingContext {
     database_attributes: Attributes,
     texture_path: SearchPath,
     /// Chances of directions by the light of environment maps, by name and upper direction.
-    directions: Mutex<HashMap<(String, String), Option<Arc<Directions>>>>,
+    directions: Mutex<HashMap<MapFrame, Option<Arc<Directions>>>>,
     /// Databases that `subsurface ()` asks.
     clustered: Mutex<HashMap<String, Option<Clustered>>>,
     /// By [`LightId`]; `None` for lights that stay dark.
@@ -58,6 +58,9 @@ pub(crate) struct ShadingContext {
     pub(crate) library: Arc<dyn ShaderLibrary>,
     states: Mutex<States>,
 }
+
+/// Name of an environment map, and the upper direction that a shader gives it.
+type MapFrame = (String, String);
 
 /// Records, and far ones taken together.
 pub(crate) type Clustered = (Arc<Packed>, Arc<Clusters>);
