@@ -42,6 +42,11 @@ impl Default for Patience {
 
 /// How often a thread that waits for the system looks whether it should end.
 const TICK: Duration = Duration::from_millis(50);
+/// How long small packets are collected before they are sent together: no eye sees it, and a thread that is woken for each
+/// bucket costs the render more than all else.
+const COLLECT: Duration = Duration::from_millis(20);
+/// Bytes that are given to the system at once.
+const BATCH_BYTES: usize = 1 << 20;
 /// How long a viewer has for closing its side.
 const FAREWELL: Duration = Duration::from_millis(500);
 /// Requests of one picture that wait to be fetched.
@@ -57,6 +62,8 @@ struct State {
     connected: bool,
     /// Our own packets are understood.
     two_way: bool,
+    /// Somebody waits until all is sent.
+    hurried: bool,
     /// Nothing more will be queued.
     ending: bool,
     /// Why nothing is sent any more.
@@ -153,7 +160,9 @@ impl Link {
         }
         state.bytes += bytes;
         state.queue.push_back(packet);
-        self.shared.changed.notify_all();
+        if state.queue.len() == 1 {
+            self.shared.changed.notify_all();
+        }
         Ok(())
     }
 
@@ -170,11 +179,14 @@ impl Link {
         let begin = Instant::now();
         let Patience { connect, stall, .. } = self.shared.patience;
         let mut state = self.shared.state();
+        state.hurried = true;
+        self.shared.changed.notify_all();
         loop {
             if let Some(what) = &state.broken {
                 return Err(what.clone());
             }
             if state.queue.is_empty() && !state.busy {
+                state.hurried = false;
                 return Ok(());
             }
             // Looking up a name may take as long as it likes, and nobody can end it.
@@ -291,34 +303,42 @@ fn send_packets(
     loop {
         let mut state = shared.state();
         state.busy = false;
-        let packet = loop {
+        let packets = loop {
             if let Some(what) = &state.broken {
                 return Err(what.clone());
             }
-            if let Some(packet) = state.queue.pop_front() {
-                break packet;
-            }
-            if state.ending {
-                shared.changed.notify_all();
-                return Ok(());
+            if !state.queue.is_empty() {
+                if !state.ending && !state.hurried {
+                    state = shared.wait(state, COLLECT);
+                }
+                break std::mem::take(&mut state.queue);
             }
             shared.changed.notify_all();
+            if state.ending {
+                return Ok(());
+            }
             state = shared.wait(state, Duration::from_secs(3600));
         };
         state.busy = true;
         let two_way = state.two_way;
         drop(state);
-        let sent = if is_ours(&packet) && !two_way {
-            Ok(())
-        } else {
-            bytes.clear();
-            packet.encode(bytes).map_err(|e| e.to_string()).and_then(|()| write(shared, socket, bytes))
-        };
-        let mut state = shared.state();
-        // Those who gave up emptied the queue and what it weighs.
-        state.bytes = state.bytes.saturating_sub(weight(&packet));
-        drop(state);
-        sent?;
+        bytes.clear();
+        let mut weighs = 0;
+        let last = packets.len().saturating_sub(1);
+        for (k, packet) in packets.into_iter().enumerate() {
+            weighs += weight(&packet);
+            if two_way || !is_ours(&packet) {
+                packet.encode(bytes).map_err(|e| e.to_string())?;
+            }
+            if k == last || bytes.len() >= BATCH_BYTES {
+                write(shared, socket, bytes)?;
+                bytes.clear();
+                // Those who gave up have forgotten what waits.
+                let mut state = shared.state();
+                state.bytes = state.bytes.saturating_sub(weighs);
+                weighs = 0;
+            }
+        }
     }
 }
 
