@@ -419,6 +419,12 @@ fn params(output: &Output, data: &Data, is_shown: bool) -> Params {
 }
 
 impl OutputImage {
+    /// Whether its filtered pixels are those of another image, to the bit.
+    pub(crate) fn is_filtered_like(&self, other: &Self) -> bool {
+        (&self.channels, &self.filter, self.opaque_width)
+            == (&other.channels, &other.filter, other.opaque_width)
+    }
+
     /// Writes the image; it appears complete under its name, or not at all.
     pub(crate) fn write(&self, camera: &CameraView, registry: &FormatRegistry) -> Result<(), RenderError> {
         let mut file = self.open(camera, registry)?;

@@ -137,14 +137,16 @@ impl<S: FrameShader> Frame<'_, S> {
         add_time(&self.counters.hide_nanos, hiding + begin.elapsed());
         let begin = Instant::now();
         let (images, rect) = (&self.outputs.images, &self.buckets.order[index]);
-        let pixels = images
-            .iter()
-            .zip(&self.filters)
-            .map(|(image, filter)| match image.opaque_width {
-                Some(width) => surfaces.volumes(rect, image.channels.len(), width),
-                None => film::filter(filter, samples, &values, &image.channels, rect),
-            })
-            .collect();
+        let mut pixels: Vec<Vec<f32>> = Vec::with_capacity(images.len());
+        for (k, (image, filter)) in images.iter().zip(&self.filters).enumerate() {
+            // What goes to a file and to a viewer is filtered once.
+            let same = images[..k].iter().position(|other| other.is_filtered_like(image));
+            pixels.push(match (same, image.opaque_width) {
+                (Some(same), _) => pixels[same].clone(),
+                (None, Some(width)) => surfaces.volumes(rect, image.channels.len(), width),
+                (None, None) => film::filter(filter, samples, &values, &image.channels, rect),
+            });
+        }
         add_time(&self.counters.filter_nanos, begin.elapsed());
         pixels
     }
