@@ -278,7 +278,8 @@ fn layer(a: &mut Args) -> Result<Option<Arc<str>>, Mistake> {
     }
     let layer = optional(a)?;
     // A type in front of a name belongs to a parameter.
-    let declared = |l: &&Arc<str>| l.contains(' ') && granita_base::ParamType::parse(l).is_ok();
+    let typed = |l: &str| ParamType::parse(l).is_ok_and(|(ty, _)| ty.base != BaseType::Unknown);
+    let declared = |l: &&Arc<str>| l.contains(' ') && typed(l);
     match layer.as_ref().filter(declared) {
         Some(parameter) => Err(format!("{}: \"{parameter}\" is given no value", a.call)),
         None => Ok(layer),

@@ -245,6 +245,19 @@ impl FrameRenderer for Blank {
     }
 }
 
+/// A layer may have a blank in its name; only a type in front of a name makes it a parameter without a value.
+#[test]
+fn layers_with_blanks_in_their_names() {
+    let (back, told) = read_back(b"Shader (\"surface\", \"matte\", \"base \")\n".to_vec());
+    assert!(told.is_empty(), "{told:?}");
+    assert!(
+        matches!(&back[..], [Call::Shader { layer: Some(layer), .. }] if **layer == *"base "),
+        "{back:?}"
+    );
+    let (_, told) = read_back(b"Shader (\"surface\", \"matte\", \"float Kd\")\n".to_vec());
+    assert!(told.iter().any(|t| t.contains("\"float Kd\" is given no value")), "{told:?}");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
 
