@@ -25,6 +25,7 @@
 
 #![forbid(unsafe_code)]
 
+mod bits;
 pub mod bound;
 pub mod filter;
 pub mod hash;

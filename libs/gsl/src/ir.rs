@@ -16,7 +16,7 @@
 //! - the type of an operation is the type of its `dst` symbol; operands convert to it, except where the
 //!   opcode says otherwise.
 
-use granita_base::Location;
+use granita_base::{BaseType, Location};
 use std::sync::Arc;
 
 /// What kind of shader (reference 5.1.2).
@@ -67,6 +67,20 @@ impl ValueType {
             Self::Color | Self::Point | Self::Vector | Self::Normal => 3,
             Self::Matrix => 16,
         }
+    }
+
+    /// The scene's type of such values; `None` for void.
+    pub fn base_type(self) -> Option<BaseType> {
+        Some(match self {
+            Self::Void => return None,
+            Self::Float => BaseType::Float,
+            Self::Color => BaseType::Color,
+            Self::Point => BaseType::Point,
+            Self::Vector => BaseType::Vector,
+            Self::Normal => BaseType::Normal,
+            Self::Matrix => BaseType::Matrix,
+            Self::String => BaseType::String,
+        })
     }
 
     /// Whether it is a colour, point, vector or normal.

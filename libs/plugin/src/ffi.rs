@@ -257,8 +257,3 @@ pub(crate) unsafe fn text<'a>(text: *const c_char) -> Option<std::borrow::Cow<'a
     // SAFETY: not NULL, and by the contract above it ends with 0.
     Some(unsafe { std::ffi::CStr::from_ptr(text) }.to_string_lossy())
 }
-
-/// Bits of a `ParamType` of `paramtype.h`, whose bit fields lie low bits first.
-pub(crate) fn type_bits(base: u32, array: Option<u32>, interp: u32) -> c_uint {
-    base | (array.unwrap_or(1) & 0x3_ffff) << 5 | u32::from(array.is_some()) << 23 | interp << 24
-}

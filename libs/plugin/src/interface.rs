@@ -184,7 +184,7 @@ impl<'a> Interface<'a> {
             let Some(declared) = self.declaration(name) else { return };
             declared
         } else {
-            match values::type_of_bits(bits) {
+            match ParamType::from_bits(bits) {
                 Ok(ty) => (ty, name.to_string_lossy().into()),
                 Err(what) => {
                     return self.complain(format!("\"{}\": {what}", name.to_string_lossy()));

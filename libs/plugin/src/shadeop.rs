@@ -2,10 +2,9 @@
 
 use crate::Plugins;
 use crate::dso::Dso;
-use crate::ffi::{self, ABI, Text, type_bits};
+use crate::ffi::{self, ABI, Text};
 use crate::plugins::endings;
-use granita_base::{Param, ParamData, SearchPath, Severity, Vec3};
-use granita_gsl::ir::ValueType;
+use granita_base::{BaseType, Param, ParamData, ParamType, SearchPath, Severity, Vec3};
 use granita_gsl::{ShadeopCall, ShadeopForm};
 use granita_shade::{
     NoiseForm, OptionValue, Shadeop, ShadeopContext, ShadeopData, Spot, is_text_option, noise_at,
@@ -115,18 +114,8 @@ unsafe impl Send for PluginShadeop {}
 // SAFETY: as above; who may not run at once is locked.
 unsafe impl Sync for PluginShadeop {}
 
-fn base_type(value: ValueType) -> u32 {
-    match value {
-        ValueType::Void => 1,
-        ValueType::String => 2,
-        ValueType::Float => 3,
-        ValueType::Point => 6,
-        ValueType::Vector => 7,
-        ValueType::Normal => 8,
-        ValueType::Color => 9,
-        ValueType::Matrix => 11,
-    }
-}
+/// `PT_VOID`: what no parameter has, but what functions give.
+const VOID: u32 = 1;
 
 fn alone() -> MutexGuard<'static, ()> {
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
@@ -146,7 +135,9 @@ impl State<'_, '_, '_> {
     fn describe(&mut self, k: usize) {
         let arg = &mut self.context.args()[k];
         let (width, varying) = (arg.width(), arg.varying);
-        let ty = type_bits(base_type(arg.value), arg.array, 0);
+        let base = arg.value.base_type();
+        let ty =
+            base.map_or(VOID, |base| ParamType { base, array: arg.array, ..ParamType::default() }.to_bits());
         let texts = match &mut arg.data {
             ShadeopData::Floats(v) => Err(v.as_mut_ptr().cast::<c_void>()),
             ShadeopData::Strings(v) => Ok(v.clone()),
@@ -364,31 +355,26 @@ extern "C" fn lookup(
 /// Stores the value of a parameter where a variable of a type is; whether they fit.
 fn answer(state: &mut State<'_, '_, '_>, param: Option<Param>, bits: c_uint, result: *mut c_void) -> c_int {
     let Some(param) = param.filter(|_| !result.is_null()) else { return 0 };
-    let array = (bits >> 23 & 1 == 1).then_some(bits >> 5 & 0x3_ffff);
-    let components = match bits & 31 {
-        2 | 3 | 16 => 1,
-        6..=9 => 3,
-        10 => 4,
-        11 => 16,
-        _ => return 0,
-    };
-    let n = components * array.unwrap_or(1) as usize;
+    let Ok(ty) = ParamType::from_bits(bits) else { return 0 };
+    let n = ty.width();
     if param.data.len() != n {
         return 0;
     }
     // SAFETY: by the interface there is room for a value of the type that is asked for.
     unsafe {
-        match (&param.data, bits & 31) {
-            (ParamData::String(v), 2) => {
+        match (&param.data, ty.base) {
+            (ParamData::String(v), BaseType::String) => {
                 let list: Vec<*const c_char> = v.iter().map(|t| state.text(t)).collect();
                 std::ptr::copy_nonoverlapping(list.as_ptr(), result.cast(), n);
             }
-            (ParamData::Int(v), 16) => std::ptr::copy_nonoverlapping(v.as_ptr(), result.cast(), n),
-            (data, 3 | 6..=11) => {
+            (ParamData::Int(v), BaseType::Int) => {
+                std::ptr::copy_nonoverlapping(v.as_ptr(), result.cast(), n);
+            }
+            (_, BaseType::String | BaseType::Int) => return 0,
+            (data, _) => {
                 let Some(v) = data.to_floats() else { return 0 };
                 std::ptr::copy_nonoverlapping(v.as_ptr(), result.cast(), n);
             }
-            _ => return 0,
         }
     }
     1

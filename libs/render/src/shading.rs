@@ -360,7 +360,7 @@ impl<'f> ShaderThread<'f> {
         let mut found = self.shade_as(object, grid, wanted, Executor::run_asked);
         for (have, (name, ty)) in found.iter_mut().zip(wanted) {
             let sent = grid.messages.iter().rev().map(|m| &m.value).find(|v| v.name == *name);
-            let of_type = |v: &&Primvar| v.ty.array.is_none() && v.ty.base == granita_shade::base_type(*ty);
+            let of_type = |v: &&Primvar| v.ty.array.is_none() && Some(v.ty.base) == ty.base_type();
             if let Some(Primvar { data: PrimvarData::Floats { values, varying }, .. }) = sent.filter(of_type)
             {
                 let n = grid.len();

@@ -91,7 +91,6 @@ pub use grid::{Grid, Lanes3, Message, Primvar, PrimvarData, RayKind, Topology, U
 pub use link::{ConnectionSource, Group, LayerSource, LinkOptions};
 pub use ops::{NoiseForm, noise_at};
 pub use run::executor::Executor;
-pub use run::params::base_type;
 pub use services::{
     Batch, DatabaseKey, DatabaseQuery, DatabaseSave, EnvironmentQuery, HitValues, IlluminateQuery, Lane,
     Lane3, LightInfo, LightResult, LightSample, LookupOptions, LookupResult, Services, ShadowQuery,

@@ -87,6 +87,46 @@ pub struct LookupOptions<'a> {
     pub filemode: Option<&'a str>,
 }
 
+impl<'a> LookupOptions<'a> {
+    /// Sets an option by its name, from the number or the text of its value, where an empty text and "default" are
+    /// as good as none. Whether a lookup takes such an option.
+    pub(crate) fn set(&mut self, name: &str, number: Option<Lane<'a>>, text: Option<&'a str>) -> bool {
+        let text = text.filter(|t| !t.is_empty() && *t != "default");
+        match name {
+            "blur" => (self.sblur, self.tblur) = (number, number),
+            "sblur" => self.sblur = number,
+            "tblur" => self.tblur = number,
+            "width" => (self.swidth, self.twidth) = (number, number),
+            "swidth" => self.swidth = number,
+            "twidth" => self.twidth = number,
+            "wrap" => (self.swrap, self.twrap) = (text, text),
+            "swrap" => self.swrap = text,
+            "twrap" => self.twrap = text,
+            "firstchannel" => self.firstchannel = number,
+            "fill" => self.fill = number,
+            "angle" => self.angle = number,
+            "Kr" => self.kr = number,
+            "space" => self.space = text,
+            "radius" => self.radius = number,
+            "up" => self.up = text,
+            "samples" => self.samples = number,
+            "sample" => self.sample = number,
+            "bias" => self.bias = number,
+            "maxhitdist" => self.maxhitdist = number,
+            "shade" => self.shade = number,
+            "adaptive" => self.adaptive = number,
+            "maxerror" => self.maxerror = number,
+            "maxpixeldist" => self.maxpixeldist = number,
+            "falloff" => self.falloff = number,
+            "falloffmode" => self.falloffmode = number,
+            "filename" => self.filename = text,
+            "filemode" => self.filemode = text,
+            _ => return false,
+        }
+        true
+    }
+}
+
 /// `texture ()`.
 #[derive(Clone, Copy, Debug)]
 #[allow(missing_docs, reason = "fields carry the argument names of the reference")]

@@ -168,32 +168,10 @@ pub(crate) fn lookup_options<'a>(
     for ((name, value), number) in options.iter().zip(numbers) {
         let lane = Some(Lane { values: &number[..], stride: 0 });
         let text = match value {
-            OptionValue::Text(text) if !text.is_empty() && *text != "default" => Some(*text),
+            OptionValue::Text(text) => Some(*text),
             _ => None,
         };
-        match *name {
-            "blur" => (o.sblur, o.tblur) = (lane, lane),
-            "sblur" => o.sblur = lane,
-            "tblur" => o.tblur = lane,
-            "width" => (o.swidth, o.twidth) = (lane, lane),
-            "swidth" => o.swidth = lane,
-            "twidth" => o.twidth = lane,
-            "wrap" => (o.swrap, o.twrap) = (text, text),
-            "swrap" => o.swrap = text,
-            "twrap" => o.twrap = text,
-            "firstchannel" => o.firstchannel = lane,
-            "fill" => o.fill = lane,
-            "angle" => o.angle = lane,
-            "Kr" => o.kr = lane,
-            "space" => o.space = text,
-            "radius" => o.radius = lane,
-            "up" => o.up = text,
-            "samples" => o.samples = lane,
-            "bias" => o.bias = lane,
-            "maxhitdist" => o.maxhitdist = lane,
-            "shade" => o.shade = lane,
-            _ => {}
-        }
+        o.set(name, lane, text);
     }
     o
 }

@@ -2,8 +2,8 @@
 
 #![allow(unsafe_code, reason = "the C interface is made of pointers; every block says why it is sound")]
 
-use granita_base::{Environment, SearchPath};
-use granita_gsl::ir::{ConstValue, Metadatum, SymbolType, ValueType};
+use granita_base::{Environment, ParamType, SearchPath};
+use granita_gsl::ir::{ConstValue, Metadatum, SymbolType};
 use granita_gsl::{Arg, GsoArgs};
 use std::ffi::{CStr, CString, c_char, c_int, c_uint};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -161,18 +161,8 @@ fn empty(name: *const c_char, ty: c_uint) -> Parameter {
 
 /// Bits of the C++ `ParamType`: base, length, whether it is an array.
 fn type_bits(ty: &SymbolType) -> c_uint {
-    let base: c_uint = match ty.value {
-        ValueType::Void => 1,
-        ValueType::String => 2,
-        ValueType::Float => 3,
-        ValueType::Point => 6,
-        ValueType::Vector => 7,
-        ValueType::Normal => 8,
-        ValueType::Color => 9,
-        ValueType::Matrix => 11,
-    };
-    let length = ty.array.unwrap_or(1) & 0x3_ffff;
-    base | length << 5 | c_uint::from(ty.array.is_some()) << 23
+    let base = ty.value.base_type().unwrap_or_default();
+    ParamType { base, array: ty.array, ..ParamType::default() }.to_bits()
 }
 
 /// The variables of this process.

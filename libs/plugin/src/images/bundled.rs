@@ -206,13 +206,11 @@ unsafe fn params(n: c_int, list: *const ImageParameter) -> Params {
             if p.value.is_null() || count == 0 {
                 continue;
             }
-            let (base, width) = match p.ty {
-                2 => (BaseType::String, 1),
-                3 => (BaseType::Float, 1),
-                9 => (BaseType::Color, 3),
-                11 => (BaseType::Matrix, 16),
-                16 => (BaseType::Int, 1),
-                _ => continue,
+            let base = match u32::try_from(p.ty).ok().and_then(BaseType::from_number) {
+                Some(BaseType::Point | BaseType::Vector | BaseType::Normal | BaseType::HPoint) | None => {
+                    continue;
+                }
+                Some(base) => base,
             };
             let data = match base {
                 BaseType::String => ParamData::String(
@@ -222,7 +220,7 @@ unsafe fn params(n: c_int, list: *const ImageParameter) -> Params {
                         .collect(),
                 ),
                 BaseType::Int => std::slice::from_raw_parts(p.value.cast::<i32>(), count).into(),
-                _ => std::slice::from_raw_parts(p.value.cast::<f32>(), count * width).into(),
+                _ => std::slice::from_raw_parts(p.value.cast::<f32>(), count * base.components()).into(),
             };
             let is_matrix =
                 base == BaseType::Float && count == 16 && matches!(&*name, "worldtocamera" | "worldtoscreen");
@@ -540,28 +538,29 @@ unsafe extern "C" fn in_parameter(
         let absent = || format!("the file has no \"{name}\" of that type");
         let param =
             input.spec()?.attributes.get(&name).cloned().filter(|_| !value.is_null()).ok_or_else(absent)?;
-        let array = if bits >> 23 & 1 == 1 { bits >> 5 & 0x3_ffff } else { 1 };
-        let array = array as usize;
-        let components = match bits & 31 {
-            6..=9 => 3,
-            11 => 16,
-            _ => 1,
-        };
-        if param.data.len() != array * components {
+        let ty = ParamType::from_bits(bits).map_err(|_| absent())?;
+        if param.data.len() != ty.width() {
             return Err(absent());
         }
         // SAFETY: by the interface there is room for a value of the type that is asked for.
         unsafe {
-            match (&param.data, bits & 31) {
-                (ParamData::String(v), 2) => {
-                    input.text.push(c_string(v.first().map_or("", |t| t)));
-                    *value.cast::<*const c_char>() = input.text[input.text.len() - 1].as_ptr();
+            match (&param.data, ty.base) {
+                (ParamData::String(v), BaseType::String) => {
+                    for (k, text) in v.iter().enumerate() {
+                        let text = c_string(text);
+                        *value.cast::<*const c_char>().add(k) = text.as_ptr();
+                        input.text.push(text);
+                    }
                 }
-                (ParamData::Int(v), 16) => std::ptr::copy_nonoverlapping(v.as_ptr(), value.cast(), v.len()),
-                (ParamData::Float(v), 3 | 6..=9 | 11) => {
+                (ParamData::Int(v), BaseType::Int) => {
                     std::ptr::copy_nonoverlapping(v.as_ptr(), value.cast(), v.len());
                 }
-                _ => return Err(absent()),
+                (ParamData::String(_) | ParamData::Int(_), _) | (_, BaseType::String | BaseType::Int) => {
+                    return Err(absent());
+                }
+                (ParamData::Float(v), _) => {
+                    std::ptr::copy_nonoverlapping(v.as_ptr(), value.cast(), v.len());
+                }
             }
         }
         Ok(())

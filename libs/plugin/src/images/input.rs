@@ -1,7 +1,7 @@
 //! Files that a plugin reads.
 
 use super::{Made, Object, PluginFormat, failure};
-use crate::ffi::{self, InputCalls, Spec, Text, type_bits};
+use crate::ffi::{self, InputCalls, Spec, Text};
 use crate::interface::c_string;
 use granita_base::{BaseType, Param, ParamData, ParamType};
 use granita_image::{ImageError, ImageInput, ImageSpec, Limits, PixelType, Pixels, Result};
@@ -10,9 +10,6 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 /// Base types of `paramtype.h`.
-const PT_STRING: u32 = 2;
-const PT_FLOAT: u32 = 3;
-const PT_INT: u32 = 16;
 
 /// Of scanlines that nobody asked for, so many values are read to bring a reader to its end.
 const MAX_DRAINED: u64 = 1 << 26;
@@ -211,10 +208,10 @@ impl Reader {
     fn attributes(&mut self, image: &mut ImageSpec) {
         let Some(get) = self.object.calls.get_parameter else { return };
         let this = self.object.this;
-        let ask = |name: &str, bits: u32, value: *mut c_void| {
+        let ask = |name: &str, ty: ParamType, value: *mut c_void| {
             let (name, mut why) = (c_string(name), Text::new());
             // SAFETY: a live object, and room for a value of the type that is asked for.
-            unsafe { get(this, name.as_ptr(), bits, value, why.room()) == ffi::OK }
+            unsafe { get(this, name.as_ptr(), ty.to_bits(), value, why.room()) == ffi::OK }
         };
         let mut set = |name: &str, ty: ParamType, data: ParamData| {
             image.attributes.set(Param { name: name.into(), ty, data });
@@ -222,18 +219,22 @@ impl Reader {
         for name in ["worldtocamera", "worldtoscreen"] {
             let mut m = [0.0f32; 16];
             let room: *mut c_void = m.as_mut_ptr().cast();
-            if ask(name, type_bits(11, None, 0), room) || ask(name, type_bits(PT_FLOAT, Some(16), 0), room) {
-                set(name, ParamType::of(BaseType::Matrix), m[..].into());
+            let (matrix, floats) = (ParamType::of(BaseType::Matrix), ParamType::array(BaseType::Float, 16));
+            if ask(name, matrix, room) || ask(name, floats, room) {
+                set(name, matrix, m[..].into());
             }
         }
         let mut fovcot = 0.0f32;
-        if ask("fovcot", type_bits(PT_FLOAT, None, 0), (&raw mut fovcot).cast()) {
-            set("fovcot", ParamType::of(BaseType::Float), fovcot.into());
+        let float = ParamType::of(BaseType::Float);
+        if ask("fovcot", float, (&raw mut fovcot).cast()) {
+            set("fovcot", float, fovcot.into());
         }
         let mut unassociated: c_int = 0;
-        if ask("unassociatedalpha", type_bits(PT_INT, None, 0), (&raw mut unassociated).cast()) {
-            set("unassociatedalpha", ParamType::of(BaseType::Int), unassociated.into());
+        let int = ParamType::of(BaseType::Int);
+        if ask("unassociatedalpha", int, (&raw mut unassociated).cast()) {
+            set("unassociatedalpha", int, unassociated.into());
         }
+        let string = ParamType::of(BaseType::String);
         for name in [
             "textureformat",
             "wrapmodes",
@@ -244,11 +245,11 @@ impl Reader {
             "software",
         ] {
             let mut value: *const std::ffi::c_char = std::ptr::null();
-            if ask(name, type_bits(PT_STRING, None, 0), (&raw mut value).cast())
+            if ask(name, string, (&raw mut value).cast())
                 // SAFETY: a string of the plugin, valid until the next call.
                 && let Some(text) = unsafe { ffi::text(value) }
             {
-                set(name, ParamType::of(BaseType::String), (&*text).into());
+                set(name, string, (&*text).into());
             }
         }
     }

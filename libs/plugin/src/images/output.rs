@@ -100,16 +100,13 @@ impl List {
         let (ty, nvalues, value): (c_int, c_int, *const c_void) = match &param.data {
             ParamData::Int(v) => (16, count(v.len()), v.as_ptr().cast()),
             ParamData::Float(v) => {
-                // A matrix goes as 16 floats (reference 13.3.2).
-                let width = param.ty.base.components();
-                let (ty, width) = match param.ty.base {
-                    BaseType::Color => (9, width),
-                    BaseType::Point => (6, width),
-                    BaseType::Vector => (7, width),
-                    BaseType::Normal => (8, width),
-                    _ => (3, 1),
+                // Only triples go whole; a matrix goes as 16 floats (reference 13.3.2).
+                let base = match param.ty.base.components() {
+                    3 => param.ty.base,
+                    _ => BaseType::Float,
                 };
-                (ty, count(v.len() / width), v.as_ptr().cast())
+                let number = c_int::try_from(base.number()).expect("numbers of types are small");
+                (number, count(v.len() / base.components()), v.as_ptr().cast())
             }
             ParamData::String(v) => {
                 let mut pointers = Vec::new();

@@ -1,6 +1,6 @@
 //! Values that C and C++ pass: where they lie, and of what type they are.
 
-use granita_base::{BaseType, Interp, ParamData, ParamType};
+use granita_base::{BaseType, ParamData, ParamType};
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::sync::Arc;
 
@@ -103,48 +103,9 @@ pub(super) fn known_type(name: &str) -> Option<ParamType> {
     granita_scene::attribute_row(name).map(|row| row.ty)
 }
 
-/// The type in the bits of a C++ `ParamType`.
-///
-/// # Errors
-/// What it is, when scenes have no such type.
-pub(super) fn type_of_bits(bits: u32) -> Result<ParamType, String> {
-    let base = match bits & 31 {
-        2 => BaseType::String,
-        3 => BaseType::Float,
-        6 => BaseType::Point,
-        7 => BaseType::Vector,
-        8 => BaseType::Normal,
-        9 => BaseType::Color,
-        10 => BaseType::HPoint,
-        11 => BaseType::Matrix,
-        16 => BaseType::Int,
-        other => return Err(format!("scenes have no values of type number {other}")),
-    };
-    let interp = match bits >> 24 & 7 {
-        0 => Interp::Constant,
-        1 => Interp::PerPiece,
-        2 => Interp::Linear,
-        3 => Interp::Vertex,
-        other => return Err(format!("there is no interpolation of number {other}")),
-    };
-    let array = (bits >> 23 & 1 == 1).then_some(bits >> 5 & 0x3_ffff);
-    Ok(ParamType { base, array, interp })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ffi::type_bits;
-
-    #[test]
-    fn bits_are_those_of_the_header() {
-        let ty = type_of_bits(type_bits(6, None, 3)).unwrap();
-        assert_eq!(ty, ParamType::of(BaseType::Point).with_interp(Interp::Vertex));
-        let ty = type_of_bits(type_bits(3, Some(4), 0)).unwrap();
-        assert_eq!(ty, ParamType::array(BaseType::Float, 4));
-        assert!(type_of_bits(type_bits(1, None, 0)).is_err());
-        assert!(type_of_bits(type_bits(3, None, 5)).is_err());
-    }
 
     #[test]
     fn values_that_do_not_fit_are_told() {

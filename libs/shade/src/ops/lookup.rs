@@ -64,45 +64,21 @@ pub(crate) struct Parsed<'v> {
 pub(crate) fn options<'v>(parts: &Parts<'v>, pairs: &[(SymbolId, SymbolId)]) -> Parsed<'v> {
     let mut parsed = Parsed::default();
     for &(name, value) in pairs {
-        let lane = Some(parts.view(value).lane(0));
-        let text = || Some(parts.text(value)).filter(|t| !t.is_empty() && *t != "default");
-        let o = &mut parsed.options;
         match parts.text(name) {
-            "blur" => (o.sblur, o.tblur) = (lane, lane),
-            "sblur" => o.sblur = lane,
-            "tblur" => o.tblur = lane,
-            "width" => (o.swidth, o.twidth) = (lane, lane),
-            "swidth" => o.swidth = lane,
-            "twidth" => o.twidth = lane,
-            "wrap" => (o.swrap, o.twrap) = (text(), text()),
-            "swrap" => o.swrap = text(),
-            "twrap" => o.twrap = text(),
-            "firstchannel" => o.firstchannel = lane,
-            "fill" => o.fill = lane,
-            "angle" => o.angle = lane,
-            "Kr" => o.kr = lane,
-            "space" => o.space = text(),
-            "radius" => o.radius = lane,
-            "up" => o.up = text(),
-            "samples" => o.samples = lane,
-            "sample" => o.sample = lane,
-            "bias" => o.bias = lane,
-            "maxhitdist" => o.maxhitdist = lane,
-            "shade" => o.shade = lane,
-            "distribution" => parsed.distribution = text(),
+            "distribution" => {
+                parsed.distribution = Some(parts.text(value)).filter(|t| !t.is_empty() && *t != "default");
+            }
             "alpha" => parsed.results[0] = Some(value),
             "hitdist" => parsed.results[1] = Some(value),
             "Phit" => parsed.results[2] = Some(value),
             "Nhit" => parsed.results[3] = Some(value),
             "direction" => parsed.results[4] = Some(value),
-            "adaptive" => o.adaptive = lane,
-            "maxerror" => o.maxerror = lane,
-            "maxpixeldist" => o.maxpixeldist = lane,
-            "falloff" => o.falloff = lane,
-            "falloffmode" => o.falloffmode = lane,
-            "filename" => o.filename = text(),
-            "filemode" => o.filemode = text(),
-            other => parsed.unknown.push(other),
+            name => {
+                let text = parts.is_text(value).then(|| parts.text(value));
+                if !parsed.options.set(name, Some(parts.view(value).lane(0)), text) {
+                    parsed.unknown.push(name);
+                }
+            }
         }
     }
     parsed

@@ -3,7 +3,7 @@
 use super::constant;
 use crate::link::{At, usage_word};
 use crate::run::machine::{Machine, RaySample, Sent};
-use crate::run::params::{base_type, same_type};
+use crate::run::params::same_type;
 use crate::run::store::Slot;
 use crate::{HitValues, Lanes3, Primvar, PrimvarData};
 use granita_base::{BaseType, Param, ParamData};
@@ -278,7 +278,7 @@ fn store_param(m: &mut Machine<'_>, dst: SymbolId, p: &Param) -> bool {
     let place = *m.place(dst);
     let mut ty = p.ty;
     if ty.base == BaseType::Unknown {
-        ty.base = base_type(place.value);
+        ty.base = place.value.base_type().unwrap_or(BaseType::Float);
     }
     if !same_type(ty, place.value, place.array.then_some(place.elements)) {
         return false;

@@ -285,7 +285,7 @@ impl Machine<'_> {
                     ParamData::Float(slot.data.as_slice().into())
                 };
                 let ty = ParamType {
-                    base: crate::run::params::base_type(place.value),
+                    base: place.value.base_type().unwrap_or(granita_base::BaseType::Float),
                     array: place.array.then_some(place.elements),
                     ..ParamType::default()
                 };

@@ -288,7 +288,7 @@ impl Machine<'_> {
         array: Option<u32>,
         slot: &Slot,
     ) -> Primvar {
-        let base = base_type(value);
+        let base = value.base_type().unwrap_or(BaseType::Float);
         let data = if value == ValueType::String {
             // Strings that vary keep the first lane's: messages of strings are uniform.
             let stride = if slot.varying { self.n } else { 1 };
@@ -316,21 +316,8 @@ fn part(tap: &Tap) -> (usize, usize) {
     (first, count)
 }
 
-/// The scene's word for a type.
-pub fn base_type(value: ValueType) -> BaseType {
-    match value {
-        ValueType::Float | ValueType::Void => BaseType::Float,
-        ValueType::Color => BaseType::Color,
-        ValueType::Point => BaseType::Point,
-        ValueType::Vector => BaseType::Vector,
-        ValueType::Normal => BaseType::Normal,
-        ValueType::Matrix => BaseType::Matrix,
-        ValueType::String => BaseType::String,
-    }
-}
-
 /// Whether data of a declared type is a value of the language's type; integers are floats.
 pub(crate) fn same_type(ty: ParamType, value: ValueType, array: Option<u32>) -> bool {
     let base = if ty.base == BaseType::Int { BaseType::Float } else { ty.base };
-    base == base_type(value) && ty.array == array
+    Some(base) == value.base_type() && ty.array == array
 }

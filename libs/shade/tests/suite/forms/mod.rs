@@ -237,14 +237,7 @@ fn outputs(group: &Group, grid: &mut Grid, result: ValueType, executor: &mut Exe
 }
 
 fn param_type(ty: ValueType) -> ParamType {
-    ParamType::of(match ty {
-        ValueType::Color => BaseType::Color,
-        ValueType::Point => BaseType::Point,
-        ValueType::Vector => BaseType::Vector,
-        ValueType::Normal => BaseType::Normal,
-        ValueType::Matrix => BaseType::Matrix,
-        _ => BaseType::Float,
-    })
+    ParamType::of(ty.base_type().unwrap_or(BaseType::Float))
 }
 
 fn bits(v: &[f32]) -> Vec<u32> {

@@ -1,0 +1,82 @@
+//! Types as the C++ interface counts them: `ParamType` of `paramtype.h` (reference appendix A).
+
+use crate::{BaseType, Interp, ParamType};
+
+/// The types that have a number, with it. There are others, which no parameter has.
+const NUMBERS: [(BaseType, u32); 9] = [
+    (BaseType::String, 2),
+    (BaseType::Float, 3),
+    (BaseType::Point, 6),
+    (BaseType::Vector, 7),
+    (BaseType::Normal, 8),
+    (BaseType::Color, 9),
+    (BaseType::HPoint, 10),
+    (BaseType::Matrix, 11),
+    (BaseType::Int, 16),
+];
+
+/// Interpolations in the order of their numbers.
+const INTERPS: [Interp; 4] = [Interp::Constant, Interp::PerPiece, Interp::Linear, Interp::Vertex];
+
+impl BaseType {
+    /// Its number as a `ParamBaseType`; 0 for [`BaseType::Unknown`].
+    pub fn number(self) -> u32 {
+        NUMBERS.iter().find(|(base, _)| *base == self).map_or(0, |(_, number)| *number)
+    }
+
+    /// The type of a number; `None` for those that scenes have no values of.
+    pub fn from_number(number: u32) -> Option<Self> {
+        NUMBERS.iter().find(|(_, n)| *n == number).map(|(base, _)| *base)
+    }
+}
+
+impl ParamType {
+    /// As the bits of a `ParamType`, whose fields lie low bits first: 5 of the base type, 18 of the length, one for an
+    /// array, 3 of the interpolation. Longer arrays lose the higher bits of their length.
+    pub fn to_bits(self) -> u32 {
+        let interp = INTERPS.iter().position(|i| *i == self.interp).unwrap_or(0) as u32;
+        let length = self.array.unwrap_or(1) & 0x3_ffff;
+        self.base.number() | length << 5 | u32::from(self.array.is_some()) << 23 | interp << 24
+    }
+
+    /// The type in the bits of a `ParamType`.
+    ///
+    /// # Errors
+    /// What it is, when scenes have no such type.
+    pub fn from_bits(bits: u32) -> Result<Self, String> {
+        let base = BaseType::from_number(bits & 31)
+            .ok_or_else(|| format!("scenes have no values of type number {}", bits & 31))?;
+        let number = bits >> 24 & 7;
+        let interp = *INTERPS
+            .get(number as usize)
+            .ok_or_else(|| format!("there is no interpolation of number {number}"))?;
+        let array = (bits >> 23 & 1 == 1).then_some(bits >> 5 & 0x3_ffff);
+        Ok(Self { base, array, interp })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_are_those_of_the_header() {
+        // A point for each vertex, and four floats, written out.
+        let point = ParamType::of(BaseType::Point).with_interp(Interp::Vertex);
+        assert_eq!(ParamType::from_bits(6 | 1 << 5 | 3 << 24).unwrap(), point);
+        let array = ParamType::array(BaseType::Float, 4);
+        assert_eq!(ParamType::from_bits(3 | 4 << 5 | 1 << 23).unwrap(), array);
+        for (base, number) in NUMBERS {
+            for interp in INTERPS {
+                for ty in [ParamType::of(base), ParamType::array(base, 77)] {
+                    let ty = ty.with_interp(interp);
+                    assert_eq!(ParamType::from_bits(ty.to_bits()), Ok(ty));
+                }
+            }
+            assert_eq!(BaseType::from_number(number), Some(base));
+        }
+        assert!(ParamType::from_bits(1 | 1 << 5).is_err());
+        assert!(ParamType::from_bits(3 | 1 << 5 | 5 << 24).is_err());
+        assert_eq!(BaseType::Unknown.number(), 0);
+    }
+}
