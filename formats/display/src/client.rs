@@ -1,11 +1,11 @@
 //! The image format "iv" (reference 7.4.3).
 
 use crate::link::{Link, Patience};
-use crate::packet::{Area as PacketArea, Channel, Wishes};
+use crate::packet::Channel;
 use crate::{Packet, server_address};
 use granita_image::{
-    Area, CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, Pixels, Request,
-    Result,
+    CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelRect, Pixels,
+    Request, Result, Wishes,
 };
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -135,29 +135,36 @@ impl IvOutput {
         ImageError::Misuse { path: self.name.clone().into(), what }
     }
 
-    /// Sends `area`, some of whose rows are at most a packet.
-    fn send(&mut self, area: &Area, values: Vec<f32>) -> Result<()> {
+    fn window(&self) -> PixelRect {
+        PixelRect::at(0, 0, self.spec.width, self.spec.height)
+    }
+
+    /// Sends `rect`, some of whose rows are at most a packet.
+    fn send(&mut self, rect: &PixelRect, values: Vec<f32>) -> Result<()> {
         let n = self.spec.nchannels();
-        let line = area.width as usize * n;
+        let line = rect.width() * n;
         let channels: Vec<Channel> = (self.spec.channels.iter().enumerate())
             .map(|(i, name)| Channel { name: name.clone(), offset: i as u64, stride: n as u64 })
             .collect();
-        let packet = |y, rows, values| Packet::UpdateImage {
+        let packet = |rect, values| Packet::UpdateImage {
             name: self.name.clone(),
             focus: false,
             channels: channels.clone(),
-            area: PacketArea { x: area.x as i32, y: y as i32, width: area.width, height: rows },
+            rect,
             values,
         };
         if values.len() <= PACKET_VALUES {
-            let packet = packet(area.y, area.height, values);
+            let packet = packet(*rect, values);
             return self.push(packet);
         }
         let rows = (PACKET_VALUES / line).max(1);
         let packets: Vec<Packet> = values
             .chunks(rows * line)
-            .enumerate()
-            .map(|(i, part)| packet(area.y + (i * rows) as u32, (part.len() / line) as u32, part.to_vec()))
+            .zip((rect.y0..rect.y1).step_by(rows))
+            .map(|(part, y0)| {
+                let y1 = y0 + (part.len() / line) as i32;
+                packet(PixelRect { y0, y1, ..*rect }, part.to_vec())
+            })
             .collect();
         packets.into_iter().try_for_each(|packet| self.push(packet))
     }
@@ -167,8 +174,8 @@ impl ImageOutput for IvOutput {
     fn write_rows(&mut self, pixels: &Pixels) -> Result<()> {
         let line = self.spec.width as usize * self.spec.nchannels();
         let height = u32::try_from(pixels.len() / line.max(1)).unwrap_or(u32::MAX);
-        let area = Area { x: 0, y: self.row, width: self.spec.width, height };
-        self.write_rectangle(&area, pixels)?;
+        let row = i32::try_from(self.row).unwrap_or(i32::MAX);
+        self.write_rectangle(&PixelRect::at(0, row, self.spec.width, height), pixels)?;
         self.row += height;
         Ok(())
     }
@@ -180,23 +187,20 @@ impl ImageOutput for IvOutput {
         if tx >= across || ty >= down || pixels.len() != width as usize * height as usize * n {
             return Err(self.misuse(format!("tile ({tx}, {ty}) of {across} x {down}")));
         }
-        let (x, y) = (tx * width, ty * height);
-        let inside =
-            Area { x, y, width: width.min(self.spec.width - x), height: height.min(self.spec.height - y) };
+        let whole = PixelRect::at((tx * width) as i32, (ty * height) as i32, width, height);
+        let inside = whole.intersection(&self.window());
         let values = pixels.to_floats();
-        let lines = values.chunks_exact(width as usize * n).take(inside.height as usize);
-        let values = lines.flat_map(|line| &line[..inside.width as usize * n]).copied().collect();
+        let lines = values.chunks_exact(width as usize * n).take(inside.height());
+        let values = lines.flat_map(|line| &line[..inside.width() * n]).copied().collect();
         self.send(&inside, values)
     }
 
-    fn write_rectangle(&mut self, area: &Area, pixels: &Pixels) -> Result<()> {
-        let ends = [area.x.checked_add(area.width), area.y.checked_add(area.height)];
-        let inside =
-            ends[0].is_some_and(|x| x <= self.spec.width) && ends[1].is_some_and(|y| y <= self.spec.height);
-        let values = u64::from(area.width) * u64::from(area.height) * self.spec.nchannels() as u64;
+    fn write_rectangle(&mut self, rect: &PixelRect, pixels: &Pixels) -> Result<()> {
+        let inside = rect.is_empty() || self.window().contains(rect);
+        let values = rect.pixels().saturating_mul(self.spec.nchannels() as u64);
         if !inside || values != pixels.len() as u64 {
             return Err(self.misuse(format!(
-                "{} values for {area:?} of {} x {} pixels",
+                "{} values for {rect:?} of {} x {} pixels",
                 pixels.len(),
                 self.spec.width,
                 self.spec.height
@@ -205,14 +209,13 @@ impl ImageOutput for IvOutput {
         if values == 0 {
             return Ok(());
         }
-        self.send(area, pixels.to_floats())
+        self.send(rect, pixels.to_floats())
     }
 
-    fn begin_rectangle(&mut self, area: &Area) {
-        let area = PacketArea { x: area.x as i32, y: area.y as i32, width: area.width, height: area.height };
-        if area.width > 0 && area.height > 0 {
+    fn begin_rectangle(&mut self, rect: &PixelRect) {
+        if !rect.is_empty() {
             // Whether it fails, the pixels will tell.
-            let _ = self.link.push(Packet::Mark { name: self.name.clone(), area });
+            let _ = self.link.push(Packet::Mark { name: self.name.clone(), rect: *rect });
         }
     }
 

@@ -393,13 +393,7 @@ fn hear(shared: &Shared, mut socket: TcpStream) {
                 shared.changed.notify_all();
                 continue;
             }
-            Packet::Center { name, x, y } => (name, Request::Center { x, y }),
-            Packet::Priority { name, area } => {
-                let (x0, y0) = (area.x, area.y);
-                let end = |from: i32, size: u32| from.saturating_add(i32::try_from(size).unwrap_or(i32::MAX));
-                (name, Request::Rectangle { x0, y0, x1: end(x0, area.width), y1: end(y0, area.height) })
-            }
-            Packet::Abort { name } => (name, Request::Stop),
+            Packet::Request { name, request } => (name, request),
             _ => continue,
         };
         if state.two_way && state.names.contains(&name) {

@@ -32,6 +32,7 @@
 //! | 112 | abort (to the client) | text name |
 
 use crate::{DisplayError, Result};
+use granita_image::{Draw, PixelRect, Request, Wishes};
 
 /// The port that viewers listen on.
 pub const DEFAULT_PORT: u16 = 14158;
@@ -72,25 +73,6 @@ impl Default for PacketLimits {
     }
 }
 
-/// Pixels of a picture: `width x height` of them from (`x`, `y`).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Area {
-    /// First column.
-    pub x: i32,
-    /// First row.
-    pub y: i32,
-    /// Columns, at least 1.
-    pub width: u32,
-    /// Rows, at least 1.
-    pub height: u32,
-}
-
-impl Area {
-    fn pixels(&self) -> u64 {
-        u64::from(self.width) * u64::from(self.height)
-    }
-}
-
 /// Where the values of a channel are in a packet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Channel {
@@ -100,42 +82,6 @@ pub struct Channel {
     pub offset: u64,
     /// From the value of one pixel to that of the next.
     pub stride: u64,
-}
-
-/// A command of vector graphics, in pixels of the picture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Vector {
-    /// Keeps the colours.
-    Save,
-    /// Takes the kept colours.
-    Restore,
-    /// A path goes on from here.
-    MoveTo([f32; 2]),
-    /// A line to here.
-    LineTo([f32; 2]),
-    /// What is filled from now on: red, green, blue, alpha.
-    FillColor([f32; 4]),
-    /// What is drawn from now on.
-    StrokeColor([f32; 4]),
-    /// Fills the path.
-    Fill,
-    /// Draws the path.
-    Stroke,
-    /// A new path.
-    BeginPath,
-}
-
-/// How a sender would like its picture to be shown (reference 7.4.3).
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Wishes {
-    /// On the whole screen.
-    pub fullscreen: bool,
-    /// Screen pixels for one of the picture; 0 leaves it to the viewer.
-    pub zoom: u32,
-    /// File to be laid over it; empty for none.
-    pub foreground: String,
-    /// File to be laid under it; empty for none.
-    pub background: String,
 }
 
 /// One message.
@@ -183,8 +129,8 @@ pub enum Packet {
         focus: bool,
         /// The channels.
         channels: Vec<Channel>,
-        /// The pixels.
-        area: Area,
+        /// The pixels; at least one.
+        rect: PixelRect,
         /// The values; at least as many as the channels need.
         values: Vec<f32>,
     },
@@ -197,7 +143,7 @@ pub enum Packet {
         /// Those that are there stay.
         append: bool,
         /// What to draw.
-        commands: Vec<Vector>,
+        commands: Vec<Draw>,
     },
     /// Our own packets are understood.
     Hello {
@@ -208,8 +154,8 @@ pub enum Packet {
     Mark {
         /// Name of the picture.
         name: String,
-        /// The pixels.
-        area: Area,
+        /// The pixels; at least one.
+        rect: PixelRect,
     },
     /// How to show a picture.
     Wish {
@@ -225,26 +171,12 @@ pub enum Packet {
         /// Whether all of it came.
         complete: bool,
     },
-    /// Go on around a pixel.
-    Center {
+    /// What a viewer asks of whoever makes the picture.
+    Request {
         /// Name of the picture.
         name: String,
-        /// Column.
-        x: i32,
-        /// Row.
-        y: i32,
-    },
-    /// These pixels first.
-    Priority {
-        /// Name of the picture.
-        name: String,
-        /// The pixels.
-        area: Area,
-    },
-    /// Make no more of it.
-    Abort {
-        /// Name of the picture.
-        name: String,
+        /// What is asked.
+        request: Request,
     },
 }
 
@@ -348,11 +280,14 @@ impl Put<'_> {
         Ok(())
     }
 
-    fn area(&mut self, area: &Area) -> Result<()> {
-        self.int(area.x);
-        self.int(area.y);
-        self.size(area.width as usize)?;
-        self.size(area.height as usize)
+    fn rect(&mut self, rect: &PixelRect) -> Result<()> {
+        if rect.is_empty() {
+            return Err(DisplayError::Misuse { what: format!("no pixel in {rect:?}") });
+        }
+        self.int(rect.x0);
+        self.int(rect.y0);
+        self.size(rect.width())?;
+        self.size(rect.height())
     }
 
     fn floats(&mut self, values: &[f32]) {
@@ -385,10 +320,10 @@ impl Put<'_> {
                 self.size(channels.len())?;
                 channels.iter().try_for_each(|channel| self.text(channel))
             }
-            Packet::UpdateImage { name, focus, channels, area, values } => {
-                let needed = needed_values(channels, area);
+            Packet::UpdateImage { name, focus, channels, rect, values } => {
+                let needed = needed_values(channels, rect);
                 if needed.is_none_or(|needed| needed > values.len() as u64) {
-                    let what = format!("{} values for the channels of {area:?}", values.len());
+                    let what = format!("{} values for the channels of {rect:?}", values.len());
                     return Err(DisplayError::Misuse { what });
                 }
                 self.out.reserve(values.len() * 4 + 256);
@@ -397,7 +332,7 @@ impl Put<'_> {
                 self.text(name)?;
                 self.size(channels.len())?;
                 channels.iter().try_for_each(|channel| self.text(&channel.name))?;
-                self.area(area)?;
+                self.rect(rect)?;
                 channels.iter().try_for_each(|channel| self.long(channel.offset))?;
                 channels.iter().try_for_each(|channel| self.long(channel.stride))?;
                 // Others insist on as many values as are used.
@@ -418,10 +353,10 @@ impl Put<'_> {
                 self.out.extend_from_slice(&version.to_le_bytes());
                 Ok(())
             }
-            Packet::Mark { name, area } => {
+            Packet::Mark { name, rect } => {
                 self.kind(101);
                 self.text(name)?;
-                self.area(area)
+                self.rect(rect)
             }
             Packet::Wish { name, wishes } => {
                 self.kind(102);
@@ -437,36 +372,37 @@ impl Put<'_> {
                 self.flag(*complete);
                 Ok(())
             }
-            Packet::Center { name, x, y } => {
-                self.kind(110);
+            Packet::Request { name, request } => {
+                self.kind(match request {
+                    Request::Center { .. } => 110,
+                    Request::Priority(_) => 111,
+                    Request::Abort => 112,
+                });
                 self.text(name)?;
-                self.int(*x);
-                self.int(*y);
-                Ok(())
-            }
-            Packet::Priority { name, area } => {
-                self.kind(111);
-                self.text(name)?;
-                self.area(area)
-            }
-            Packet::Abort { name } => {
-                self.kind(112);
-                self.text(name)
+                match request {
+                    Request::Center { x, y } => {
+                        self.int(*x);
+                        self.int(*y);
+                        Ok(())
+                    }
+                    Request::Priority(rect) => self.rect(rect),
+                    Request::Abort => Ok(()),
+                }
             }
         }
     }
 
-    fn vector(&mut self, command: &Vector) {
+    fn vector(&mut self, command: &Draw) {
         let (kind, values): (u8, &[f32]) = match command {
-            Vector::Save => (0, &[]),
-            Vector::Restore => (1, &[]),
-            Vector::MoveTo(point) => (2, point),
-            Vector::LineTo(point) => (3, point),
-            Vector::FillColor(color) => (4, color),
-            Vector::StrokeColor(color) => (5, color),
-            Vector::Fill => (6, &[]),
-            Vector::Stroke => (7, &[]),
-            Vector::BeginPath => (8, &[]),
+            Draw::Save => (0, &[]),
+            Draw::Restore => (1, &[]),
+            Draw::MoveTo(point) => (2, point),
+            Draw::LineTo(point) => (3, point),
+            Draw::FillColor(color) => (4, color),
+            Draw::StrokeColor(color) => (5, color),
+            Draw::Fill => (6, &[]),
+            Draw::Stroke => (7, &[]),
+            Draw::BeginPath => (8, &[]),
         };
         self.out.push(kind);
         self.floats(values);
@@ -474,8 +410,8 @@ impl Put<'_> {
 }
 
 /// How many values channels use; `None` when that does not fit in 64 bits.
-fn needed_values(channels: &[Channel], area: &Area) -> Option<u64> {
-    let last = area.pixels().checked_sub(1)?;
+fn needed_values(channels: &[Channel], rect: &PixelRect) -> Option<u64> {
+    let last = rect.pixels().checked_sub(1)?;
     channels.iter().try_fold(0_u64, |most, channel| {
         let end = last.checked_mul(channel.stride)?.checked_add(channel.offset)?.checked_add(1)?;
         Some(most.max(end))
@@ -545,9 +481,13 @@ impl Take<'_> {
         }
     }
 
-    fn area(&mut self) -> Result<Area> {
+    fn rect(&mut self) -> Result<PixelRect> {
         let (x, y) = (self.int("column")?, self.int("row")?);
-        Ok(Area { x, y, width: self.side("width")?, height: self.side("height")? })
+        let (width, height) = (self.side("width")?, self.side("height")?);
+        if x.checked_add_unsigned(width).is_none() || y.checked_add_unsigned(height).is_none() {
+            return Err(self.wrong(format!("{width} x {height} pixels from {x}, {y}")));
+        }
+        Ok(PixelRect::at(x, y, width, height))
     }
 
     fn channels(&mut self) -> Result<Vec<String>> {
@@ -604,7 +544,7 @@ impl Take<'_> {
                 Packet::VectorGraphics { name, focus, append, commands }
             }
             100 => Packet::Hello { version: self.word("the version")? },
-            101 => Packet::Mark { name: self.text("the name")?, area: self.area()? },
+            101 => Packet::Mark { name: self.text("the name")?, rect: self.rect()? },
             102 => Packet::Wish {
                 name: self.text("the name")?,
                 wishes: Wishes {
@@ -617,9 +557,15 @@ impl Take<'_> {
             103 => {
                 Packet::Finished { name: self.text("the name")?, complete: self.flag("whether complete")? }
             }
-            110 => Packet::Center { name: self.text("the name")?, x: self.int("x")?, y: self.int("y")? },
-            111 => Packet::Priority { name: self.text("the name")?, area: self.area()? },
-            112 => Packet::Abort { name: self.text("the name")? },
+            110..=112 => {
+                let name = self.text("the name")?;
+                let request = match kind {
+                    110 => Request::Center { x: self.int("x")?, y: self.int("y")? },
+                    111 => Request::Priority(self.rect()?),
+                    _ => Request::Abort,
+                };
+                Packet::Request { name, request }
+            }
             kind => return Err(DisplayError::Unsupported { kind }),
         })
     }
@@ -631,8 +577,8 @@ impl Take<'_> {
             3 => vec![self.text("the channel")?],
             _ => self.channels()?,
         };
-        let area = self.area()?;
-        let planar = |(i, name)| Channel { name, offset: i as u64 * area.pixels(), stride: 1 };
+        let rect = self.rect()?;
+        let planar = |(i, name)| Channel { name, offset: i as u64 * rect.pixels(), stride: 1 };
         let mut channels: Vec<Channel> = names.into_iter().enumerate().map(planar).collect();
         if kind == 6 {
             for channel in &mut channels {
@@ -642,28 +588,28 @@ impl Take<'_> {
                 channel.stride = self.long("a stride")?;
             }
         }
-        let needed = needed_values(&channels, &area)
+        let needed = needed_values(&channels, &rect)
             .ok_or_else(|| self.wrong("an offset is beyond what numbers hold"))?;
-        Ok(Packet::UpdateImage { name, focus, channels, area, values: self.floats(needed)? })
+        Ok(Packet::UpdateImage { name, focus, channels, rect, values: self.floats(needed)? })
     }
 
-    fn vector(&mut self) -> Result<Vector> {
+    fn vector(&mut self) -> Result<Draw> {
         let [kind] = self.array("a command")?;
         let mut floats = |n| self.floats(n);
         let mut point = || floats(2).map(|v| [v[0], v[1]]);
         Ok(match kind {
-            0 => Vector::Save,
-            1 => Vector::Restore,
-            2 => Vector::MoveTo(point()?),
-            3 => Vector::LineTo(point()?),
+            0 => Draw::Save,
+            1 => Draw::Restore,
+            2 => Draw::MoveTo(point()?),
+            3 => Draw::LineTo(point()?),
             4 | 5 => {
                 let v = floats(4)?;
                 let color = [v[0], v[1], v[2], v[3]];
-                if kind == 4 { Vector::FillColor(color) } else { Vector::StrokeColor(color) }
+                if kind == 4 { Draw::FillColor(color) } else { Draw::StrokeColor(color) }
             }
-            6 => Vector::Fill,
-            7 => Vector::Stroke,
-            8 => Vector::BeginPath,
+            6 => Draw::Fill,
+            7 => Draw::Stroke,
+            8 => Draw::BeginPath,
             other => return Err(self.wrong(format!("a command of type {other}"))),
         })
     }

@@ -239,9 +239,7 @@ fn converse(shared: &Shared, client: &Arc<Client>, mut socket: TcpStream) -> End
 /// Passes on what a client may say.
 fn take(shared: &Shared, client: &Arc<Client>, packet: Packet) -> std::result::Result<(), String> {
     match packet {
-        Packet::Hello { .. } | Packet::Center { .. } | Packet::Priority { .. } | Packet::Abort { .. } => {
-            Err("a packet that clients do not send".to_owned())
-        }
+        Packet::Hello { .. } | Packet::Request { .. } => Err("a packet that clients do not send".to_owned()),
         Packet::Mark { .. } | Packet::Wish { .. } | Packet::Finished { .. } if !client.is_two_way() => {
             Err("a packet of our own before a greeting".to_owned())
         }

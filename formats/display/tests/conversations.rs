@@ -3,14 +3,12 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
 use granita_base::Param;
-use granita_display::packet::{Area, Channel, GREETING, VERSION};
+use granita_display::packet::{Channel, GREETING, VERSION};
 use granita_display::{
     Client, Ending, IvFormat, Listener, Packet, PacketLimits, Patience, ServerLimits, Sink, listen_address,
     server_address,
 };
-use granita_image::{
-    Area as Pixels2d, CreateOptions, Format, ImageOutput, ImageSpec, PixelType, Pixels, Request,
-};
+use granita_image::{CreateOptions, Format, ImageOutput, ImageSpec, PixelRect, PixelType, Pixels, Request};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::Path;
@@ -89,21 +87,20 @@ fn our_client_and_our_server_know_each_other() {
     let (listener, from, sink) = listen(ServerLimits::default());
     let format = IvFormat::default();
     let mut picture = create(&format, "a", listener.address(), [8, 4]);
-    let area = Pixels2d { x: 2, y: 1, width: 2, height: 2 };
-    picture.begin_rectangle(&area);
+    let rect = PixelRect::at(2, 1, 2, 2);
+    picture.begin_rectangle(&rect);
     let values: Vec<f32> = (0..16).map(|v| v as f32 / 3.0).collect();
-    picture.write_rectangle(&area, &Pixels::Float(values.clone())).unwrap();
+    picture.write_rectangle(&rect, &Pixels::Float(values.clone())).unwrap();
     assert_eq!(next(&from), Told::Packet(Packet::Hello { version: VERSION }));
     assert!(
         matches!(next(&from), Told::Packet(Packet::CreateImage { name, focus: true, width: 8, .. }) if name == "a")
     );
     assert!(matches!(next(&from), Told::Packet(Packet::Wish { wishes, .. }) if wishes.zoom == 2));
-    let sent = Area { x: 2, y: 1, width: 2, height: 2 };
-    assert_eq!(next(&from), Told::Packet(Packet::Mark { name: "a".to_owned(), area: sent }));
+    assert_eq!(next(&from), Told::Packet(Packet::Mark { name: "a".to_owned(), rect: rect }));
     match next(&from) {
-        Told::Packet(Packet::UpdateImage { channels, area, values: got, .. }) => {
+        Told::Packet(Packet::UpdateImage { channels, rect, values: got, .. }) => {
             let names: Vec<&str> = channels.iter().map(|c| &*c.name).collect();
-            assert_eq!((names, area, got), (vec!["R", "G", "B", "A"], sent, values));
+            assert_eq!((names, rect, got), (vec!["R", "G", "B", "A"], rect, values));
         }
         other => panic!("{other:?}"),
     }
@@ -119,17 +116,21 @@ fn our_client_and_our_server_know_each_other() {
     // Commands come back to the picture that they are for.
     let client = sink.clients.lock().unwrap()[0].clone();
     let name = || "a".to_owned();
-    assert!(client.send(Packet::Center { name: "nosuch".to_owned(), x: 1, y: 1 }));
-    assert!(client.send(Packet::Center { name: name(), x: -5, y: 3 }));
-    assert!(client.send(Packet::Priority { name: name(), area: Area { x: 1, y: 2, width: 3, height: 4 } }));
-    assert!(client.send(Packet::Abort { name: name() }));
+    assert!(
+        client.send(Packet::Request { name: "nosuch".to_owned(), request: Request::Center { x: 1, y: 1 } })
+    );
+    assert!(client.send(Packet::Request { name: name(), request: Request::Center { x: -5, y: 3 } }));
+    assert!(
+        client.send(Packet::Request { name: name(), request: Request::Priority(PixelRect::at(1, 2, 3, 4)) })
+    );
+    assert!(client.send(Packet::Request { name: name(), request: Request::Abort }));
     let mut requests = Vec::new();
     let begin = Instant::now();
     while requests.len() < 3 && begin.elapsed() < Duration::from_secs(20) {
         requests.extend(picture.requests());
     }
-    let rectangle = Request::Rectangle { x0: 1, y0: 2, x1: 4, y1: 6 };
-    assert_eq!(requests, [Request::Center { x: -5, y: 3 }, rectangle, Request::Stop]);
+    let rectangle = Request::Priority(PixelRect::at(1, 2, 3, 4));
+    assert_eq!(requests, [Request::Center { x: -5, y: 3 }, rectangle, Request::Abort]);
     picture.close().unwrap();
     assert_eq!(next(&from), Told::Packet(Packet::Finished { name: name(), complete: true }));
     assert_eq!(next(&from), Told::Gone(Ending::Closed));
@@ -154,13 +155,13 @@ fn rows_and_tiles_are_rectangles_too() {
     picture.close().unwrap();
     let mut updates = Vec::new();
     while updates.len() < 3 {
-        if let Told::Packet(Packet::UpdateImage { area, values, .. }) = next(&from) {
-            updates.push((area, values));
+        if let Told::Packet(Packet::UpdateImage { rect, values, .. }) = next(&from) {
+            updates.push((rect, values));
         }
     }
-    assert_eq!(updates[0], (Area { x: 0, y: 0, width: 5, height: 2 }, vec![1.0; 10]));
-    assert_eq!(updates[1], (Area { x: 0, y: 2, width: 5, height: 1 }, vec![0.0; 5]));
-    assert_eq!(updates[2], (Area { x: 4, y: 2, width: 1, height: 1 }, vec![0.2]));
+    assert_eq!(updates[0], (PixelRect::at(0, 0, 5, 2), vec![1.0; 10]));
+    assert_eq!(updates[1], (PixelRect::at(0, 2, 5, 1), vec![0.0; 5]));
+    assert_eq!(updates[2], (PixelRect::at(4, 2, 1, 1), vec![0.2]));
 }
 
 /// A server that never says anything, as other viewers: nothing but packets of types up to 8 may reach it.
@@ -175,10 +176,10 @@ fn a_viewer_that_does_not_answer_is_sent_plain_packets_only() {
     });
     let format = IvFormat::default();
     let mut picture = create(&format, "pic", address, [1100, 500]);
-    let area = Pixels2d { x: 0, y: 0, width: 1100, height: 500 };
-    picture.begin_rectangle(&area);
+    let rect = PixelRect::at(0, 0, 1100, 500);
+    picture.begin_rectangle(&rect);
     let values: Vec<f32> = (0..1100 * 500 * 4).map(|v| v as f32).collect();
-    picture.write_rectangle(&area, &Pixels::Float(values.clone())).unwrap();
+    picture.write_rectangle(&rect, &Pixels::Float(values.clone())).unwrap();
     assert!(picture.requests().is_empty());
     picture.close().unwrap();
     drop(format);
@@ -206,13 +207,13 @@ fn a_viewer_that_reads_nothing_stops_nobody() {
     let format = IvFormat::new(quick());
     let mut picture = create(&format, "pic", server.local_addr().unwrap(), [512, 512]);
     let _socket = server.accept().unwrap();
-    let area = Pixels2d { x: 0, y: 0, width: 512, height: 512 };
+    let rect = PixelRect::at(0, 0, 512, 512);
     let pixels = Pixels::Float(vec![0.5; 512 * 512 * 4]);
     let mut slowest = Duration::ZERO;
     let begin = Instant::now();
     let refused = loop {
         let now = Instant::now();
-        let result = picture.write_rectangle(&area, &pixels);
+        let result = picture.write_rectangle(&rect, &pixels);
         slowest = slowest.max(now.elapsed());
         if let Err(error) = result {
             break error.to_string();
@@ -230,9 +231,9 @@ fn what_waits_is_bounded() {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let format = IvFormat::new(Patience { queue_bytes: 1 << 20, ..quick() });
     let mut picture = create(&format, "pic", server.local_addr().unwrap(), [512, 512]);
-    let area = Pixels2d { x: 0, y: 0, width: 512, height: 128 };
+    let rect = PixelRect::at(0, 0, 512, 128);
     let pixels = Pixels::Float(vec![0.5; 512 * 128 * 4]);
-    let results: Vec<_> = (0..40).map(|_| picture.write_rectangle(&area, &pixels)).collect();
+    let results: Vec<_> = (0..40).map(|_| picture.write_rectangle(&rect, &pixels)).collect();
     assert!(results[39].as_ref().unwrap_err().to_string().contains("the viewer"));
 }
 
@@ -259,13 +260,13 @@ fn a_viewer_that_dies_is_noticed_and_one_that_babbles_is_not_believed() {
     socket.write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n").unwrap();
     socket.write_all(&[0; 100_000]).unwrap();
     std::thread::sleep(Duration::from_millis(400));
-    let area = Pixels2d { x: 0, y: 0, width: 4, height: 4 };
+    let rect = PixelRect::at(0, 0, 4, 4);
     let pixels = Pixels::Float(vec![0.5; 64]);
-    picture.write_rectangle(&area, &pixels).unwrap();
+    picture.write_rectangle(&rect, &pixels).unwrap();
     assert!(picture.requests().is_empty());
     drop(socket);
     let begin = Instant::now();
-    while picture.write_rectangle(&area, &pixels).is_ok() {
+    while picture.write_rectangle(&rect, &pixels).is_ok() {
         assert!(begin.elapsed() < Duration::from_secs(20));
         std::thread::sleep(Duration::from_millis(5));
     }
@@ -377,7 +378,7 @@ fn random_bytes_never_harm_the_server() {
         name: "a".to_owned(),
         focus: true,
         channels: vec![Channel { name: "R".to_owned(), offset: 0, stride: 1 }],
-        area: Area { x: 0, y: 0, width: 4, height: 4 },
+        rect: PixelRect::at(0, 0, 4, 4),
         values: vec![1.0; 16],
     };
     for round in 0..60 {

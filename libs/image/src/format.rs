@@ -1,6 +1,6 @@
 //! The contract between files and everybody else: input, output, format, registry.
 
-use crate::{ImageError, ImageSpec, PixelType, Pixels, Result, one};
+use crate::{ImageError, ImageSpec, PixelRect, PixelType, Pixels, Request, Result, one};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -141,20 +141,20 @@ pub trait ImageOutput: Send {
         Err(ImageError::Misuse { path: std::path::PathBuf::new(), what })
     }
 
-    /// Pixels of `area`, whose values do not change any more: in formats that support "rectangles", in any order and
+    /// Pixels of `rect`, whose values do not change any more, counted from the upper left one of the data window: in formats that support "rectangles", in any order and
     /// instead of rows or tiles. Never waits for whoever takes them.
     ///
     /// # Errors
     /// When nobody takes them any more, and in other formats.
-    fn write_rectangle(&mut self, area: &Area, pixels: &Pixels) -> Result<()> {
-        let _ = (area, pixels);
+    fn write_rectangle(&mut self, rect: &PixelRect, pixels: &Pixels) -> Result<()> {
+        let _ = (rect, pixels);
         let what = "the format takes no rectangles".to_owned();
         Err(ImageError::Misuse { path: std::path::PathBuf::new(), what })
     }
 
     /// Somebody begins to work on these pixels.
-    fn begin_rectangle(&mut self, area: &Area) {
-        let _ = area;
+    fn begin_rectangle(&mut self, rect: &PixelRect) {
+        let _ = rect;
     }
 
     /// What whoever looks at the picture asked for since the last call.
@@ -164,45 +164,6 @@ pub trait ImageOutput: Send {
 
     /// Completes the file and puts it under its final name.
     fn close(self: Box<Self>) -> Result<()>;
-}
-
-/// Pixels of a picture: `width x height` of them from (`x`, `y`), where (0, 0) is the upper left pixel of the data window.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Area {
-    /// First column.
-    pub x: u32,
-    /// First row.
-    pub y: u32,
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-}
-
-/// What somebody who looks at a picture asks of whoever makes it; pixels are those of the data window, and may lie
-/// outside of it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Request {
-    /// Go on around this pixel.
-    Center {
-        /// Column.
-        x: i32,
-        /// Row.
-        y: i32,
-    },
-    /// Pixels from (`x0`, `y0`) up to and without (`x1`, `y1`) first.
-    Rectangle {
-        /// First column.
-        x0: i32,
-        /// First row.
-        y0: i32,
-        /// One past the last column.
-        x1: i32,
-        /// One past the last row.
-        y1: i32,
-    },
-    /// Make no more of it.
-    Stop,
 }
 
 /// How to create a file.

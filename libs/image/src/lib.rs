@@ -18,6 +18,7 @@ mod block;
 mod contain;
 mod error;
 mod format;
+mod live;
 mod one;
 mod pixels;
 mod quantize;
@@ -28,9 +29,8 @@ pub use atomic::AtomicFile;
 pub use block::{BlockCopy, TileRows, rows_from_tiles};
 pub use contain::contained;
 pub use error::{ImageError, Result};
-pub use format::{
-    Area, CreateOptions, Format, FormatFinder, FormatRegistry, ImageInput, ImageOutput, Limits, Request,
-};
+pub use format::{CreateOptions, Format, FormatFinder, FormatRegistry, ImageInput, ImageOutput, Limits};
+pub use live::{Draw, PixelRect, Request, Wishes};
 pub use one::split_image_name;
 pub use pixels::Pixels;
 pub use quantize::{Placement, Quantize};

@@ -26,6 +26,17 @@ impl PixelType {
             Self::U32 | Self::Float => 4,
         }
     }
+
+    /// What people are told: "uint8", "half", "float" ...
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::U8 => "uint8",
+            Self::U16 => "uint16",
+            Self::U32 => "uint32",
+            Self::Half => "half",
+            Self::Float => "float",
+        }
+    }
 }
 
 /// Everything about one MIP level of one image of a file, except the pixels.

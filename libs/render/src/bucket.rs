@@ -116,7 +116,7 @@ mod tests {
                     assert!(!b.is_empty());
                     for y in b.y0..b.y1 {
                         for x in b.x0..b.x1 {
-                            assert!(CROP.contains(x, y) && seen.insert((x, y)));
+                            assert!(CROP.contains(&PixelRect::at(x, y, 1, 1)) && seen.insert((x, y)));
                         }
                     }
                 }

@@ -4,7 +4,7 @@ mod stereo;
 
 pub use stereo::{EyeProjection, ShadedFrom, Stereo};
 
-use crate::PreviewLimits;
+use crate::{PixelRect, PreviewLimits};
 use granita_base::{Location, MotionTransform, Param, Params, Reporter, Severity, Transform, Vec2, Vec3};
 use granita_scene::Camera;
 use std::sync::Arc;
@@ -28,60 +28,6 @@ pub struct Lens {
     pub radius: f32,
     /// Depth that is in sharp focus.
     pub focal_distance: f32,
-}
-
-/// A rectangle of whole pixels, `x0..x1` by `y0..y1`; empty when an upper end is not above its lower.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct PixelRect {
-    /// First column.
-    pub x0: i32,
-    /// First row.
-    pub y0: i32,
-    /// One past the last column.
-    pub x1: i32,
-    /// One past the last row.
-    pub y1: i32,
-}
-
-impl PixelRect {
-    /// All there are.
-    pub(crate) const EVERYWHERE: Self = Self { x0: i32::MIN, y0: i32::MIN, x1: i32::MAX, y1: i32::MAX };
-
-    /// Columns; 0 when empty.
-    pub fn width(&self) -> usize {
-        usize::try_from(i64::from(self.x1) - i64::from(self.x0)).unwrap_or(0)
-    }
-
-    /// Rows; 0 when empty.
-    pub fn height(&self) -> usize {
-        usize::try_from(i64::from(self.y1) - i64::from(self.y0)).unwrap_or(0)
-    }
-
-    /// Whether there is no pixel in it.
-    pub fn is_empty(&self) -> bool {
-        self.width() == 0 || self.height() == 0
-    }
-
-    /// What both have in common.
-    #[inline]
-    pub fn intersection(&self, other: &Self) -> Self {
-        Self {
-            x0: self.x0.max(other.x0),
-            y0: self.y0.max(other.y0),
-            x1: self.x1.min(other.x1),
-            y1: self.y1.min(other.y1),
-        }
-    }
-
-    /// Grown by `n` pixels on every side.
-    pub fn grown(&self, n: i32) -> Self {
-        Self { x0: self.x0 - n, y0: self.y0 - n, x1: self.x1 + n, y1: self.y1 + n }
-    }
-
-    /// Whether the pixel is inside.
-    pub fn contains(&self, x: i32, y: i32) -> bool {
-        x >= self.x0 && x < self.x1 && y >= self.y0 && y < self.y1
-    }
 }
 
 /// A camera with everything resolved that a frame asks of it.

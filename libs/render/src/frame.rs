@@ -401,17 +401,13 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             let requests = lock(canvas).requests();
             for request in requests {
                 let crop = &self.options.camera.crop;
-                let (right, down) = (|x: i32| x.saturating_add(crop.x0), |y: i32| y.saturating_add(crop.y0));
                 match (request, self.options.priority) {
-                    (Request::Stop, _) => self.options.stop.store(true, Ordering::Relaxed),
-                    (Request::Center { x, y }, Some(priority)) => priority.center(right(x), down(y)),
-                    (Request::Rectangle { x0, y0, x1, y1 }, Some(priority)) => {
-                        priority.rectangle(PixelRect {
-                            x0: right(x0),
-                            y0: down(y0),
-                            x1: right(x1),
-                            y1: down(y1),
-                        });
+                    (Request::Abort, _) => self.options.stop.store(true, Ordering::Relaxed),
+                    (Request::Center { x, y }, Some(priority)) => {
+                        priority.center(x.saturating_add(crop.x0), y.saturating_add(crop.y0));
+                    }
+                    (Request::Priority(rect), Some(priority)) => {
+                        priority.rectangle(rect.moved(crop.x0, crop.y0));
                     }
                     (_, None) => (),
                 }

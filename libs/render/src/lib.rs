@@ -62,9 +62,10 @@ mod fixture;
 #[cfg(test)]
 mod tests;
 
-pub use camera::{CameraView, EyeProjection, Lens, PixelRect, Projection, ShadedFrom, Stereo};
+pub use camera::{CameraView, EyeProjection, Lens, Projection, ShadedFrom, Stereo};
 pub use environment::{CallText, NoShader, Progress, RenderEnvironment, ShaderLibrary, Silent};
 pub use error::RenderError;
+pub use granita_image::PixelRect;
 pub use preview::PreviewLimits;
 pub use priority::Priority;
 pub use renderer::{FrameReport, Renderer};

@@ -6,7 +6,7 @@ use crate::{CameraView, PixelRect, RenderError};
 use granita_base::{BaseType, Filter, Location, Param, ParamType, Params, Reporter, Severity};
 use granita_gsl::ir::ValueType;
 use granita_image::{
-    Area, CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Placement, Quantize, Request,
+    CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Placement, Quantize, Request,
 };
 use granita_scene::Output;
 use std::path::PathBuf;
@@ -560,14 +560,14 @@ pub(crate) struct ImageWriter {
 impl ImageWriter {
     /// Somebody begins to work on these pixels of the image.
     pub(crate) fn begin(&mut self, rect: &PixelRect) {
-        self.file.begin_rectangle(&self.area(rect));
+        self.file.begin_rectangle(&self.in_file(rect));
     }
 
     /// Pixels of the image, anywhere.
     pub(crate) fn write_rectangle(&mut self, rect: &PixelRect, values: &[f32]) -> Result<(), RenderError> {
         let at = Placement { x: rect.x0, y: rect.y0, width: rect.width(), ..self.at };
         let pixels = self.quantize.apply(values, &at, self.stored);
-        self.file.write_rectangle(&self.area(rect), &pixels)?;
+        self.file.write_rectangle(&self.in_file(rect), &pixels)?;
         Ok(())
     }
 
@@ -577,14 +577,8 @@ impl ImageWriter {
     }
 
     /// Pixels of the image as the file counts them.
-    fn area(&self, rect: &PixelRect) -> Area {
-        let from = |at: i32, first: i32| u32::try_from(at - first).unwrap_or(0);
-        Area {
-            x: from(rect.x0, self.at.x),
-            y: from(rect.y0, self.at.y),
-            width: rect.width() as u32,
-            height: rect.height() as u32,
-        }
+    fn in_file(&self, rect: &PixelRect) -> PixelRect {
+        rect.moved(-self.at.x, -self.at.y)
     }
 
     /// The next whole rows, channels side by side.

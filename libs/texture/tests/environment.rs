@@ -7,19 +7,7 @@ use granita_base::Vec3;
 use granita_texture::make::{MakeOptions, Mode};
 use granita_texture::{EnvLookup, TextureCache, TextureId, TextureKind, Up};
 use std::f32::consts::{PI, TAU};
-use support::{Folder, random};
-
-const FACES: [&str; 6] = ["px.tif", "nx.tif", "py.tif", "ny.tif", "pz.tif", "nz.tif"];
-
-/// Forward, up, right of each face (reference 9.3).
-const FRAMES: [[Vec3; 3]; 6] = [
-    [Vec3::X, Vec3::Y, Vec3::NEG_Z],
-    [Vec3::NEG_X, Vec3::Y, Vec3::Z],
-    [Vec3::Y, Vec3::NEG_Z, Vec3::X],
-    [Vec3::NEG_Y, Vec3::Z, Vec3::X],
-    [Vec3::Z, Vec3::Y, Vec3::X],
-    [Vec3::NEG_Z, Vec3::Y, Vec3::NEG_X],
-];
+use support::{FACES, FRAMES, Folder, random};
 
 fn options(mode: Mode) -> MakeOptions {
     MakeOptions { mode, ..MakeOptions::default() }

@@ -7,7 +7,7 @@ use granita_base::{Transform, Vec3};
 use granita_image::{ImageSpec, PixelType};
 use granita_texture::make::{MakeOptions, Mode};
 use granita_texture::{ShadowLookup, TextureKind};
-use support::{Folder, matrix, random};
+use support::{FACES, FRAMES, Folder, matrix, random};
 
 /// A light at (0, 0, -5) that looks along +z with 90 degrees of view.
 fn camera() -> Transform {
@@ -150,17 +150,6 @@ fn matrices_are_needed_and_can_be_given() {
     }
     assert_eq!(folder.texts().iter().filter(|t| t.contains("is not a shadow map")).count(), 1);
 }
-
-const FRAMES: [[Vec3; 3]; 6] = [
-    [Vec3::X, Vec3::Y, Vec3::NEG_Z],
-    [Vec3::NEG_X, Vec3::Y, Vec3::Z],
-    [Vec3::Y, Vec3::NEG_Z, Vec3::X],
-    [Vec3::NEG_Y, Vec3::Z, Vec3::X],
-    [Vec3::Z, Vec3::Y, Vec3::X],
-    [Vec3::NEG_Z, Vec3::Y, Vec3::NEG_X],
-];
-
-const FACES: [&str; 6] = ["px.tif", "nx.tif", "py.tif", "ny.tif", "pz.tif", "nz.tif"];
 
 /// A light at (0, 0, -5) inside a cube of depth 4: every face is a wall, but for the missing ones.
 fn shadow_cube(folder: &Folder, names: &[&str; 6]) {

@@ -4,7 +4,8 @@
 //! window, a page in a browser) asks what changed and reads it. Any thread may do either. Coordinates are those of the
 //! data window: (0, 0) is its upper left pixel.
 
-use crate::{Rect, Result, ViewError};
+use crate::{Result, ViewError};
+use granita_image::{Draw, PixelRect, Request, Wishes};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock};
@@ -32,81 +33,26 @@ impl Default for LiveLimits {
     }
 }
 
-/// What somebody who looks at a picture wants of whoever makes it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ViewCommand {
-    /// Go on around this pixel.
-    Center {
-        /// Column.
-        x: i32,
-        /// Row.
-        y: i32,
-    },
-    /// These pixels first.
-    Priority {
-        /// Which.
-        rect: Rect,
-    },
-    /// Make no more of it.
-    Abort,
-}
-
 /// The way back to whoever makes a picture.
 #[derive(Clone)]
-pub struct CommandSender(Arc<dyn Fn(ViewCommand) -> bool + Send + Sync>);
+pub struct RequestSender(Arc<dyn Fn(Request) -> bool + Send + Sync>);
 
-impl CommandSender {
+impl RequestSender {
     /// One that calls `deliver`, which must not block and tells whether anybody is there.
-    pub fn new(deliver: impl Fn(ViewCommand) -> bool + Send + Sync + 'static) -> Self {
+    pub fn new(deliver: impl Fn(Request) -> bool + Send + Sync + 'static) -> Self {
         Self(Arc::new(deliver))
     }
 
-    /// Sends a command; `false` when nobody is there any more.
-    pub fn send(&self, command: ViewCommand) -> bool {
-        (self.0)(command)
+    /// Sends a request; `false` when nobody is there any more.
+    pub fn send(&self, request: Request) -> bool {
+        (self.0)(request)
     }
 }
 
-impl std::fmt::Debug for CommandSender {
+impl std::fmt::Debug for RequestSender {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("CommandSender")
+        f.write_str("RequestSender")
     }
-}
-
-/// A step of a drawing over a picture, in its pixels; (0, 0) is the upper left corner of the first one.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Draw {
-    /// Keeps the colours.
-    Save,
-    /// Takes the kept colours.
-    Restore,
-    /// A path goes on from here.
-    MoveTo([f32; 2]),
-    /// A line to here.
-    LineTo([f32; 2]),
-    /// What is filled from now on: red, green, blue, alpha.
-    FillColor([f32; 4]),
-    /// What is drawn from now on.
-    StrokeColor([f32; 4]),
-    /// Fills the path.
-    Fill,
-    /// Draws the path.
-    Stroke,
-    /// A new path.
-    BeginPath,
-}
-
-/// How a sender would like its picture to be shown (reference 7.4.3).
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct LiveWishes {
-    /// On the whole screen.
-    pub fullscreen: bool,
-    /// So many screen pixels for one of the picture; 0 leaves it to the viewer.
-    pub zoom: u32,
-    /// File of a picture to be laid over it; empty for none.
-    pub foreground: String,
-    /// File of a picture to be laid under it; empty for none.
-    pub background: String,
 }
 
 /// Everything about a live picture but its pixels.
@@ -125,15 +71,15 @@ pub struct LiveInfo {
     /// Grows with every change of pixels, marks, note or wishes.
     pub generation: u64,
     /// Tiles in progress.
-    pub marks: Vec<Rect>,
+    pub marks: Vec<PixelRect>,
     /// What became of the sender; `None` as long as it may send more.
     pub note: Option<String>,
     /// Lines over it.
     pub drawing: Arc<Vec<Draw>>,
     /// How it would like to be shown.
-    pub wishes: LiveWishes,
-    /// Whether commands reach somebody.
-    pub takes_commands: bool,
+    pub wishes: Wishes,
+    /// Whether requests reach somebody.
+    pub takes_requests: bool,
 }
 
 /// Changes that are remembered one by one; older ones count as the whole picture.
@@ -147,12 +93,12 @@ struct State {
     pixels: Vec<f32>,
     generation: u64,
     /// Pixels that changed, with the generation that each change led to.
-    changes: VecDeque<(u64, Rect)>,
-    marks: Vec<Rect>,
+    changes: VecDeque<(u64, PixelRect)>,
+    marks: Vec<PixelRect>,
     note: Option<String>,
     drawing: Arc<Vec<Draw>>,
-    wishes: LiveWishes,
-    commands: Option<CommandSender>,
+    wishes: Wishes,
+    requests: Option<RequestSender>,
 }
 
 struct Picture {
@@ -165,8 +111,8 @@ struct Picture {
 }
 
 impl Picture {
-    fn window(&self) -> Rect {
-        Rect::at(0, 0, self.width, self.height)
+    fn window(&self) -> PixelRect {
+        PixelRect::at(0, 0, self.width, self.height)
     }
 
     fn bytes(&self) -> u64 {
@@ -178,7 +124,7 @@ impl Picture {
     }
 
     /// Changes something besides pixels, or in `changed` pixels.
-    fn write<T>(&self, changed: Option<Rect>, f: impl FnOnce(&mut State) -> T) -> T {
+    fn write<T>(&self, changed: Option<PixelRect>, f: impl FnOnce(&mut State) -> T) -> T {
         let mut state = self.state.write().unwrap_or_else(PoisonError::into_inner);
         let result = f(&mut state);
         state.generation += 1;
@@ -283,8 +229,8 @@ impl Live {
             marks: Vec::new(),
             note: None,
             drawing: Arc::default(),
-            wishes: LiveWishes::default(),
-            commands: None,
+            wishes: Wishes::default(),
+            requests: None,
         };
         let picture = Arc::new(Picture {
             id: self.0.next_id.fetch_add(1, Ordering::Relaxed),
@@ -313,7 +259,7 @@ impl Live {
         &self,
         name: &str,
         channels: &[(usize, usize, usize)],
-        rect: Rect,
+        rect: PixelRect,
         values: &[f32],
     ) -> Result<()> {
         let picture = self.picture(name)?;
@@ -362,7 +308,7 @@ impl Live {
     }
 
     /// Somebody works on these pixels. Nothing happens for pixels outside or when there is no such picture.
-    pub fn mark(&self, name: &str, rect: Rect) {
+    pub fn mark(&self, name: &str, rect: PixelRect) {
         let Ok(picture) = self.picture(name) else { return };
         let rect = rect.intersection(&picture.window());
         if rect.is_empty() {
@@ -410,24 +356,24 @@ impl Live {
         }
     }
 
-    /// Nothing more will come: the picture stays, with a note, without marks, and takes no commands.
+    /// Nothing more will come: the picture stays, with a note, without marks, and takes no requests.
     pub fn lost(&self, name: &str, note: &str) {
         let Ok(picture) = self.picture(name) else { return };
         let note: String = note.chars().take(self.0.limits.name_bytes / 4).collect();
         picture.write(None, |state| {
             state.note = Some(note);
             state.marks.clear();
-            state.commands = None;
+            state.requests = None;
         });
         self.tell();
     }
 
-    /// All of it came: without marks, and it takes no commands.
+    /// All of it came: without marks, and it takes no requests.
     pub fn finish(&self, name: &str) {
         let Ok(picture) = self.picture(name) else { return };
         picture.write(None, |state| {
             state.marks.clear();
-            state.commands = None;
+            state.requests = None;
         });
         self.tell();
     }
@@ -445,22 +391,22 @@ impl Live {
     }
 
     /// How the sender would like a picture to be shown.
-    pub fn wish(&self, name: &str, wishes: LiveWishes) {
+    pub fn wish(&self, name: &str, wishes: Wishes) {
         let Ok(picture) = self.picture(name) else { return };
         picture.write(None, |state| state.wishes = wishes);
         self.tell();
     }
 
-    /// Makes a way back for the commands of a picture.
-    pub fn answer(&self, name: &str, commands: CommandSender) {
+    /// Makes a way back for requests to the maker of a picture.
+    pub fn answer(&self, name: &str, requests: RequestSender) {
         let Ok(picture) = self.picture(name) else { return };
-        picture.write(None, |state| state.commands = Some(commands));
+        picture.write(None, |state| state.requests = Some(requests));
         self.tell();
     }
 
     /// The way back to whoever makes a picture; `None` when nobody listens.
-    pub fn commands(&self, name: &str) -> Option<CommandSender> {
-        self.picture(name).ok()?.read(|state| state.commands.clone())
+    pub fn requests(&self, name: &str) -> Option<RequestSender> {
+        self.picture(name).ok()?.read(|state| state.requests.clone())
     }
 
     /// Names of the pictures, in order of creation.
@@ -483,7 +429,7 @@ impl Live {
             note: state.note.clone(),
             drawing: state.drawing.clone(),
             wishes: state.wishes.clone(),
-            takes_commands: state.commands.is_some(),
+            takes_requests: state.requests.is_some(),
         }))
     }
 
@@ -491,7 +437,7 @@ impl Live {
     ///
     /// # Errors
     /// [`ViewError::Misuse`] when there is no such picture or channel, or when `rect` is not inside of it.
-    pub fn read(&self, name: &str, rect: Rect, channels: &[usize]) -> Result<Vec<f32>> {
+    pub fn read(&self, name: &str, rect: PixelRect, channels: &[usize]) -> Result<Vec<f32>> {
         let picture = self.picture(name)?;
         let n = picture.channels.len();
         if !picture.window().contains(&rect) || channels.iter().any(|c| *c >= n) {
@@ -534,7 +480,7 @@ impl Live {
         let none = || misuse(format!("there is no picture \"{name}\""));
         let info = self.info(name).ok_or_else(none)?;
         let all: Vec<usize> = (0..info.channels.len()).collect();
-        let values = self.read(name, Rect::at(0, 0, info.width, info.height), &all)?;
+        let values = self.read(name, PixelRect::at(0, 0, info.width, info.height), &all)?;
         Ok((info, values))
     }
 
@@ -545,7 +491,7 @@ impl Live {
 
     /// Pixels that may have changed since a picture had this generation; the whole picture when that was long ago.
     /// A picture that was created again under its name has another [`LiveInfo::id`].
-    pub fn changes_since(&self, name: &str, generation: u64) -> Vec<Rect> {
+    pub fn changes_since(&self, name: &str, generation: u64) -> Vec<PixelRect> {
         let Ok(picture) = self.picture(name) else { return Vec::new() };
         picture.read(|state| match state.changes.front() {
             _ if generation == 0 => vec![picture.window()],

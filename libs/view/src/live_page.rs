@@ -1,12 +1,11 @@
 //! A picture that arrives, as a page.
 
 use crate::picture::Page;
-use crate::rect::Rect;
 use crate::source::{Access, Source, tile_size};
 use crate::store::TileStore;
 use crate::tile::{TILE, Tile};
 use crate::{Live, LiveInfo, Result};
-use granita_image::{ImageSpec, PixelType, Pixels};
+use granita_image::{ImageSpec, PixelRect, PixelType, Pixels};
 use std::sync::Arc;
 
 struct LiveSource {
@@ -38,7 +37,7 @@ impl Source for LiveSource {
     fn read(&self, _level: usize, tx: u32, ty: u32) -> Result<Vec<((u32, u32), Tile)>> {
         let (width, height) = tile_size((self.info.width, self.info.height), tx, ty);
         let channels: Vec<usize> = (0..self.channels()).collect();
-        let rect = Rect::at((tx * TILE) as i32, (ty * TILE) as i32, width, height);
+        let rect = PixelRect::at((tx * TILE) as i32, (ty * TILE) as i32, width, height);
         let values = self.live.read(&self.info.name, rect, &channels)?;
         let pixels = Pixels::Float(values);
         Ok(vec![((tx, ty), Tile { width, height, channels: channels.len(), pixels, whole: true })])
@@ -108,7 +107,7 @@ mod tests {
             draw(shown, None, Mix::First, &view).unwrap()
         };
         assert_eq!(look(&page.page).at(150, 100), [0, 0, 0]);
-        let rect = Rect::at(140, 90, 20, 20);
+        let rect = PixelRect::at(140, 90, 20, 20);
         let planes = [(0, 0, 3), (1, 1, 3), (2, 2, 3)];
         live.update("a", &planes, rect, &vec![1.0; 20 * 20 * 3]).unwrap();
         assert_eq!(page.refresh(), Some(true));

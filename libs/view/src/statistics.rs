@@ -1,8 +1,9 @@
 //! What the values of a picture are: of all of it, or of a part.
 
+use crate::Result;
 use crate::picture::Page;
 use crate::tile::{TILE, Tile};
-use crate::{Rect, Result};
+use granita_image::PixelRect;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -93,7 +94,7 @@ impl Statistics {
 }
 
 /// A part of a tile's channel.
-fn of_tile(tile: &Tile, part: Rect) -> Vec<Statistics> {
+fn of_tile(tile: &Tile, part: PixelRect) -> Vec<Statistics> {
     let n = tile.channels;
     let (x0, x1) = (part.x0 as usize, part.x1 as usize);
     let rows: Vec<Vec<f32>> = (part.y0 as usize..part.y1 as usize)
@@ -113,12 +114,12 @@ fn of_tile(tile: &Tile, part: Rect) -> Vec<Statistics> {
 ///
 /// # Errors
 /// When a part cannot be read.
-pub fn statistics(page: &Page, level: usize, part: Rect) -> Result<Vec<Statistics>> {
+pub fn statistics(page: &Page, level: usize, part: PixelRect) -> Result<Vec<Statistics>> {
     let pyramid = &page.pyramid;
     let Some(l) = pyramid.levels().get(level) else {
         return Err(crate::ViewError::Misuse { what: format!("there is no level {level}") });
     };
-    let part = part.intersection(&Rect::at(0, 0, l.width, l.height));
+    let part = part.intersection(&PixelRect::at(0, 0, l.width, l.height));
     let none = vec![Statistics::default(); page.spec().nchannels()];
     if part.is_empty() {
         return Ok(none);
@@ -138,9 +139,9 @@ pub fn statistics(page: &Page, level: usize, part: Rect) -> Result<Vec<Statistic
         } {
             match pyramid.tile(level, tx as u32, ty as u32) {
                 Ok(t) => {
-                    let inside = part.intersection(&Rect::at(tx * tile, ty * tile, t.width, t.height));
+                    let inside = part.intersection(&PixelRect::at(tx * tile, ty * tile, t.width, t.height));
                     let (left, top) = (tx * tile, ty * tile);
-                    let inside = Rect {
+                    let inside = PixelRect {
                         x0: inside.x0 - left,
                         x1: inside.x1 - left,
                         y0: inside.y0 - top,

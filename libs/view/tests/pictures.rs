@@ -2,11 +2,11 @@
 
 #![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
 
-use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
+use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelRect, PixelType, Pixels};
 use granita_texture::make::{MakeOptions, Mode, make};
 use granita_view::{
-    Around, Arrangement, Background, Display, Mix, Picture, Rect, Shown, StoreLimits, TILE, TileStore, View,
-    ascii, draw, save_canvas, save_pixels, statistics, suited, thumbnail,
+    Around, Arrangement, Background, Display, Mix, Picture, Shown, StoreLimits, TILE, TileStore, View, ascii,
+    draw, save_canvas, save_pixels, statistics, suited, thumbnail,
 };
 use std::path::{Path, PathBuf};
 
@@ -129,7 +129,7 @@ fn threads_and_what_was_read_before_change_nothing() {
     };
     let roomy = picture(&TileStore::default());
     let narrow = picture(&TileStore::new(StoreLimits { others: 1 << 20, spare: 0 }));
-    statistics(&roomy.pages[0], 0, Rect::at(0, 0, 700, 500)).unwrap();
+    statistics(&roomy.pages[0], 0, PixelRect::at(0, 0, 700, 500)).unwrap();
     let first = shot(&roomy, 1);
     assert_eq!(first, shot(&roomy, 4));
     assert_eq!(first.bytes, shot(&picture(&TileStore::default()), 3).bytes);
@@ -146,11 +146,11 @@ fn values_that_are_no_numbers_are_seen_at_any_zoom() {
     let picture = open(&path);
     let canvas = thumbnail(&picture.pages[0], 0, &Display::default(), 100).unwrap();
     assert!(canvas.bytes.chunks(4).any(|p| p == [255, 0, 255, 255]));
-    let s = statistics(&picture.pages[0], 0, Rect::at(0, 0, 1000, 1000)).unwrap();
+    let s = statistics(&picture.pages[0], 0, PixelRect::at(0, 0, 1000, 1000)).unwrap();
     assert_eq!((s[0].nan, s[0].count, s[0].mean), (1, 999_999, 0.5));
-    let s = statistics(&picture.pages[0], 0, Rect::at(699, 299, 3, 3)).unwrap();
+    let s = statistics(&picture.pages[0], 0, PixelRect::at(699, 299, 3, 3)).unwrap();
     assert_eq!((s[2].nan, s[2].count), (1, 8));
-    let s = statistics(&picture.pages[0], 0, Rect::at(-50, 990, 60, 500)).unwrap();
+    let s = statistics(&picture.pages[0], 0, PixelRect::at(-50, 990, 60, 500)).unwrap();
     assert_eq!(s[1].count, 100, "only what is inside counts");
 }
 

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
 use granita_display::{Client, Ending, Listener, Packet, PacketLimits, ServerLimits, Sink};
-use granita_image::Limits;
+use granita_image::{Limits, Request};
 use std::io::Read;
 use std::net::TcpListener;
 use std::path::Path;
@@ -58,15 +58,13 @@ fn paint(pictures: &mut Pictures, packet: Packet) {
             let values = vec![f32::NAN; width as usize * height as usize * channels.len()];
             pictures.push((name, width as usize, channels, values));
         }
-        Packet::UpdateImage { name, channels, area, values, .. } => {
+        Packet::UpdateImage { name, channels, rect, values, .. } => {
             let (_, width, names, pixels) = pictures.iter_mut().find(|p| p.0 == name).unwrap();
             for channel in channels {
                 let c = names.iter().position(|n| *n == channel.name).unwrap();
-                for k in 0..(area.width * area.height) as usize {
-                    let (x, y) = (
-                        area.x as usize + k % area.width as usize,
-                        area.y as usize + k / area.width as usize,
-                    );
+                for k in 0..rect.width() * rect.height() {
+                    let x = rect.x0 as usize + k % rect.width();
+                    let y = rect.y0 as usize + k / rect.width();
                     pixels[(y * *width + x) * names.len() + c] =
                         values[channel.offset as usize + k * channel.stride as usize];
                 }
@@ -206,7 +204,7 @@ struct Aborting {
 impl Sink for Aborting {
     fn packet(&self, client: &Arc<Client>, packet: Packet) -> Result<(), String> {
         if let Packet::UpdateImage { name, .. } = &packet {
-            client.send(Packet::Abort { name: name.clone() });
+            client.send(Packet::Request { name: name.clone(), request: Request::Abort });
         }
         self.packets.lock().unwrap().push(packet);
         Ok(())

@@ -1,21 +1,10 @@
 //! What is in a file, as text.
 
 use granita_base::{Param, ParamData};
-use granita_image::{ImageSpec, PixelType};
+use granita_image::ImageSpec;
 use granita_texture::TextureKind;
 use granita_view::{Page, Picture};
 use std::fmt::Write;
-
-/// The name of a type.
-pub(crate) fn type_word(pixel_type: PixelType) -> &'static str {
-    match pixel_type {
-        PixelType::U8 => "uint8",
-        PixelType::U16 => "uint16",
-        PixelType::U32 => "uint32",
-        PixelType::Half => "half",
-        PixelType::Float => "float",
-    }
-}
 
 /// A value as one word or line.
 fn value(param: &Param) -> String {
@@ -40,7 +29,7 @@ pub(crate) fn summary(spec: &ImageSpec) -> String {
     };
     let n = spec.nchannels();
     let s = if n == 1 { "" } else { "s" };
-    format!("{} x {}, {n} channel{s} ({names}) of {}", spec.width, spec.height, type_word(spec.pixel_type))
+    format!("{} x {}, {n} channel{s} ({names}) of {}", spec.width, spec.height, spec.pixel_type.word())
 }
 
 fn page_text(page: &Page) -> String {

@@ -7,11 +7,12 @@
 pub(crate) mod files;
 
 use granita_base::{Location, Reporter, Severity};
-use granita_display::packet::{Channel, DEFAULT_PORT, Vector};
+use granita_display::packet::{Channel, DEFAULT_PORT};
 use granita_display::{
     Client, DisplayError, Ending, Listener, Packet, PacketLimits, ServerLimits, Sink, listen_address,
 };
-use granita_view::{CommandSender, Draw, Live, LiveWishes, Rect, ViewCommand};
+use granita_image::PixelRect;
+use granita_view::{Live, RequestSender};
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -173,7 +174,10 @@ impl Feeder {
         drop(names);
         if client.is_two_way() {
             let client = client.clone();
-            let sender = CommandSender::new(move |command| client.send(as_packet(own.clone(), command)));
+            let sender = RequestSender::new(move |request| {
+                let name = own.clone();
+                client.send(Packet::Request { name, request })
+            });
             self.live.answer(&name, sender);
         }
         if focus {
@@ -182,7 +186,13 @@ impl Feeder {
         Ok(())
     }
 
-    fn update(&self, name: &str, channels: &[Channel], rect: Rect, values: &[f32]) -> Result<(), String> {
+    fn update(
+        &self,
+        name: &str,
+        channels: &[Channel],
+        rect: PixelRect,
+        values: &[f32],
+    ) -> Result<(), String> {
         let info = self.live.info(name).ok_or_else(|| format!("there is no picture \"{name}\""))?;
         let place = |channel: &Channel| {
             let index = info.channels.iter().position(|n| *n == channel.name);
@@ -206,14 +216,13 @@ impl Feeder {
 impl Sink for Feeder {
     fn packet(&self, client: &Arc<Client>, packet: Packet) -> Result<(), String> {
         let here = |name: &str| self.names().here(client.id(), name);
-        let rect = |area: &granita_display::packet::Area| Rect::at(area.x, area.y, area.width, area.height);
         match packet {
             Packet::CreateImage { name, focus, width, height, channels } => {
                 self.create(client, name, (width, height), &channels, focus)?;
             }
-            Packet::UpdateImage { name, focus, channels, area, values } => {
+            Packet::UpdateImage { name, focus, channels, rect, values } => {
                 let name = here(&name);
-                self.update(&name, &channels, rect(&area), &values)?;
+                self.update(&name, &channels, rect, &values)?;
                 if focus {
                     self.live.show(&name);
                 }
@@ -229,16 +238,13 @@ impl Sink for Feeder {
                 self.file(Wanted::Open { path, selector, focus })?;
             }
             Packet::ReloadImage { name, focus } => self.file(Wanted::Reload { name, focus })?,
-            Packet::Mark { name, area } => self.live.mark(&here(&name), rect(&area)),
-            Packet::Wish { name, wishes } => {
+            Packet::Mark { name, rect } => self.live.mark(&here(&name), rect),
+            Packet::Wish { name, mut wishes } => {
                 // Files of this machine are nothing to a client.
-                let file = |name: String| if self.open.is_some() { name } else { String::new() };
-                let wishes = LiveWishes {
-                    fullscreen: wishes.fullscreen,
-                    zoom: wishes.zoom,
-                    foreground: file(wishes.foreground),
-                    background: file(wishes.background),
-                };
+                if self.open.is_none() {
+                    wishes.foreground.clear();
+                    wishes.background.clear();
+                }
                 self.live.wish(&here(&name), wishes);
             }
             Packet::Finished { name: own, complete } => {
@@ -253,8 +259,7 @@ impl Sink for Feeder {
             }
             Packet::VectorGraphics { name, focus, append, commands } => {
                 let name = here(&name);
-                let steps: Vec<Draw> = commands.into_iter().map(as_step).collect();
-                self.live.draw(&name, append, &steps).map_err(|e| e.to_string())?;
+                self.live.draw(&name, append, &commands).map_err(|e| e.to_string())?;
                 if focus {
                     self.live.show(&name);
                 }
@@ -289,35 +294,6 @@ impl Sink for Feeder {
         if let Ending::Broken(what) = ending {
             self.reporter.warning(format!("{}: {what}", client.address()));
         }
-    }
-}
-
-/// A command of vector graphics as the viewer calls it.
-fn as_step(command: Vector) -> Draw {
-    match command {
-        Vector::Save => Draw::Save,
-        Vector::Restore => Draw::Restore,
-        Vector::MoveTo(to) => Draw::MoveTo(to),
-        Vector::LineTo(to) => Draw::LineTo(to),
-        Vector::FillColor(color) => Draw::FillColor(color),
-        Vector::StrokeColor(color) => Draw::StrokeColor(color),
-        Vector::Fill => Draw::Fill,
-        Vector::Stroke => Draw::Stroke,
-        Vector::BeginPath => Draw::BeginPath,
-    }
-}
-
-/// A command as the client that calls the picture `name` understands it.
-fn as_packet(name: String, command: ViewCommand) -> Packet {
-    match command {
-        ViewCommand::Center { x, y } => Packet::Center { name, x, y },
-        ViewCommand::Priority { rect } => {
-            let size = |n: usize| u32::try_from(n).unwrap_or(u32::MAX).max(1);
-            let (width, height) = (size(rect.width()), size(rect.height()));
-            let area = granita_display::packet::Area { x: rect.x0, y: rect.y0, width, height };
-            Packet::Priority { name, area }
-        }
-        ViewCommand::Abort => Packet::Abort { name },
     }
 }
 

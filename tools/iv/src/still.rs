@@ -4,10 +4,10 @@ use crate::args::Args;
 use crate::info;
 use granita_base::{Location, Reporter, Severity};
 use granita_cli::Status;
-use granita_image::FormatRegistry;
+use granita_image::{FormatRegistry, PixelRect};
 use granita_view::{
-    Comparison, Display, Page, Picture, Rect, TileStore, ascii, compare, expand, save_canvas, statistics,
-    suited, thumbnail,
+    Comparison, Display, Page, Picture, Statistics, TileStore, ascii, compare, expand, save_canvas,
+    statistics, suited, thumbnail,
 };
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -242,6 +242,26 @@ pub(crate) fn table(rows: &[Vec<String>]) -> String {
     text
 }
 
+/// Statistics of channels of these names, a row each under the words that say what is in it.
+pub(crate) fn statistics_table(names: &[String], found: &[Statistics]) -> String {
+    let words = ["channel", "min", "max", "mean", "deviation", "negative", "NaN", "inf"];
+    let mut rows = vec![words.map(str::to_owned).to_vec()];
+    for (name, s) in names.iter().zip(found) {
+        let value = |v: f64| if s.count > 0 { number(v) } else { "-".to_owned() };
+        rows.push(vec![
+            name.clone(),
+            value(f64::from(s.min)),
+            value(f64::from(s.max)),
+            value(s.mean),
+            value(s.deviation()),
+            s.negative.to_string(),
+            s.nan.to_string(),
+            s.infinite.to_string(),
+        ]);
+    }
+    table(&rows)
+}
+
 fn stats_text(picture: &Picture) -> Result<String, String> {
     let mut text = String::new();
     for (i, page) in picture.pages.iter().enumerate() {
@@ -251,24 +271,9 @@ fn stats_text(picture: &Picture) -> Result<String, String> {
             1 => writeln!(text, "{name}: {}", info::summary(spec)),
             _ => writeln!(text, "{name}#{i}: {}", info::summary(spec)),
         };
-        let all = Rect::at(0, 0, spec.width, spec.height);
+        let all = PixelRect::at(0, 0, spec.width, spec.height);
         let found = statistics(page, 0, all).map_err(|e| e.to_string())?;
-        let words = ["channel", "min", "max", "mean", "deviation", "negative", "NaN", "inf"];
-        let mut rows = vec![words.map(str::to_owned).to_vec()];
-        for (name, s) in spec.channels.iter().zip(found) {
-            let value = |v: f64| if s.count > 0 { number(v) } else { "-".to_owned() };
-            rows.push(vec![
-                name.clone(),
-                value(f64::from(s.min)),
-                value(f64::from(s.max)),
-                value(s.mean),
-                value(s.deviation()),
-                s.negative.to_string(),
-                s.nan.to_string(),
-                s.infinite.to_string(),
-            ]);
-        }
-        text.push_str(&table(&rows));
+        text.push_str(&statistics_table(&spec.channels, &found));
     }
     Ok(text)
 }

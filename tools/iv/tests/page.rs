@@ -4,9 +4,8 @@
 
 use base64::Engine;
 use granita_base::Param;
-use granita_display::packet::Vector;
 use granita_display::{IvFormat, Packet};
-use granita_image::{Area, CreateOptions, Format, ImageSpec, Limits, PixelType, Pixels};
+use granita_image::{CreateOptions, Draw, Format, ImageSpec, Limits, PixelRect, PixelType, Pixels};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
 use std::net::TcpStream;
@@ -137,9 +136,9 @@ fn fault(shot: &[f32]) -> Option<String> {
 /// Fills the ten pixels around the middle of a picture of 100 x 80 with cyan, by vector graphics.
 fn draw_square(display: &str, name: &str) {
     let mut commands =
-        vec![Vector::FillColor([0.0, 1.0, 1.0, 1.0]), Vector::BeginPath, Vector::MoveTo([45.0, 35.0])];
-    commands.extend([[55.0, 35.0], [55.0, 45.0], [45.0, 45.0]].map(Vector::LineTo));
-    commands.push(Vector::Fill);
+        vec![Draw::FillColor([0.0, 1.0, 1.0, 1.0]), Draw::BeginPath, Draw::MoveTo([45.0, 35.0])];
+    commands.extend([[55.0, 35.0], [55.0, 45.0], [45.0, 45.0]].map(Draw::LineTo));
+    commands.push(Draw::Fill);
     let packet = Packet::VectorGraphics { name: name.to_owned(), focus: false, append: false, commands };
     let mut bytes = Vec::new();
     packet.encode(&mut bytes).unwrap();
@@ -172,8 +171,8 @@ fn the_page_shows_what_a_renderer_sends() {
         (0, 40, [0.0, 0.0, 0.25, 1.0]),
         (50, 40, [8.0, f32::NAN, 0.0, 1.0]),
     ] {
-        let area = Area { x, y, width: 50, height: 40 };
-        picture.write_rectangle(&area, &Pixels::Float(color.repeat(50 * 40))).unwrap();
+        let rect = PixelRect::at(x, y, 50, 40);
+        picture.write_rectangle(&rect, &Pixels::Float(color.repeat(50 * 40))).unwrap();
     }
     picture.close().unwrap();
     draw_square(&display, "four colours");

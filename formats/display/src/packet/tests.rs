@@ -68,7 +68,7 @@ fn every_form_of_every_packet() {
         name: "pic".to_owned(),
         focus: false,
         channels,
-        area: Area { x: 3, y: 4, width: 2, height: 1 },
+        rect: PixelRect::at(3, 4, 2, 1),
         values: values.to_vec(),
     };
     let place = ints(&[3, 4, 2, 1]);
@@ -114,7 +114,7 @@ fn every_form_of_every_packet() {
     match decode(&lines).unwrap() {
         Packet::VectorGraphics { append: true, commands, .. } => {
             assert_eq!(commands.len(), 9);
-            assert_eq!((commands[0], commands[3]), (Vector::BeginPath, Vector::MoveTo([1.0, 2.0])));
+            assert_eq!((commands[0], commands[3]), (Draw::BeginPath, Draw::MoveTo([1.0, 2.0])));
         }
         other => panic!("{other:?}"),
     }
@@ -126,6 +126,10 @@ fn what_is_wrong_is_told_with_its_place() {
     for (packet, expected) in [
         (vec![], "malformed packet: its length is missing at byte 0"),
         (vec![9, 0, 0, 0, 2], "malformed packet: its length is 9, and 5 bytes came at byte 4"),
+        (
+            bytes(101, &[b"a\0", &ints(&[i32::MAX - 1, 0, 2, 1])]),
+            "malformed packet: 2 x 1 pixels from 2147483646, 0 at byte 23",
+        ),
         (bytes(2, &[]), "malformed packet: the name has no end at byte 5"),
         (bytes(2, &[b"abc"]), "malformed packet: the name has no end at byte 5"),
         (bytes(2, &[&[b'a'; 5000]]), "bytes of a text 5000 exceeds the limit of 4096"),
@@ -160,69 +164,67 @@ fn what_is_wrong_is_told_with_its_place() {
 #[test]
 fn what_the_protocol_cannot_say_is_not_written() {
     let mut out = vec![7];
-    let area = Area { x: 0, y: 0, width: 2, height: 2 };
-    let update = |channels: Vec<Channel>, area, n| Packet::UpdateImage {
+    let rect = PixelRect::at(0, 0, 2, 2);
+    let update = |channels: Vec<Channel>, rect, n| Packet::UpdateImage {
         name: "a".to_owned(),
         focus: false,
         channels,
-        area,
+        rect,
         values: vec![0.0; n],
     };
     for packet in [
         Packet::CloseImage { name: "a\0b".to_owned() },
-        update(vec![channel("R", 0, 1)], area, 3),
-        update(vec![channel("R", u64::MAX, 1)], area, 4),
-        update(vec![channel("R", 0, 1)], Area { width: 0, ..area }, 4),
-        Packet::Mark { name: "a".to_owned(), area: Area { width: u32::MAX, ..area } },
+        update(vec![channel("R", 0, 1)], rect, 3),
+        update(vec![channel("R", u64::MAX, 1)], rect, 4),
+        update(vec![channel("R", 0, 1)], PixelRect { x1: 0, ..rect }, 4),
+        Packet::Mark { name: "a".to_owned(), rect: PixelRect::EVERYWHERE },
+        Packet::Mark { name: "a".to_owned(), rect: PixelRect { x1: -1, ..rect } },
     ] {
         assert!(packet.encode(&mut out).is_err(), "{packet:?}");
         assert_eq!(out, [7]);
     }
     // More values than are used are left out.
-    update(vec![channel("R", 0, 1)], area, 9).encode(&mut out).unwrap();
-    assert_eq!(decode(&out[1..]).unwrap(), update(vec![channel("R", 0, 1)], area, 4));
+    update(vec![channel("R", 0, 1)], rect, 9).encode(&mut out).unwrap();
+    assert_eq!(decode(&out[1..]).unwrap(), update(vec![channel("R", 0, 1)], rect, 4));
 }
 
 fn text() -> impl Strategy<Value = String> {
     "[^\0]{0,12}"
 }
 
-fn area() -> impl Strategy<Value = Area> {
-    (any::<i32>(), any::<i32>(), 1_u32..9, 1_u32..9).prop_map(|(x, y, width, height)| Area {
-        x,
-        y,
-        width,
-        height,
-    })
+fn rect() -> impl Strategy<Value = PixelRect> {
+    (any::<i32>(), any::<i32>(), 1_u32..9, 1_u32..9)
+        .prop_map(|(x, y, width, height)| PixelRect::at(x, y, width, height))
+        .prop_filter("some pixel is left at the end of what coordinates hold", |rect| !rect.is_empty())
 }
 
-fn vector() -> impl Strategy<Value = Vector> {
+fn vector() -> impl Strategy<Value = Draw> {
     let number = -1e6_f32..1e6;
     let (point, color) = (prop::array::uniform2(number.clone()), prop::array::uniform4(number));
     prop_oneof![
-        Just(Vector::Save),
-        Just(Vector::Restore),
-        point.clone().prop_map(Vector::MoveTo),
-        point.prop_map(Vector::LineTo),
-        color.clone().prop_map(Vector::FillColor),
-        color.prop_map(Vector::StrokeColor),
-        Just(Vector::Fill),
-        Just(Vector::Stroke),
-        Just(Vector::BeginPath),
+        Just(Draw::Save),
+        Just(Draw::Restore),
+        point.clone().prop_map(Draw::MoveTo),
+        point.prop_map(Draw::LineTo),
+        color.clone().prop_map(Draw::FillColor),
+        color.prop_map(Draw::StrokeColor),
+        Just(Draw::Fill),
+        Just(Draw::Stroke),
+        Just(Draw::BeginPath),
     ]
 }
 
 fn update() -> impl Strategy<Value = Packet> {
     let channels = prop::collection::vec((text(), 0_u64..20, 0_u64..5), 0..4);
-    (text(), any::<bool>(), channels, area()).prop_map(|(name, focus, channels, area)| {
+    (text(), any::<bool>(), channels, rect()).prop_map(|(name, focus, channels, rect)| {
         let channels: Vec<Channel> =
             channels.into_iter().map(|(name, offset, stride)| Channel { name, offset, stride }).collect();
-        let count = needed_values(&channels, &area).unwrap();
+        let count = needed_values(&channels, &rect).unwrap();
         Packet::UpdateImage {
             name,
             focus,
             channels,
-            area,
+            rect,
             values: (0..count).map(|v| v as f32 * 0.3).collect(),
         }
     })
@@ -250,7 +252,7 @@ fn packet() -> impl Strategy<Value = Packet> {
             |(name, focus, append, commands)| Packet::VectorGraphics { name, focus, append, commands }
         ),
         any::<u32>().prop_map(|version| Packet::Hello { version }),
-        (text(), area()).prop_map(|(name, area)| Packet::Mark { name, area }),
+        (text(), rect()).prop_map(|(name, rect)| Packet::Mark { name, rect }),
         (text(), any::<bool>(), any::<u32>(), text(), text()).prop_map(
             |(name, fullscreen, zoom, foreground, background)| Packet::Wish {
                 name,
@@ -258,9 +260,10 @@ fn packet() -> impl Strategy<Value = Packet> {
             }
         ),
         (text(), any::<bool>()).prop_map(|(name, complete)| Packet::Finished { name, complete }),
-        (text(), any::<i32>(), any::<i32>()).prop_map(|(name, x, y)| Packet::Center { name, x, y }),
-        (text(), area()).prop_map(|(name, area)| Packet::Priority { name, area }),
-        text().prop_map(|name| Packet::Abort { name }),
+        (text(), any::<i32>(), any::<i32>())
+            .prop_map(|(name, x, y)| Packet::Request { name, request: Request::Center { x, y } }),
+        (text(), rect()).prop_map(|(name, rect)| Packet::Request { name, request: Request::Priority(rect) }),
+        text().prop_map(|name| Packet::Request { name, request: Request::Abort }),
     ]
 }
 

@@ -5,8 +5,8 @@ use crate::fixture::{Fixture, param};
 use crate::{RenderError, Renderer};
 use granita_base::Params;
 use granita_image::{
-    Area, CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, Pixels, Request,
-    Result,
+    CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelRect, Pixels,
+    Request, Result,
 };
 use granita_scene::Output;
 use std::path::Path;
@@ -22,8 +22,8 @@ struct Viewer {
 
 #[derive(Default)]
 struct Seen {
-    begun: Vec<Area>,
-    written: Vec<Area>,
+    begun: Vec<PixelRect>,
+    written: Vec<PixelRect>,
     pixels: Vec<f32>,
     asked: usize,
     closed: bool,
@@ -40,24 +40,24 @@ impl ImageOutput for Shown {
         panic!("a viewer takes rectangles")
     }
 
-    fn write_rectangle(&mut self, area: &Area, pixels: &Pixels) -> Result<()> {
+    fn write_rectangle(&mut self, rect: &PixelRect, pixels: &Pixels) -> Result<()> {
         let mut seen = self.0.seen.lock().unwrap();
         if self.0.fails_after == Some(seen.written.len()) {
             return Err(ImageError::Misuse { path: "viewer".into(), what: "it is gone".to_owned() });
         }
-        assert!(seen.begun.contains(area));
-        seen.written.push(*area);
+        assert!(seen.begun.contains(rect));
+        seen.written.push(*rect);
         let n = self.1.nchannels();
         seen.pixels.resize((self.1.width * self.1.height) as usize * n, f32::NAN);
-        for (j, line) in pixels.to_floats().chunks_exact(area.width as usize * n).enumerate() {
-            let at = ((area.y as usize + j) * self.1.width as usize + area.x as usize) * n;
+        for (j, line) in pixels.to_floats().chunks_exact(rect.width() * n).enumerate() {
+            let at = ((rect.y0 as usize + j) * self.1.width as usize + rect.x0 as usize) * n;
             seen.pixels[at..at + line.len()].copy_from_slice(line);
         }
         Ok(())
     }
 
-    fn begin_rectangle(&mut self, area: &Area) {
-        self.0.seen.lock().unwrap().begun.push(*area);
+    fn begin_rectangle(&mut self, rect: &PixelRect) {
+        self.0.seen.lock().unwrap().begun.push(*rect);
     }
 
     fn requests(&mut self) -> Vec<Request> {
@@ -161,7 +161,7 @@ fn what_a_viewer_asks_for_changes_the_order_and_no_pixel() {
     let plain = render(&Arc::default(), 1).1;
     let asks = vec![
         (2, Request::Center { x: 55, y: 45 }),
-        (4, Request::Rectangle { x0: -9, y0: 25, x1: 5, y1: 35 }),
+        (4, Request::Priority(PixelRect { x0: -9, y0: 25, x1: 5, y1: 35 })),
         (9, Request::Center { x: -1_000_000, y: i32::MIN }),
     ];
     let viewer = Arc::new(Viewer { asks, ..Viewer::default() });
@@ -169,7 +169,7 @@ fn what_a_viewer_asks_for_changes_the_order_and_no_pixel() {
     assert!(complete.unwrap() && file == plain);
     let seen = viewer.seen.lock().unwrap();
     assert!(seen.pixels == plain);
-    let corners: Vec<[u32; 2]> = seen.written.iter().map(|a| [a.x, a.y]).collect();
+    let corners: Vec<[i32; 2]> = seen.written.iter().map(|a| [a.x0, a.y0]).collect();
     // In the order of the scene, around the last corner, the rectangle, around the corner again, around the first one.
     assert_eq!(corners[2], [50, 40]);
     let mut first: Vec<_> = corners[4..6].to_vec();
@@ -183,7 +183,7 @@ fn what_a_viewer_asks_for_changes_the_order_and_no_pixel() {
 
 #[test]
 fn a_viewer_may_stop_the_frame() {
-    let viewer = Arc::new(Viewer { asks: vec![(3, Request::Stop)], ..Viewer::default() });
+    let viewer = Arc::new(Viewer { asks: vec![(3, Request::Abort)], ..Viewer::default() });
     let (result, file, _) = render(&viewer, 1);
     assert!(matches!(result, Err(RenderError::Stopped)) && file.is_empty());
     let seen = viewer.seen.lock().unwrap();

@@ -97,17 +97,6 @@ fn texture_format(registry: &FormatRegistry, name: &str) -> Result<Arc<dyn Forma
     Ok(format.clone())
 }
 
-/// The word of `-d`.
-fn type_word(pixel_type: PixelType) -> &'static str {
-    match pixel_type {
-        PixelType::U8 => "uint8",
-        PixelType::U16 => "uint16",
-        PixelType::U32 => "uint32",
-        PixelType::Half => "half",
-        PixelType::Float => "float",
-    }
-}
-
 /// The nearest storage that the format has. A type that was asked for by name is used wherever the format has
 /// it; else TIFF textures hold bytes, shorts and floats (reference 9.2.1), halves are OpenEXR's.
 fn nearest_type(format: &dyn Format, exr: bool, input: PixelType, asked: Option<PixelType>) -> PixelType {
@@ -149,7 +138,7 @@ impl Plan {
         };
         if let Some(asked) = options.pixel_type.filter(|asked| *asked != pixel_type) {
             let reason = if kind.is_shadow() { "depths need it" } else { "the format has no other" };
-            let (asked, got) = (type_word(asked), type_word(pixel_type));
+            let (asked, got) = (asked.word(), pixel_type.word());
             notes.push(format!("texels are {got}, not {asked}: {reason}"));
         }
         let mut attributes = input.attributes.clone();

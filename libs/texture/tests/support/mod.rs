@@ -2,12 +2,25 @@
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its part")]
 
 use granita_base::report::Message;
-use granita_base::{Environment, Param, ParamData, ParamType, Reporter, SearchPath};
+use granita_base::{Environment, Param, ParamData, ParamType, Reporter, SearchPath, Vec3};
 use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
 use granita_texture::make::{Made, MakeOptions, make};
 use granita_texture::{CacheOptions, Lookup, TextureCache, TextureError, TextureId};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
+
+/// Names of pictures of the faces of a cube, in the order of reference 9.3.
+pub const FACES: [&str; 6] = ["px.tif", "nx.tif", "py.tif", "ny.tif", "pz.tif", "nz.tif"];
+
+/// Forward, up, right of each face (reference 9.3).
+pub const FRAMES: [[Vec3; 3]; 6] = [
+    [Vec3::X, Vec3::Y, Vec3::NEG_Z],
+    [Vec3::NEG_X, Vec3::Y, Vec3::Z],
+    [Vec3::Y, Vec3::NEG_Z, Vec3::X],
+    [Vec3::NEG_Y, Vec3::Z, Vec3::X],
+    [Vec3::Z, Vec3::Y, Vec3::X],
+    [Vec3::NEG_Z, Vec3::Y, Vec3::NEG_X],
+];
 
 pub struct Folder {
     dir: tempfile::TempDir,

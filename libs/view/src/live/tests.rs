@@ -11,7 +11,7 @@ fn names(list: &[&str]) -> Vec<String> {
 fn pixels_come_in_any_layout() {
     let live = Live::default();
     live.create("a", 4, 3, &names(&["R", "G", "B"])).unwrap();
-    let rect = Rect::at(1, 1, 2, 2);
+    let rect = PixelRect::at(1, 1, 2, 2);
     // Interleaved, as they are kept.
     let values: Vec<f32> = (0..13).map(|v| v as f32).collect();
     live.update("a", &[(0, 1, 3), (1, 2, 3), (2, 3, 3)], rect, &values).unwrap();
@@ -25,8 +25,8 @@ fn pixels_come_in_any_layout() {
     assert_eq!((info.width, info.height, all.len()), (4, 3, 36));
     assert_eq!(all[..3], [0.0; 3]);
     // The same value for all pixels.
-    live.update("a", &[(0, 7, 0)], Rect::at(0, 0, 4, 3), &values).unwrap();
-    assert!(live.read("a", Rect::at(0, 0, 4, 3), &[0]).unwrap().iter().all(|v| *v == 7.0));
+    live.update("a", &[(0, 7, 0)], PixelRect::at(0, 0, 4, 3), &values).unwrap();
+    assert!(live.read("a", PixelRect::at(0, 0, 4, 3), &[0]).unwrap().iter().all(|v| *v == 7.0));
 }
 
 #[test]
@@ -47,18 +47,18 @@ fn what_does_not_fit_is_refused() {
     live.create("b", 10, 10, &rgb).unwrap();
     assert!(matches!(live.create("c", 1, 1, &rgb), Err(ViewError::Limit { what: "pictures", .. })));
     assert_eq!(live.names(), ["a", "b"]);
-    let pixel = Rect::at(4, 4, 1, 1);
+    let pixel = PixelRect::at(4, 4, 1, 1);
     assert!(live.update("a", &[(0, 0, 1)], pixel, &[1.0]).is_ok());
     for (channels, rect, values) in [
         ((3, 0, 1), pixel, &[1.0][..]),
         ((0, 1, 1), pixel, &[1.0]),
         ((0, 0, 1), pixel, &[]),
-        ((0, 0, usize::MAX), Rect::at(0, 0, 2, 2), &[1.0; 4]),
-        ((0, usize::MAX, 1), Rect::at(0, 0, 2, 2), &[1.0; 4]),
-        ((0, 0, 1), Rect::at(5, 4, 1, 1), &[1.0]),
-        ((0, 0, 1), Rect::at(-1, 4, 1, 1), &[1.0]),
-        ((0, 0, 1), Rect::at(4, 4, 0, 1), &[1.0]),
-        ((0, 0, 0), Rect { x0: i32::MIN, y0: i32::MIN, x1: i32::MAX, y1: i32::MAX }, &[1.0]),
+        ((0, 0, usize::MAX), PixelRect::at(0, 0, 2, 2), &[1.0; 4]),
+        ((0, usize::MAX, 1), PixelRect::at(0, 0, 2, 2), &[1.0; 4]),
+        ((0, 0, 1), PixelRect::at(5, 4, 1, 1), &[1.0]),
+        ((0, 0, 1), PixelRect::at(-1, 4, 1, 1), &[1.0]),
+        ((0, 0, 1), PixelRect::at(4, 4, 0, 1), &[1.0]),
+        ((0, 0, 0), PixelRect::EVERYWHERE, &[1.0]),
     ] {
         assert!(live.update("a", &[channels], rect, values).is_err(), "{channels:?} {rect:?}");
         assert!(live.read("a", rect, &[channels.0]).is_err() || pixel == rect || rect.width() == 2);
@@ -72,18 +72,18 @@ fn changes_are_told_once_and_old_ones_as_the_whole() {
     live.create("a", 64, 64, &names(&["Y"])).unwrap();
     let first = live.generation("a");
     assert!(live.changes_since("a", first).is_empty());
-    let rects: Vec<Rect> = (0..5).map(|i| Rect::at(i, i, 2, 2)).collect();
+    let rects: Vec<PixelRect> = (0..5).map(|i| PixelRect::at(i, i, 2, 2)).collect();
     for rect in &rects {
         live.update("a", &[(0, 0, 1)], *rect, &[1.0; 4]).unwrap();
     }
     assert_eq!(live.changes_since("a", first), rects);
     assert_eq!(live.changes_since("a", first + 3), rects[3..]);
     assert!(live.changes_since("a", live.generation("a")).is_empty());
-    assert_eq!(live.changes_since("a", 0), [Rect::at(0, 0, 64, 64)], "who never looked must see all");
+    assert_eq!(live.changes_since("a", 0), [PixelRect::at(0, 0, 64, 64)], "who never looked must see all");
     for _ in 0..CHANGES {
         live.update("a", &[(0, 0, 1)], rects[0], &[2.0; 4]).unwrap();
     }
-    assert_eq!(live.changes_since("a", first), [Rect::at(0, 0, 64, 64)]);
+    assert_eq!(live.changes_since("a", first), [PixelRect::at(0, 0, 64, 64)]);
     assert_eq!(live.changes_since("a", first + 5).len(), CHANGES);
     let id = live.info("a").unwrap().id;
     live.create("a", 2, 2, &names(&["Y"])).unwrap();
@@ -96,16 +96,16 @@ fn marks_go_when_their_pixels_come() {
     let live = Live::default();
     live.create("a", 64, 32, &names(&["Y"])).unwrap();
     let marks = || live.info("a").unwrap().marks;
-    live.mark("a", Rect::at(0, 0, 16, 16));
-    live.mark("a", Rect::at(0, 0, 16, 16));
-    live.mark("a", Rect::at(56, 16, 16, 16));
-    live.mark("a", Rect::at(99, 99, 16, 16));
-    live.mark("nosuch", Rect::at(0, 0, 1, 1));
-    assert_eq!(marks(), [Rect::at(0, 0, 16, 16), Rect::at(56, 16, 8, 16)]);
-    live.update("a", &[(0, 0, 1)], Rect::at(0, 0, 15, 16), &[1.0; 240]).unwrap();
+    live.mark("a", PixelRect::at(0, 0, 16, 16));
+    live.mark("a", PixelRect::at(0, 0, 16, 16));
+    live.mark("a", PixelRect::at(56, 16, 16, 16));
+    live.mark("a", PixelRect::at(99, 99, 16, 16));
+    live.mark("nosuch", PixelRect::at(0, 0, 1, 1));
+    assert_eq!(marks(), [PixelRect::at(0, 0, 16, 16), PixelRect::at(56, 16, 8, 16)]);
+    live.update("a", &[(0, 0, 1)], PixelRect::at(0, 0, 15, 16), &[1.0; 240]).unwrap();
     assert_eq!(marks().len(), 2, "not all of it came");
-    live.update("a", &[(0, 0, 1)], Rect::at(0, 0, 20, 16), &[1.0; 320]).unwrap();
-    assert_eq!(marks(), [Rect::at(56, 16, 8, 16)]);
+    live.update("a", &[(0, 0, 1)], PixelRect::at(0, 0, 20, 16), &[1.0; 320]).unwrap();
+    assert_eq!(marks(), [PixelRect::at(56, 16, 8, 16)]);
     live.lost("a", "the sender is gone");
     let info = live.info("a").unwrap();
     assert_eq!((info.marks.len(), info.note.as_deref()), (0, Some("the sender is gone")));
@@ -127,22 +127,19 @@ fn drawings_are_replaced_or_grow() {
 }
 
 #[test]
-fn commands_find_their_way_back_until_the_sender_is_lost() {
+fn requests_find_their_way_back_until_the_sender_is_lost() {
     let live = Live::default();
     live.create("a", 4, 4, &names(&["Y"])).unwrap();
-    assert!(live.commands("a").is_none() && !live.info("a").unwrap().takes_commands);
+    assert!(live.requests("a").is_none() && !live.info("a").unwrap().takes_requests);
     let (to, from) = std::sync::mpsc::channel();
-    live.answer("a", CommandSender::new(move |command| to.send(command).is_ok()));
-    let sender = live.commands("a").unwrap();
-    assert!(sender.send(ViewCommand::Center { x: 1, y: 2 }) && sender.send(ViewCommand::Abort));
-    assert_eq!(
-        from.iter().take(2).collect::<Vec<_>>(),
-        [ViewCommand::Center { x: 1, y: 2 }, ViewCommand::Abort]
-    );
+    live.answer("a", RequestSender::new(move |request| to.send(request).is_ok()));
+    let sender = live.requests("a").unwrap();
+    assert!(sender.send(Request::Center { x: 1, y: 2 }) && sender.send(Request::Abort));
+    assert_eq!(from.iter().take(2).collect::<Vec<_>>(), [Request::Center { x: 1, y: 2 }, Request::Abort]);
     live.finish("a");
-    assert!(live.commands("a").is_none() && live.info("a").unwrap().note.is_none());
+    assert!(live.requests("a").is_none() && live.info("a").unwrap().note.is_none());
     drop(from);
-    assert!(!sender.send(ViewCommand::Abort));
+    assert!(!sender.send(Request::Abort));
 }
 
 #[test]
@@ -162,7 +159,7 @@ fn who_waits_is_woken() {
     assert_eq!(live.shown(), 0);
     live.show("a");
     assert_eq!(live.shown(), live.info("a").unwrap().id);
-    live.wish("a", LiveWishes { zoom: 2, ..LiveWishes::default() });
+    live.wish("a", Wishes { zoom: 2, ..Wishes::default() });
     assert_eq!(live.info("a").unwrap().wishes.zoom, 2);
     live.close("a");
     live.close("a");
@@ -184,7 +181,7 @@ proptest! {
         let mut plain = vec![0.0_f32; (width * height) as usize * n];
         for (round, (index, offset, stride, x, y, w, h)) in updates.into_iter().enumerate() {
             let values: Vec<f32> = (0..200).map(|v| (round * 1000 + v) as f32).collect();
-            let rect = Rect::at(x, y, w, h);
+            let rect = PixelRect::at(x, y, w, h);
             let inside = x >= 0 && y >= 0 && w > 0 && h > 0 && x as u32 + w <= width && y as u32 + h <= height;
             let done = live.update("a", &[(index, offset, stride)], rect, &values);
             prop_assert_eq!(done.is_ok(), inside);

@@ -2,8 +2,8 @@
 
 use super::{OpenFile, Wanted};
 use granita_base::Reporter;
-use granita_image::FormatRegistry;
-use granita_view::{Live, Rect};
+use granita_image::{FormatRegistry, PixelRect};
+use granita_view::Live;
 use std::path::Path;
 
 /// Reads files that clients name.
@@ -39,7 +39,7 @@ pub(crate) fn read(live: &Live, formats: &FormatRegistry, path: &Path) -> Result
         for y in (0..spec.height).step_by(ROWS as usize) {
             let end = (y + ROWS).min(spec.height);
             let pixels = input.read_rows(image, 0, y, end).map_err(|e| e.to_string())?;
-            let rect = Rect::at(0, y as i32, spec.width, end - y);
+            let rect = PixelRect::at(0, y as i32, spec.width, end - y);
             live.update(&name, &places, rect, &pixels.to_floats()).map_err(|e| format!("{name}: {e}"))?;
         }
     }

@@ -1,6 +1,7 @@
 //! Clients written from the published description of the protocol, byte by byte.
 
 use super::*;
+use granita_image::{Draw, Request};
 use granita_view::LiveLimits;
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -87,7 +88,7 @@ fn a_client_written_from_the_description_shows_its_pixels() {
     let mut second = TcpStream::connect(listener.address()).unwrap();
     second.write_all(&packet(2, &[b"end\0"])).unwrap();
     until("it is closed", || live.names() == ["pic"]);
-    let rect = Rect::at(1, 2, 2, 1);
+    let rect = PixelRect::at(1, 2, 2, 1);
     let want = [value(1, 2, 0), 5.0, 3.0, 1.0, value(2, 2, 0), 6.0, 4.0, 2.0];
     until("the channels came", || live.read("pic", rect, &[0, 1, 2, 3]).unwrap() == want);
     // Nothing was ever said to these clients.
@@ -119,7 +120,7 @@ fn what_does_not_fit_is_refused_and_the_client_goes_on() {
     ] {
         client.write_all(&bytes).unwrap();
     }
-    until("the good one came", || live.read("a", Rect::at(3, 3, 1, 1), &[0]).is_ok_and(|v| v == [9.0]));
+    until("the good one came", || live.read("a", PixelRect::at(3, 3, 1, 1), &[0]).is_ok_and(|v| v == [9.0]));
     assert_eq!(live.info("a").unwrap().drawing.to_vec(), [Draw::BeginPath, Draw::MoveTo([0.0, 0.0])]);
     let said = messages.lock().unwrap()[1..].concat();
     for text in [
@@ -187,27 +188,27 @@ impl Ours {
 }
 
 #[test]
-fn renders_of_one_name_are_pictures_of_their_own_and_take_commands() {
+fn renders_of_one_name_are_pictures_of_their_own_and_take_requests() {
     let live = Live::default();
     let (listener, _) = listening(&live, None);
     let (mut first, mut second) = (Ours::new(&listener), Ours::new(&listener));
     first.send(&create("a", 8, 8, &["R"]));
-    until("the first", || live.commands("a").is_some());
+    until("the first", || live.requests("a").is_some());
     second.send(&create("a", 4, 4, &["R"]));
-    until("the second", || live.commands("a (2)").is_some());
+    until("the second", || live.requests("a (2)").is_some());
     assert_eq!(live.shown(), live.info("a (2)").unwrap().id);
     let ints = |values: &[i32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
     second.send(&packet(101, &[b"a\0", &ints(&[0, 0, 2, 2])]));
     second.send(&packet(102, &[b"a\0\x01", &ints(&[3]), b"over\0\0"]));
     until("the wish", || live.info("a (2)").unwrap().wishes.zoom == 3);
     let info = live.info("a (2)").unwrap();
-    assert_eq!((info.marks, info.wishes.foreground), (vec![Rect::at(0, 0, 2, 2)], String::new()));
+    assert_eq!((info.marks, info.wishes.foreground), (vec![PixelRect::at(0, 0, 2, 2)], String::new()));
     assert!(live.info("a").unwrap().marks.is_empty());
     // Commands reach who makes the picture, under its own name.
-    let commands = live.commands("a (2)").unwrap();
-    assert!(commands.send(ViewCommand::Center { x: 3, y: -1 }));
-    assert!(commands.send(ViewCommand::Priority { rect: Rect::at(1, 2, 3, 4) }));
-    assert!(commands.send(ViewCommand::Abort));
+    let requests = live.requests("a (2)").unwrap();
+    assert!(requests.send(Request::Center { x: 3, y: -1 }));
+    assert!(requests.send(Request::Priority(PixelRect::at(1, 2, 3, 4))));
+    assert!(requests.send(Request::Abort));
     assert_eq!(second.hear(15), packet(110, &[b"a\0", &ints(&[3, -1])]));
     assert_eq!(second.hear(23), packet(111, &[b"a\0", &ints(&[1, 2, 3, 4])]));
     assert_eq!(second.hear(7), packet(112, &[b"a\0"]));
@@ -216,9 +217,9 @@ fn renders_of_one_name_are_pictures_of_their_own_and_take_commands() {
     third.send(&create("b", 4, 4, &["R"]));
     second.send(&packet(103, &[b"a\0\x01"]));
     first.send(&packet(103, &[b"a\0\0"]));
-    until("the third", || live.commands("b").is_some());
+    until("the third", || live.requests("b").is_some());
     drop((first, second, third));
-    until("they are gone", || listener.clients() == 0 && live.commands("b").is_none());
+    until("they are gone", || listener.clients() == 0 && live.requests("b").is_none());
     let note = |name: &str| live.info(name).unwrap().note;
     assert_eq!(note("a (2)"), None);
     assert_eq!(note("a").unwrap(), "it was stopped before it was done");

@@ -10,7 +10,8 @@
 //! channels, then the values row by row, channels side by side. A picture of more than [`MOST_SIDE`] pixels a side is
 //! sent reduced: each of its pixels is the mean of `scale x scale` ones.
 
-use granita_view::{Draw, Live, LiveInfo, Rect};
+use granita_image::{Draw, PixelRect};
+use granita_view::{Live, LiveInfo};
 use half::f16;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -35,8 +36,8 @@ pub(super) struct Page {
     /// The picture that its pixels are of, and their generation.
     known: Option<(u64, u64)>,
     /// Pixels that it has not got.
-    pending: Vec<Rect>,
-    marks: Vec<Rect>,
+    pending: Vec<PixelRect>,
+    marks: Vec<PixelRect>,
     drawing: Arc<Vec<Draw>>,
     list: Value,
 }
@@ -77,7 +78,7 @@ impl Page {
             [&value["probe"][0], &value["probe"][1]].map(|v| v.as_i64().and_then(|v| i32::try_from(v).ok()));
         let (x, y, info) = (x?, y?, self.chosen()?);
         let all: Vec<usize> = (0..info.channels.len()).collect();
-        let values = self.live.read(&info.name, Rect::at(x, y, 1, 1), &all).ok()?;
+        let values = self.live.read(&info.name, PixelRect::at(x, y, 1, 1), &all).ok()?;
         // JSON has no words for what is no number.
         let values: Vec<String> = values.iter().map(|v| format!("{v}")).collect();
         Some(Message::Text(json!({"probe": [x, y], "values": values}).to_string()))
@@ -124,7 +125,7 @@ impl Page {
             let text = json!({"picture": info.id, "scale": scale, "channels": self.channels,
                 "width": info.width.div_ceil(scale), "height": info.height.div_ceil(scale)});
             messages.push(Message::Text(text.to_string()));
-            self.pending = blocks(&[Rect::at(0, 0, info.width, info.height)], &info);
+            self.pending = blocks(&[PixelRect::at(0, 0, info.width, info.height)], &info);
             self.marks.clear();
             self.drawing = Arc::default();
         } else if let Some((_, generation)) = self.known
@@ -167,13 +168,13 @@ impl Page {
         let infos = self.live.names().into_iter().filter_map(|name| self.live.info(&name));
         let entry = |info: LiveInfo| {
             json!({"id": info.id, "name": info.name, "width": info.width, "height": info.height,
-                "channels": info.channels, "note": info.note, "live": info.takes_commands})
+                "channels": info.channels, "note": info.note, "live": info.takes_requests})
         };
         json!({"pictures": infos.map(entry).collect::<Vec<_>>(), "shown": self.live.shown()})
     }
 
     /// Some pixels, as the page wants them; none when the picture was replaced meanwhile.
-    fn pixels(&self, info: &LiveInfo, rect: Rect, scale: u32) -> Option<Vec<u8>> {
+    fn pixels(&self, info: &LiveInfo, rect: PixelRect, scale: u32) -> Option<Vec<u8>> {
         let values = self.live.read(&info.name, rect, &self.channels).ok()?;
         let n = self.channels.len();
         let values = if scale == 1 { values } else { reduced(&values, &rect, n, scale as usize) };
@@ -219,7 +220,7 @@ fn colors(names: &[String]) -> Vec<usize> {
 }
 
 /// The blocks that some rectangles touch, each once.
-fn blocks(rects: &[Rect], info: &LiveInfo) -> Vec<Rect> {
+fn blocks(rects: &[PixelRect], info: &LiveInfo) -> Vec<PixelRect> {
     let across = (info.width as usize).div_ceil(BLOCK);
     let mut touched = vec![false; across * (info.height as usize).div_ceil(BLOCK)];
     for rect in rects {
@@ -233,19 +234,19 @@ fn blocks(rects: &[Rect], info: &LiveInfo) -> Vec<Rect> {
             }
         }
     }
-    let window = Rect::at(0, 0, info.width, info.height);
+    let window = PixelRect::at(0, 0, info.width, info.height);
     let at = |k: usize| {
         let (x, y) = ((k % across * BLOCK) as i32, (k / across * BLOCK) as i32);
-        Rect::at(x, y, BLOCK as u32, BLOCK as u32).intersection(&window)
+        PixelRect::at(x, y, BLOCK as u32, BLOCK as u32).intersection(&window)
     };
     touched.iter().enumerate().filter(|(_, t)| **t).map(|(k, _)| at(k)).collect()
 }
 
 /// A rectangle in parts that are sent at once, grown to whole pixels of the reduced picture.
-fn parts(rect: &Rect, scale: u32, info: &LiveInfo) -> Vec<Rect> {
+fn parts(rect: &PixelRect, scale: u32, info: &LiveInfo) -> Vec<PixelRect> {
     let scale = scale as i32;
-    let window = Rect::at(0, 0, info.width, info.height);
-    let grown = Rect {
+    let window = PixelRect::at(0, 0, info.width, info.height);
+    let grown = PixelRect {
         x0: rect.x0 / scale * scale,
         y0: rect.y0 / scale * scale,
         x1: rect.x1.div_euclid(scale).saturating_add(i32::from(rect.x1 % scale != 0)).saturating_mul(scale),
@@ -260,13 +261,14 @@ fn parts(rect: &Rect, scale: u32, info: &LiveInfo) -> Vec<Rect> {
     starts(grown.y0, grown.y1)
         .flat_map(|y| starts(grown.x0, grown.x1).map(move |x| (x, y)))
         .map(|(x, y)| {
-            Rect { x0: x, y0: y, x1: x.saturating_add(step), y1: y.saturating_add(step) }.intersection(&grown)
+            PixelRect { x0: x, y0: y, x1: x.saturating_add(step), y1: y.saturating_add(step) }
+                .intersection(&grown)
         })
         .collect()
 }
 
 /// Means of `scale x scale` pixels; at the right and lower edge of those that there are.
-fn reduced(values: &[f32], rect: &Rect, n: usize, scale: usize) -> Vec<f32> {
+fn reduced(values: &[f32], rect: &PixelRect, n: usize, scale: usize) -> Vec<f32> {
     let (width, height) = (rect.width(), rect.height());
     let mut out = Vec::with_capacity(width.div_ceil(scale) * height.div_ceil(scale) * n);
     for y in (0..height).step_by(scale) {
@@ -345,15 +347,20 @@ mod tests {
         assert!((painting.0, painting.1) == (700, 300) && painting.2.iter().all(|v| *v == 0.0));
         // A tile comes alone.
         let tile: Vec<f32> = (0..16 * 16 * 4).map(|v| v as f32 / 8.0).collect();
-        live.update("a", &[(0, 0, 4), (1, 1, 4), (2, 2, 4), (3, 3, 4)], Rect::at(600, 200, 16, 16), &tile)
-            .unwrap();
+        live.update(
+            "a",
+            &[(0, 0, 4), (1, 1, 4), (2, 2, 4), (3, 3, 4)],
+            PixelRect::at(600, 200, 16, 16),
+            &tile,
+        )
+        .unwrap();
         assert_eq!(painted(&mut page, &mut painting), 1);
-        let all = live.read("a", Rect::at(0, 0, 700, 300), &[0, 1, 2, 3]).unwrap();
+        let all = live.read("a", PixelRect::at(0, 0, 700, 300), &[0, 1, 2, 3]).unwrap();
         assert!(painting.2 == all, "these numbers are halves");
         assert_eq!(painted(&mut page, &mut painting), 0);
         // Hundreds of tiles come as blocks.
         for k in 0..300 {
-            live.update("a", &[(4, 0, 0)], Rect::at(k, k, 1, 1), &[1e7]).unwrap();
+            live.update("a", &[(4, 0, 0)], PixelRect::at(k, k, 1, 1), &[1e7]).unwrap();
         }
         assert!(painted(&mut page, &mut painting) < 7);
         live.draw("a", false, &[Draw::MoveTo([1.0, f32::NAN]), Draw::StrokeColor([1.0, 0.0, 0.5, 1.0])])
@@ -364,7 +371,7 @@ mod tests {
         // Depths are floats.
         page.hear(&format!("{{\"show\": {id}, \"channels\": [4, 99]}}"));
         assert_eq!(painted(&mut page, &mut painting), 6);
-        assert!(painting.2 == live.read("a", Rect::at(0, 0, 700, 300), &[4]).unwrap());
+        assert!(painting.2 == live.read("a", PixelRect::at(0, 0, 700, 300), &[4]).unwrap());
         match page.hear("{\"probe\": [3, 3]}").unwrap() {
             Message::Text(text) => {
                 assert_eq!(text, r#"{"probe":[3,3],"values":["0","0","0","0","10000000"]}"#)
@@ -391,7 +398,7 @@ mod tests {
         let live = Live::default();
         live.create("a", 9001, 5, &names(&["Y"])).unwrap();
         let all: Vec<f32> = (0..9001 * 5).map(|v| (v % 9001) as f32).collect();
-        live.update("a", &[(0, 0, 1)], Rect::at(0, 0, 9001, 5), &all).unwrap();
+        live.update("a", &[(0, 0, 1)], PixelRect::at(0, 0, 9001, 5), &all).unwrap();
         let mut page = Page::new(live.clone());
         page.hear(&format!("{{\"show\": {}, \"channels\": [0]}}", live.info("a").unwrap().id));
         let mut painting = (0, 0, Vec::new());
@@ -401,7 +408,7 @@ mod tests {
             (painting.2[0], painting.2[1], painting.2[3000], painting.2[3001]),
             (1.0, 4.0, 9000.0, 1.0)
         );
-        live.update("a", &[(0, 0, 0)], Rect::at(4, 4, 1, 1), &[400.0]).unwrap();
+        live.update("a", &[(0, 0, 0)], PixelRect::at(4, 4, 1, 1), &[400.0]).unwrap();
         assert_eq!(painted(&mut page, &mut painting), 1);
         assert_eq!(painting.2[3001 + 1], (3.0 + 5.0 + 400.0 + 12.0) / 6.0);
     }

@@ -1,7 +1,7 @@
 //! The server over real sockets, with a client of web sockets in place of a browser.
 
 use super::*;
-use granita_view::Rect;
+use granita_image::PixelRect;
 use std::io::{Read, Write};
 
 fn serving(live: &Live) -> Server {
@@ -87,9 +87,9 @@ fn a_browser_is_told_what_comes() {
     web.send(tungstenite::Message::text(format!("{{\"show\":{id},\"channels\":[0,1,2]}}"))).unwrap();
     assert!(text(web.read().unwrap()).contains("\"picture\":"));
     assert_eq!(web.read().unwrap().into_data().len(), 28 + 40 * 30 * 3 * 2);
-    live.mark("a", Rect::at(8, 8, 8, 8));
+    live.mark("a", PixelRect::at(8, 8, 8, 8));
     assert_eq!(text(web.read().unwrap()), "{\"marks\":[[8,8,8,8]]}");
-    live.update("a", &[(0, 0, 0), (1, 0, 0), (2, 0, 0)], Rect::at(8, 8, 8, 8), &[0.5]).unwrap();
+    live.update("a", &[(0, 0, 0), (1, 0, 0), (2, 0, 0)], PixelRect::at(8, 8, 8, 8), &[0.5]).unwrap();
     assert_eq!(text(web.read().unwrap()), "{\"marks\":[]}");
     let pixels = web.read().unwrap().into_data();
     assert_eq!((pixels.len(), &pixels[28..30]), (28 + 64 * 6, &[0x00, 0x38][..]));

@@ -2,12 +2,12 @@
 
 use super::entries::{Entries, Seen};
 use super::keys::Action;
-use super::tasks::{Answers, Tasks, Wishes};
+use super::tasks::{Answers, Asked, Tasks};
 use crate::listen::Wanted;
-use granita_image::FormatRegistry;
+use granita_image::{FormatRegistry, PixelRect, Request, Wishes};
 use granita_view::{
-    Around, Arrangement, Background, Canvas, Channels, ColorMap, Display, FalseColor, Live, LiveWishes,
-    Loader, Marks, Mix, Needs, Rect, Shown, TileStore, View, ViewCommand, draw_into, needs, pixel_under,
+    Around, Arrangement, Background, Canvas, Channels, ColorMap, Display, FalseColor, Live, Loader, Marks,
+    Mix, Needs, Shown, TileStore, View, draw_into, needs, pixel_under,
 };
 use std::path::PathBuf;
 use std::sync::mpsc::Receiver;
@@ -38,7 +38,7 @@ impl Choice {
 
 /// What the shell around it has to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Request {
+pub(crate) enum Errand {
     FullScreen,
     Theme,
     Quit,
@@ -83,15 +83,15 @@ pub(crate) struct Desk {
     pub(crate) side_open: bool,
     pub(crate) help_open: bool,
     /// In pixels of the level 0 of the page.
-    pub(crate) probe: Option<Rect>,
+    pub(crate) probe: Option<PixelRect>,
     pub(crate) message: Option<(String, Instant)>,
     watched: Instant,
     /// Files that those who send pictures want to be opened.
     pub(crate) wanted: Option<Arc<Mutex<Receiver<Wanted>>>>,
     /// Wishes of live pictures that were fulfilled, by their number.
-    fulfilled: Vec<(u64, LiveWishes)>,
+    fulfilled: Vec<(u64, Wishes)>,
     /// What the shell has to do without being asked by a key.
-    pub(crate) pending: Option<Request>,
+    pub(crate) pending: Option<Errand>,
     /// Whether all that is in sight is there.
     pub(crate) complete: bool,
 }
@@ -214,7 +214,7 @@ impl Desk {
     }
 
     /// Does what a key or a menu asks for; what the shell has to do itself comes back.
-    pub(crate) fn act(&mut self, action: Action) -> Option<Request> {
+    pub(crate) fn act(&mut self, action: Action) -> Option<Errand> {
         let count = self.entries.len();
         let current = self.entries.current;
         match action {
@@ -255,11 +255,11 @@ impl Desk {
                 self.view.zoom_at(w, h, factor);
             }
             Action::Pan(x, y) => self.pan(x, y),
-            Action::FullScreen => return Some(Request::FullScreen),
-            Action::Theme => return Some(Request::Theme),
-            Action::Quit => return Some(Request::Quit),
-            Action::SaveView => return Some(Request::Save { pixels: false }),
-            Action::SavePixels => return Some(Request::Save { pixels: true }),
+            Action::FullScreen => return Some(Errand::FullScreen),
+            Action::Theme => return Some(Errand::Theme),
+            Action::Quit => return Some(Errand::Quit),
+            Action::SaveView => return Some(Errand::Save { pixels: false }),
+            Action::SavePixels => return Some(Errand::Save { pixels: true }),
             Action::Wipe
             | Action::WipeDirection
             | Action::Difference
@@ -275,7 +275,7 @@ impl Desk {
             Action::Histogram => self.side_open = !self.side_open,
             Action::Help => self.help_open = !self.help_open,
             Action::Abort => {
-                if !self.command(ViewCommand::Abort) {
+                if !self.request(Request::Abort) {
                     self.say("nobody is there to be told: this is no live picture, or its sender has ended");
                 }
             }
@@ -449,8 +449,8 @@ impl Desk {
     }
 
     /// Tells whoever makes the present picture something; whether anybody is there.
-    pub(crate) fn command(&self, command: ViewCommand) -> bool {
-        self.entries.command(self.entries.current, command)
+    pub(crate) fn request(&self, request: Request) -> bool {
+        self.entries.request(self.entries.current, request)
     }
 
     /// The pixel at a point of the screen: level, column and row.
@@ -533,12 +533,12 @@ impl Desk {
         let Some((id, wishes)) = self.entries.live_info(current).map(|i| (i.id, i.wishes.clone())) else {
             return;
         };
-        if wishes == LiveWishes::default() || self.fulfilled.contains(&(id, wishes.clone())) {
+        if wishes == Wishes::default() || self.fulfilled.contains(&(id, wishes.clone())) {
             return;
         }
         self.fulfilled.push((id, wishes.clone()));
         if wishes.fullscreen {
-            self.pending = Some(Request::FullScreen);
+            self.pending = Some(Errand::FullScreen);
         }
         if wishes.zoom > 0 {
             self.fit();
@@ -642,11 +642,11 @@ impl Desk {
         };
         let needs = needs(&seen.page, &seen.sheet, &self.view);
         let settled = self.complete;
-        let wishes = Wishes {
+        let asked = Asked {
             second: second.as_ref(),
             probe: self.probe,
             histogram: Some(&needs).filter(|_| self.side_open && settled),
         };
-        self.tasks.answers(&self.loader, &seen, &wishes)
+        self.tasks.answers(&self.loader, &seen, &asked)
     }
 }

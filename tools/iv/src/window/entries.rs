@@ -1,10 +1,10 @@
 //! The list of pictures: files, and those that arrive. Files are opened when they are looked at.
 
 use super::desk::Choice;
-use granita_image::FormatRegistry;
+use granita_image::{FormatRegistry, Request};
 use granita_view::{
     Arrangement, Display, Group, Live, LiveInfo, LivePage, Page, Picture, Sheet, Shown, Stamp, TileStore,
-    ViewCommand, groups,
+    groups,
 };
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -350,8 +350,8 @@ impl Entries {
     }
 
     /// Tells the sender of a live picture something; whether anybody is there.
-    pub(crate) fn command(&self, entry: usize, command: ViewCommand) -> bool {
+    pub(crate) fn request(&self, entry: usize, request: Request) -> bool {
         let name = self.list.get(entry).filter(|e| e.live).map(|e| e.path.to_string_lossy().into_owned());
-        name.and_then(|name| self.live.commands(&name)).is_some_and(|sender| sender.send(command))
+        name.and_then(|name| self.live.requests(&name)).is_some_and(|sender| sender.send(request))
     }
 }

@@ -7,7 +7,7 @@ use crate::{info, still};
 use eframe::egui;
 use egui::{Align2, Color32, FontId, Pos2, RichText, Stroke, StrokeKind};
 use granita_image::Pixels;
-use granita_view::{Arrangement, Channels, Histogram, Mix, Statistics};
+use granita_view::{Arrangement, Channels, Histogram, Mix};
 
 /// A value as it is stored, and what it stands for.
 fn value_text(pixels: &Pixels, c: usize) -> String {
@@ -63,7 +63,7 @@ pub(crate) fn status(shell: &mut Shell, ppp: f32) -> String {
     if let Some((pages, page)) = desk.entries.page(current) {
         let spec = page.spec();
         let choice = desk.entries.choice(current);
-        parts.push(format!("{} x {} {}", spec.width, spec.height, info::type_word(spec.pixel_type)));
+        parts.push(format!("{} x {} {}", spec.width, spec.height, spec.pixel_type.word()));
         if pages > 1 {
             let name = if page.name.is_empty() { String::new() } else { format!(" {}", page.name) };
             parts.push(format!("image {}/{pages}{name}", choice.page + 1));
@@ -120,26 +120,6 @@ pub(crate) fn status(shell: &mut Shell, ppp: f32) -> String {
     parts.join("  \u{b7}  ")
 }
 
-fn statistics_lines(title: String, names: &[String], found: &[Statistics]) -> Vec<String> {
-    let words = ["", "min", "max", "mean", "dev", "NaN", "inf"];
-    let mut rows = vec![words.map(str::to_owned).to_vec()];
-    for (name, s) in names.iter().zip(found) {
-        let value = |v: f64| if s.count > 0 { still::number(v) } else { "-".to_owned() };
-        rows.push(vec![
-            name.clone(),
-            value(f64::from(s.min)),
-            value(f64::from(s.max)),
-            value(s.mean),
-            value(s.deviation()),
-            s.nan.to_string(),
-            s.infinite.to_string(),
-        ]);
-    }
-    let mut lines = vec![title];
-    lines.extend(still::table(&rows).lines().map(str::to_owned));
-    lines
-}
-
 /// The numbers that are known by now: of the probe, of the comparison.
 pub(crate) fn numbers(desk: &mut Desk) -> Vec<String> {
     let answers = desk.answers();
@@ -150,7 +130,11 @@ pub(crate) fn numbers(desk: &mut Desk) -> Vec<String> {
     {
         let title = format!("area of {} x {} at {} {}", part.width(), part.height(), part.x0, part.y0);
         match found {
-            Ok(found) => lines.extend(statistics_lines(title, &page.spec().channels, found)),
+            Ok(found) => {
+                lines.push(title);
+                let table = still::statistics_table(&page.spec().channels, found);
+                lines.extend(table.lines().map(str::to_owned));
+            }
             Err(what) => lines.push(what.clone()),
         }
     }
@@ -316,7 +300,7 @@ pub(crate) fn over(shell: &mut Shell, ui: &mut egui::Ui) {
             painter.rect_stroke(rect, 0.0, Stroke::new(1.0, color), StrokeKind::Outside);
         };
         let plain = seen.sheet.patches.len() == 1 && seen.page.layout.is_none();
-        let pixels = |r: &granita_view::Rect, color: Color32| {
+        let pixels = |r: &granita_image::PixelRect, color: Color32| {
             let (x0, y0) = (origin.0 + f64::from(r.x0), origin.1 + f64::from(r.y0));
             frame(x0, y0, origin.0 + f64::from(r.x1), origin.1 + f64::from(r.y1), color);
         };

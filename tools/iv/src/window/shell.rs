@@ -1,7 +1,7 @@
 //! Between the desk and the screen: events in, a bitmap and some panels out.
 
 use super::Outcome;
-use super::desk::{Desk, Request};
+use super::desk::{Desk, Errand};
 use super::keys;
 use super::panels;
 use super::script::Step;
@@ -10,7 +10,8 @@ use egui::{
     Color32, ColorImage, Event, Key, Modifiers, PointerButton, Pos2, TextureHandle, TextureOptions, Vec2,
 };
 use granita_cli::Status;
-use granita_view::{Mix, Rect, ViewCommand, save_canvas, save_pixels};
+use granita_image::{PixelRect, Request};
+use granita_view::{Mix, save_canvas, save_pixels};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -122,18 +123,18 @@ impl Shell {
         (f64::from(at.x), f64::from(at.y))
     }
 
-    fn request(&mut self, request: Request, ctx: &egui::Context) {
-        match request {
-            Request::FullScreen => {
+    fn run(&mut self, errand: Errand, ctx: &egui::Context) {
+        match errand {
+            Errand::FullScreen => {
                 self.full_screen = !self.full_screen;
                 ctx.send_viewport_cmd(egui::ViewportCommand::Fullscreen(self.full_screen));
             }
-            Request::Theme => {
+            Errand::Theme => {
                 let dark = ctx.theme() == egui::Theme::Dark;
                 ctx.set_theme(if dark { egui::Theme::Light } else { egui::Theme::Dark });
             }
-            Request::Quit => ctx.send_viewport_cmd(egui::ViewportCommand::Close),
-            Request::Save { pixels } => {
+            Errand::Quit => ctx.send_viewport_cmd(egui::ViewportCommand::Close),
+            Errand::Save { pixels } => {
                 let name = self.desk.entries.name(self.desk.entries.current);
                 let stem = Path::new(&name).file_stem().map_or("picture".into(), |s| s.to_string_lossy());
                 let text = if pixels { format!("{stem}.copy.exr") } else { format!("{stem}.view.png") };
@@ -165,9 +166,9 @@ impl Shell {
         match event {
             Event::Key { key, pressed: true, modifiers, .. } if self.prompt.is_none() => {
                 if let Some(action) = keys::action_of(*key, *modifiers)
-                    && let Some(request) = self.desk.act(action)
+                    && let Some(errand) = self.desk.act(action)
                 {
-                    self.request(request, ctx);
+                    self.run(errand, ctx);
                 }
             }
             Event::PointerMoved(pos) => self.moved(*pos, ppp, ctx.input(|i| i.modifiers)),
@@ -261,10 +262,10 @@ impl Shell {
     }
 
     /// The pixels between two points of the window.
-    fn rect_between(&mut self, a: Pos2, b: Pos2, ppp: f32) -> Option<Rect> {
+    fn rect_between(&mut self, a: Pos2, b: Pos2, ppp: f32) -> Option<PixelRect> {
         let (a, b) = (self.in_area(a, ppp), self.in_area(b, ppp));
         let (p, q) = (self.desk.nearest_pixel(a.0, a.1)?, self.desk.nearest_pixel(b.0, b.1)?);
-        Some(Rect { x0: p.0.min(q.0), y0: p.1.min(q.1), x1: p.0.max(q.0) + 1, y1: p.1.max(q.1) + 1 })
+        Some(PixelRect { x0: p.0.min(q.0), y0: p.1.min(q.1), x1: p.0.max(q.0) + 1, y1: p.1.max(q.1) + 1 })
     }
 
     fn release(&mut self, pos: Pos2, ppp: f32) {
@@ -276,7 +277,7 @@ impl Shell {
                 let rect = self.rect_between(from, pos, ppp);
                 self.desk.probe = None;
                 if let Some(rect) = rect.filter(|_| moved) {
-                    let told = self.desk.command(ViewCommand::Priority { rect });
+                    let told = self.desk.request(Request::Priority(rect));
                     self.desk.say(if told { "these pixels first" } else { "nobody is there to be told" });
                 }
             }
@@ -284,7 +285,7 @@ impl Shell {
                 let (x, y) = self.in_area(pos, ppp);
                 let at = self.desk.nearest_pixel(x, y);
                 if let Some((x, y)) = at.filter(|_| self.desk.entries.is_live(self.desk.entries.current)) {
-                    let told = self.desk.command(ViewCommand::Center { x, y });
+                    let told = self.desk.request(Request::Center { x, y });
                     self.desk.say(if told { "going on from here" } else { "nobody is there to be told" });
                 }
             }
@@ -592,8 +593,8 @@ impl eframe::App for Shell {
         self.area = ui.available_rect_before_wrap();
         self.show_picture(ui);
         panels::over(self, ui);
-        if let Some(request) = self.desk.pending.take() {
-            self.request(request, &ctx);
+        if let Some(errand) = self.desk.pending.take() {
+            self.run(errand, &ctx);
         }
         let title = format!("{} - iv", self.desk.entries.name(self.desk.entries.current));
         if title != self.shown_title {

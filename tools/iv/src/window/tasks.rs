@@ -1,8 +1,9 @@
 //! What takes longer than a frame: computed by the loader's threads, and shown when it is there.
 
 use super::entries::Seen;
+use granita_image::PixelRect;
 use granita_view::{
-    CompareOptions, Comparison, Histogram, Loader, Needs, Page, Pick, Rect, Statistics, compare, statistics,
+    CompareOptions, Comparison, Histogram, Loader, Needs, Page, Pick, Statistics, compare, statistics,
     value_range,
 };
 use std::collections::BTreeMap;
@@ -11,7 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// What one question is about.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Question {
-    Probe { page: u64, part: Rect },
+    Probe { page: u64, part: PixelRect },
     Compare { first: u64, second: u64 },
     Histogram { page: u64, layer: usize, level: usize, tiles: u64, low: f32, high: f32, log: bool },
 }
@@ -32,11 +33,11 @@ pub(crate) struct Answers {
 }
 
 /// What is asked about a page.
-pub(crate) struct Wishes<'a> {
+pub(crate) struct Asked<'a> {
     /// What it is compared with.
     pub(crate) second: Option<&'a Seen>,
     /// The area that is measured.
-    pub(crate) probe: Option<Rect>,
+    pub(crate) probe: Option<PixelRect>,
     /// The tiles of which there is to be a histogram.
     pub(crate) histogram: Option<&'a Needs>,
 }
@@ -106,10 +107,10 @@ impl Tasks {
     }
 
     /// What is known by now; asks for what is not.
-    pub(crate) fn answers(&mut self, loader: &Loader, seen: &Seen, wishes: &Wishes<'_>) -> Answers {
+    pub(crate) fn answers(&mut self, loader: &Loader, seen: &Seen, asked: &Asked<'_>) -> Answers {
         let number = seen.page.pyramid.number();
         let mut out = Answers::default();
-        if let Some(part) = wishes.probe {
+        if let Some(part) = asked.probe {
             let page = seen.page.clone();
             let ask = Question::Probe { page: number, part };
             let answer = self.ask(loader, ask, move || {
@@ -119,7 +120,7 @@ impl Tasks {
                 out.probe = Some(found);
             }
         }
-        if let Some(second) = wishes.second {
+        if let Some(second) = asked.second {
             let (a, b) = (seen.page.clone(), second.page.clone());
             let ask = Question::Compare { first: number, second: b.pyramid.number() };
             let answer = self.ask(loader, ask, move || {
@@ -130,7 +131,7 @@ impl Tasks {
                 out.comparison = Some(*found);
             }
         }
-        if let Some(needs) = wishes.histogram {
+        if let Some(needs) = asked.histogram {
             out.histogram = self.histogram(loader, seen, needs);
         }
         out
