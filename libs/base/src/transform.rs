@@ -1,6 +1,7 @@
 //! 4x4 matrices that act on row vectors, and transformations that move.
 
 use glam::{DMat4, Mat4, Vec3, Vec4};
+use std::sync::Arc;
 
 /// A 4x4 matrix acting on row vectors: `p' = p * M`, translation in the last row.
 ///
@@ -155,7 +156,23 @@ impl From<Mat4> for Transform {
 /// transformation stands still. There is always at least one key, and times increase strictly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionTransform {
-    keys: Vec<(f32, Transform)>,
+    keys: Keys,
+}
+
+/// One key lies here: most transformations stand still, and a scene makes very many.
+#[derive(Clone, Debug, PartialEq)]
+enum Keys {
+    One([(f32, Transform); 1]),
+    Many(Arc<[(f32, Transform)]>),
+}
+
+impl From<Vec<(f32, Transform)>> for Keys {
+    fn from(keys: Vec<(f32, Transform)>) -> Self {
+        match keys.as_slice() {
+            [one] => Self::One([*one]),
+            _ => Self::Many(keys.into()),
+        }
+    }
 }
 
 impl Default for MotionTransform {
@@ -166,7 +183,7 @@ impl Default for MotionTransform {
 
 impl From<Transform> for MotionTransform {
     fn from(t: Transform) -> Self {
-        Self { keys: vec![(0.0, t)] }
+        Self { keys: Keys::One([(0.0, t)]) }
     }
 }
 
@@ -185,32 +202,36 @@ impl MotionTransform {
             }
             same
         });
-        Some(Self { keys })
+        Some(Self { keys: keys.into() })
     }
 
     /// Keys in order of time.
     pub fn keys(&self) -> &[(f32, Transform)] {
-        &self.keys
+        match &self.keys {
+            Keys::One(one) => one,
+            Keys::Many(all) => all,
+        }
     }
 
     /// Whether there is more than one key.
     pub fn is_moving(&self) -> bool {
-        self.keys.len() > 1
+        matches!(self.keys, Keys::Many(_))
     }
 
     /// The transformation at the first key.
     pub fn first(&self) -> &Transform {
-        &self.keys[0].1
+        &self.keys()[0].1
     }
 
     /// The transformation at `time`.
     pub fn at(&self, time: f32) -> Transform {
-        let next = self.keys.partition_point(|(t, _)| *t <= time);
+        let keys = self.keys();
+        let next = keys.partition_point(|(t, _)| *t <= time);
         if next == 0 {
-            return self.keys[0].1;
+            return keys[0].1;
         }
-        let (t0, a) = &self.keys[next - 1];
-        match self.keys.get(next) {
+        let (t0, a) = &keys[next - 1];
+        match keys.get(next) {
             None => *a,
             Some((t1, b)) => a.lerp(b, (time - t0) / (t1 - t0)),
         }
@@ -223,22 +244,25 @@ impl MotionTransform {
 
     /// Combines two moving transformations key by key, at the union of their times.
     fn combine(&self, other: &Self, f: impl Fn(&Transform, &Transform) -> Transform) -> Self {
+        if let (Keys::One([(t, a)]), Keys::One([(_, b)])) = (&self.keys, &other.keys) {
+            return Self { keys: Keys::One([(*t, f(a, b))]) };
+        }
         let times: Vec<f32> = match (self.is_moving(), other.is_moving()) {
-            (_, false) => self.keys.iter().map(|k| k.0).collect(),
-            (false, true) => other.keys.iter().map(|k| k.0).collect(),
+            (_, false) => self.keys().iter().map(|k| k.0).collect(),
+            (false, true) => other.keys().iter().map(|k| k.0).collect(),
             (true, true) => {
-                let mut all: Vec<f32> = self.keys.iter().chain(&other.keys).map(|k| k.0).collect();
+                let mut all: Vec<f32> = self.keys().iter().chain(other.keys()).map(|k| k.0).collect();
                 all.sort_by(f32::total_cmp);
                 all.dedup();
                 all
             }
         };
-        Self { keys: times.iter().map(|&t| (t, f(&self.at(t), &other.at(t)))).collect() }
+        Self { keys: times.iter().map(|&t| (t, f(&self.at(t), &other.at(t)))).collect::<Vec<_>>().into() }
     }
 
     /// Each key inverted (singular keys become the identity).
     pub fn inverse(&self) -> Self {
-        Self { keys: self.keys.iter().map(|(t, m)| (*t, m.inverse())).collect() }
+        Self { keys: self.keys().iter().map(|(t, m)| (*t, m.inverse())).collect::<Vec<_>>().into() }
     }
 }
 

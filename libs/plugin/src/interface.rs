@@ -16,6 +16,7 @@ use granita_base::{
     ShapeDesc, TrimDesc,
 };
 use granita_scene::{Call, Matrix, SceneSink, Stop, TransformTarget};
+use rustc_hash::FxHashMap;
 use std::collections::HashMap;
 use std::ffi::{CStr, CString, c_int};
 use std::sync::Arc;
@@ -50,6 +51,16 @@ pub trait InterfaceHost {
 /// A host without any of that.
 impl InterfaceHost for () {}
 
+/// A declaration that was read.
+#[derive(Clone)]
+struct Declared {
+    ty: ParamType,
+    name: Arc<str>,
+}
+
+/// So many declarations are remembered, and as many names; a program that makes up more begins anew.
+const REMEMBERED: usize = 4096;
+
 /// Takes the calls of one program or generator, and passes them on to a sink.
 pub struct Interface<'a> {
     sink: Box<dyn SceneSink + 'a>,
@@ -59,7 +70,9 @@ pub struct Interface<'a> {
     at: Location,
     pending: Vec<Pending>,
     /// Declarations that were read, by their text.
-    declarations: HashMap<Box<CStr>, (ParamType, Arc<str>)>,
+    declarations: FxHashMap<Box<CStr>, Declared>,
+    /// Names whose types were given apart.
+    names: FxHashMap<Box<CStr>, Arc<str>>,
     /// Strings that `GetAttribute` gave out.
     answers: HashMap<Box<str>, CString>,
     stopped: bool,
@@ -87,7 +100,8 @@ impl<'a> Interface<'a> {
             errors,
             at,
             pending: Vec::new(),
-            declarations: HashMap::new(),
+            declarations: FxHashMap::default(),
+            names: FxHashMap::default(),
             answers: HashMap::new(),
             stopped: false,
         }
@@ -161,15 +175,18 @@ impl<'a> Interface<'a> {
     }
 
     /// Type and name of a declaration; a mistake is reported.
-    fn declaration(&mut self, text: &CStr) -> Option<(ParamType, Arc<str>)> {
-        if let Some((ty, name)) = self.declarations.get(text) {
-            return Some((*ty, name.clone()));
+    fn declaration(&mut self, text: &CStr) -> Option<Declared> {
+        if let Some(declared) = self.declarations.get(text) {
+            return Some(declared.clone());
         }
         match ParamType::parse(&text.to_string_lossy()) {
             Ok((ty, name)) => {
-                let name: Arc<str> = name.into();
-                self.declarations.insert(text.into(), (ty, name.clone()));
-                Some((ty, name))
+                let declared = Declared { ty, name: name.into() };
+                if self.declarations.len() >= REMEMBERED {
+                    self.declarations.clear();
+                }
+                self.declarations.insert(text.into(), declared.clone());
+                Some(declared)
             }
             Err(error) => {
                 self.complain(error.to_string());
@@ -178,14 +195,27 @@ impl<'a> Interface<'a> {
         }
     }
 
+    /// A name whose type is given apart.
+    fn name(&mut self, text: &CStr) -> Arc<str> {
+        if let Some(name) = self.names.get(text) {
+            return name.clone();
+        }
+        let name: Arc<str> = text.to_string_lossy().into();
+        if self.names.len() >= REMEMBERED {
+            self.names.clear();
+        }
+        self.names.insert(text.into(), name.clone());
+        name
+    }
+
     /// `Parameter` and `Attribute`.
     fn value(&mut self, attribute: bool, name: &CStr, bits: u32, source: Source) {
-        let (ty, name) = if bits == 0 {
+        let Declared { ty, name } = if bits == 0 {
             let Some(declared) = self.declaration(name) else { return };
             declared
         } else {
             match ParamType::from_bits(bits) {
-                Ok(ty) => (ty, name.to_string_lossy().into()),
+                Ok(ty) => Declared { ty, name: self.name(name) },
                 Err(what) => {
                     return self.complain(format!("\"{}\": {what}", name.to_string_lossy()));
                 }
@@ -196,8 +226,10 @@ impl<'a> Interface<'a> {
             self.pending.push(Pending { name, ty, source });
             return;
         }
-        let read = match ty.base {
-            BaseType::Unknown => values::known_type(&name).unwrap_or(ty),
+        let read = match (ty.base, &source) {
+            // Single values are what they are.
+            (BaseType::Unknown, Source::Int(_) | Source::Float(_) | Source::Text(_)) => ty,
+            (BaseType::Unknown, _) => values::known_type(&name).unwrap_or(ty),
             _ => ty,
         };
         match source.read(read, 1) {
@@ -207,8 +239,8 @@ impl<'a> Interface<'a> {
     }
 
     /// Calls of words.
-    fn words(&mut self, call: c_int, words: [Option<String>; 4]) {
-        let [a, b, c, d] = words.map(|word| word.map(Arc::<str>::from));
+    fn words(&mut self, call: c_int, words: [Option<Arc<str>>; 4]) {
+        let [a, b, c, d] = words;
         let text = |word: Option<Arc<str>>| word.unwrap_or_else(|| "".into());
         let call = match call {
             0 => Call::Input { command: text(a), bound: None },

@@ -3,7 +3,8 @@
 //! come from here and from nowhere else.
 
 use granita_base::{BaseType, Param, ParamData, ParamType};
-use std::collections::{BTreeMap, HashMap};
+use rustc_hash::FxHashMap;
+use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
 
 /// What an attribute belongs to.
@@ -662,28 +663,45 @@ const ALIASES: &[(&str, &str)] = &[
     ("versionstring", "renderer:versionstring"),
 ];
 
-struct Index {
-    rows: HashMap<&'static str, (&'static AttributeRow, Option<Param>)>,
+/// What is known of a row beside the table: its name and default, to be shared.
+#[derive(Clone, Debug)]
+pub(crate) struct Known {
+    /// The row.
+    pub(crate) row: &'static AttributeRow,
+    /// Its name.
+    pub(crate) name: Arc<str>,
+    /// Its default, if it has one.
+    pub(crate) default: Option<Param>,
 }
 
-static INDEX: LazyLock<Index> = LazyLock::new(|| {
-    let mut rows: HashMap<_, _> = TABLE.iter().map(|r| (r.name, (r, r.default_param()))).collect();
+static INDEX: LazyLock<FxHashMap<&'static str, Known>> = LazyLock::new(|| {
+    let known = |row: &'static AttributeRow| {
+        let default = row.default_param();
+        let name = default.as_ref().map_or_else(|| row.name.into(), |d| d.name.clone());
+        (row.name, Known { row, name, default })
+    };
+    let mut rows: FxHashMap<_, _> = TABLE.iter().map(known).collect();
     for (other, name) in ALIASES {
         if let Some(found) = rows.get(name).cloned() {
             rows.insert(*other, found);
         }
     }
-    Index { rows }
+    rows
 });
+
+/// What is known of an attribute, also by another spelling that is in use.
+pub(crate) fn known(name: &str) -> Option<&'static Known> {
+    INDEX.get(name)
+}
 
 /// The row of an attribute, also by another spelling that is in use.
 pub fn attribute_row(name: &str) -> Option<&'static AttributeRow> {
-    INDEX.rows.get(name).map(|(row, _)| *row)
+    known(name).map(|known| known.row)
 }
 
 /// The default of an attribute as a parameter; `None` for an unknown name or one without a default.
 pub fn attribute_default(name: &str) -> Option<Param> {
-    INDEX.rows.get(name).and_then(|(_, default)| default.clone())
+    known(name)?.default.clone()
 }
 
 /// The value of `name` in `set`, or its default from the table.

@@ -260,7 +260,8 @@ extern "C" fn words(
     let _ = enter(
         this,
         name,
-        |i| i.words(call, [a, b, c, d].map(string)),
+        // SAFETY: strings of the interface are NULL or end with 0.
+        |i| i.words(call, [a, b, c, d].map(|word| unsafe { ffi::text(word) }.map(|text| Arc::from(&*text)))),
         |object| {
             let command = (name == "Command").then(|| string(a)).flatten()?;
             object.meanwhile.as_ref().filter(|m| m.command(&command)).map(|_| ())

@@ -13,8 +13,12 @@ pub(super) struct Pending {
 
 /// Where the values of a parameter are.
 pub(super) enum Source {
-    /// Here: a single value.
-    Now(ParamData),
+    /// Here.
+    Int(c_int),
+    /// Here.
+    Float(f32),
+    /// Here: a string.
+    Text(ParamData),
     /// As the type says.
     Any(*const c_void),
     Ints(*const c_int),
@@ -33,13 +37,13 @@ impl Source {
         }
         match kind {
             // SAFETY: one int, by the contract.
-            1 => Self::Now(unsafe { *data.cast::<c_int>() }.into()),
+            1 => Self::Int(unsafe { *data.cast::<c_int>() }),
             // SAFETY: one float.
-            2 => Self::Now(unsafe { *data.cast::<f32>() }.into()),
+            2 => Self::Float(unsafe { *data.cast::<f32>() }),
             // SAFETY: one double.
-            3 => Self::Now((unsafe { *data.cast::<f64>() } as f32).into()),
+            3 => Self::Float(unsafe { *data.cast::<f64>() } as f32),
             // SAFETY: a string.
-            4 => Self::Now((&*unsafe { CStr::from_ptr(data.cast()) }.to_string_lossy()).into()),
+            4 => Self::Text((&*unsafe { CStr::from_ptr(data.cast()) }.to_string_lossy()).into()),
             5 => Self::Ints(data.cast()),
             6 => Self::Floats(data.cast()),
             7 => Self::Strings(data.cast()),
@@ -52,8 +56,11 @@ impl Source {
     /// # Errors
     /// What does not fit, to stand behind the name of the parameter.
     pub(super) fn read(&self, ty: ParamType, items: usize) -> Result<ParamData, String> {
-        if let Self::Now(data) = self {
-            return Ok(data.clone());
+        match self {
+            Self::Int(value) => return Ok((*value).into()),
+            Self::Float(value) => return Ok((*value).into()),
+            Self::Text(data) => return Ok(data.clone()),
+            _ => {}
         }
         if ty.base == BaseType::Unknown {
             return Err("needs a type, as in \"float x\"".to_owned());

@@ -3,15 +3,22 @@
 use super::current::{orientation, string};
 use super::transforms::hint;
 use super::{Phase, State};
-use crate::attribute::{AttributeRow, Scope, TABLE, attribute_default, attribute_row, suggestion};
+use crate::attribute::{
+    AttributeRow, Known, Scope, TABLE, attribute_default, attribute_row, known, suggestion,
+};
 use granita_base::{BaseType, Location, Param, ParamData, ParamType, Severity};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// The parameter with its values converted to `row`'s type, or what is wrong with it.
+pub(super) fn convert(param: &Param, row: &AttributeRow) -> Result<Param, String> {
+    Ok(Param { name: row.name.into(), ty: row.ty, data: converted(param, row)? })
+}
+
+/// The values converted to `row`'s type, or what is wrong with them.
 ///
 /// Any numeric type converts to the declared one, as long as nothing is lost; strings and numbers do not mix.
-pub(super) fn convert(param: &Param, row: &AttributeRow) -> Result<Param, String> {
+fn converted(param: &Param, row: &AttributeRow) -> Result<ParamData, String> {
     let declared = param.ty;
     let is_string = |base: BaseType| base == BaseType::String;
     if declared.base != BaseType::Unknown && is_string(declared.base) != is_string(row.ty.base) {
@@ -62,7 +69,7 @@ pub(super) fn convert(param: &Param, row: &AttributeRow) -> Result<Param, String
         let hint = hint(suggestion(word, row.words.iter().copied()));
         return Err(format!("\"{}\" cannot be \"{word}\"{hint}", row.name));
     }
-    Ok(Param { name: row.name.into(), ty: row.ty, data })
+    Ok(data)
 }
 
 /// A number of values, in words.
@@ -88,21 +95,22 @@ impl State {
         if param.name.starts_with("user:") {
             return self.set_user(param, at);
         }
-        let Some(row) = attribute_row(&param.name) else {
+        let Some(known) = known(&param.name) else {
             let settable = [Scope::Camera, Scope::Global, Scope::Object, Scope::Writer];
             let hint = hint(suggestion(&param.name, attribute_names(&settable)));
             let text = format!("unknown attribute \"{}\"{hint}", param.name);
             return self.report(Severity::Warning, at, "attribute", text);
         };
-        let param = match convert(&param, row) {
-            Ok(param) => param,
+        let row = known.row;
+        let param = match converted(&param, row) {
+            Ok(data) => Param { name: known.name.clone(), ty: row.ty, data },
             Err(text) => {
                 let text = format!("Attribute: {text}");
                 return self.report_object(Severity::Error, at, "attribute value", text);
             }
         };
         match row.scope {
-            Scope::Object => self.set_object(row, param, at),
+            Scope::Object => self.set_object(known, param, at),
             Scope::Writer => self.set_writer(param),
             Scope::ReadOnly => {
                 let text = format!("attribute \"{}\" can be asked for, not set", row.name);
@@ -157,7 +165,8 @@ impl State {
         }
     }
 
-    fn set_object(&mut self, row: &'static AttributeRow, param: Param, at: &Location) {
+    fn set_object(&mut self, known: &Known, param: Param, at: &Location) {
+        let row = known.row;
         self.tell_caveat(row, &param, at);
         match row.name {
             "geometryset" => {
@@ -165,8 +174,7 @@ impl State {
                 self.edit_sets(|set| {
                     set.geometry_sets = changed_sets(&set.geometry_sets, &change);
                     let list = set.geometry_sets.join(",");
-                    let value = Param { data: list.as_str().into(), ..param.clone() };
-                    store(set, row, value);
+                    store(set, known, &Param { data: list.as_str().into(), ..param.clone() });
                 });
             }
             "orientation" => self.edit_sets(|set| {
@@ -179,16 +187,16 @@ impl State {
                     },
                     word => word.unwrap_or("outside"),
                 };
-                let value = Param { data: word.into(), ..param.clone() };
-                store(set, row, value);
+                store(set, known, &Param { data: word.into(), ..param.clone() });
             }),
             _ => {
-                let negative = |p: &Param| p.data.to_floats().is_some_and(|v| v.iter().any(|x| *x < 0.0));
-                if matches!(row.name, "shadingquality" | "displace:maxradius") && negative(&param) {
+                let negative =
+                    |p: &Param| matches!(&p.data, ParamData::Float(v) if v.iter().any(|x| *x < 0.0));
+                if negative(&param) && matches!(row.name, "shadingquality" | "displace:maxradius") {
                     let text = format!("Attribute: \"{}\" cannot be negative", row.name);
                     return self.report_object(Severity::Error, at, "attribute", text);
                 }
-                self.edit_sets(|set| store(set, row, param.clone()));
+                self.edit_sets(|set| store(set, known, &param));
             }
         }
     }
@@ -289,14 +297,15 @@ impl State {
 }
 
 /// Puts a value into the set, or takes the entry out when it is the default.
-fn store(set: &mut crate::AttributeSet, row: &AttributeRow, value: Param) {
-    let is_default = attribute_default(row.name).is_some_and(|d| d.data == value.data);
-    if is_default {
-        if set.values.contains_key(row.name) {
-            Arc::make_mut(&mut set.values).remove(row.name);
+fn store(set: &mut crate::AttributeSet, known: &Known, value: &Param) {
+    let name = known.row.name;
+    let old = set.values.get(name);
+    if known.default.as_ref().is_some_and(|d| d.data == value.data) {
+        if old.is_some() {
+            Arc::make_mut(&mut set.values).remove(name);
         }
-    } else if set.values.get(row.name) != Some(&value) {
-        Arc::make_mut(&mut set.values).insert(value.name.clone(), value);
+    } else if old != Some(value) {
+        Arc::make_mut(&mut set.values).insert(value.name.clone(), value.clone());
     }
 }
 
