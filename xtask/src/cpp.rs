@@ -1,5 +1,8 @@
 //! What C++ sees: an installed tree, and the compiled examples.
 
+mod races;
+
+pub(crate) use races::races;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

@@ -6,6 +6,7 @@
 //! - `trade SCENE` measures what each knob of a scene's indirect light and occlusion costs and buys;
 //! - `install --prefix P` builds everything and lays it out as `$GELATOHOME`; `examples-cpp` compiles `examples/cpp`;
 //! - `crossing` measures what calls from C++ cost;
+//! - `races` runs a C++ program of several threads under ThreadSanitizer;
 //! - `report` leaves an HTML page with reference, result and difference of every picture case.
 
 #![forbid(unsafe_code)]
@@ -56,6 +57,8 @@ enum Chore {
         #[arg(long)]
         debug: bool,
     },
+    /// Run a C++ program with several renderers and threads under ThreadSanitizer; skipped where that is not installed.
+    Races,
     /// Compile the programs and plugins of examples/cpp into target/examples-cpp.
     ExamplesCpp {
         /// Against what the dev profile makes.
@@ -79,6 +82,7 @@ fn main() -> ExitCode {
         Chore::Install { prefix, debug } => cpp::install(&prefix, debug),
         Chore::ExamplesCpp { debug } => cpp::examples(debug),
         Chore::Crossing { debug } => cpp::crossing(debug),
+        Chore::Races => cpp::races(),
         Chore::Trade { words } => suite::trade(&words),
     };
     match done {

@@ -29,6 +29,7 @@
 mod bytes;
 mod calls;
 mod flat;
+pub mod frames;
 mod names;
 mod python;
 mod read;

@@ -4,12 +4,12 @@
 //! output: one byte kind, four bytes length (little endian), payload. The child answers nothing but what it is
 //! asked, so the two never wait for each other.
 
-use crate::value::{Seq, Value};
-use granita_base::{Param, ParamData};
-use std::io::{self, BufReader, BufWriter, Read, Write};
+use crate::frames::{self, Frame, put_value, send};
+use crate::value::Value;
+use granita_base::Param;
+use std::io::{self, BufReader, BufWriter, Read};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-use std::sync::Arc;
 
 /// The frames, which the Python package has too, and what runs in the child.
 const SHIM: &str =
@@ -20,6 +20,8 @@ const SHIM: &str =
 pub(crate) enum Event {
     /// The script called something.
     Call { line: u32, name: String, args: Vec<Value> },
+    /// Calls, as Pyg.
+    Text(Vec<u8>),
     /// `GetAttribute`: to be answered.
     Get(String),
     /// Calls come from this file from now on.
@@ -100,7 +102,7 @@ impl Python {
     /// Answers [`Event::Get`].
     pub(crate) fn answer(&mut self, value: Option<&Param>) -> io::Result<()> {
         let mut out = Vec::new();
-        encode(value, &mut out);
+        put_value(value, &mut out);
         self.send(b'G', &[&out]).map_err(|error| self.died(error))
     }
 
@@ -136,150 +138,43 @@ impl Drop for Python {
     }
 }
 
-/// Writes a frame.
-pub(crate) fn send(to: &mut dyn Write, kind: u8, parts: &[&[u8]]) -> io::Result<()> {
-    let length: usize = parts.iter().map(|p| p.len()).sum();
-    let length = u32::try_from(length).map_err(|_| io::Error::other("a frame is too long"))?;
-    to.write_all(&[kind])?;
-    to.write_all(&length.to_le_bytes())?;
-    parts.iter().try_for_each(|p| to.write_all(p))?;
-    to.flush()
-}
-
 /// Reads a frame; `None` when it makes no sense. An end inside of one or before it is an error.
 pub(crate) fn receive(from: &mut dyn Read) -> io::Result<Option<Event>> {
-    let mut head = [0; 5];
-    from.read_exact(&mut head)?;
-    let length = u32::from_le_bytes([head[1], head[2], head[3], head[4]]) as usize;
-    let mut payload = Vec::with_capacity(length.min(1 << 20));
-    from.take(length as u64).read_to_end(&mut payload)?;
-    if payload.len() < length {
-        return Err(io::ErrorKind::UnexpectedEof.into());
-    }
-    Ok(Frame(&payload).event(head[0]))
+    let (kind, payload) = frames::receive(from)?;
+    Ok(event(kind, &payload))
 }
 
-/// The bytes of a value.
-pub(crate) fn encode(value: Option<&Param>, out: &mut Vec<u8>) {
-    let Some(param) = value else { return out.push(b'N') };
-    let text = |s: &str, out: &mut Vec<u8>| {
-        out.extend((s.len() as u32).to_le_bytes());
-        out.extend(s.as_bytes());
-    };
-    // One value of a simple type is itself, everything else a sequence.
-    let single = param.data.len() == 1 && param.ty.array.is_none();
-    match &param.data {
-        ParamData::Int(v) if single => {
-            out.push(b'i');
-            out.extend(i64::from(v[0]).to_le_bytes());
+/// What a frame says.
+fn event(kind: u8, payload: &[u8]) -> Option<Event> {
+    let mut frame = Frame(payload);
+    Some(match kind {
+        b'C' => {
+            let line = frame.word()?;
+            let name = frame.text()?;
+            let n = frame.word()?;
+            let args = (0..n).map(|_| frame.value()).collect::<Option<Vec<_>>>()?;
+            Event::Call { line, name, args }
         }
-        ParamData::Float(v) if single => {
-            out.push(b'f');
-            out.extend(f64::from(v[0]).to_le_bytes());
-        }
-        ParamData::String(v) if single => {
-            out.push(b's');
-            text(&v[0], out);
-        }
-        ParamData::Int(v) => {
-            out.push(b'I');
-            out.extend((v.len() as u32).to_le_bytes());
-            v.iter().for_each(|i| out.extend(i.to_le_bytes()));
-        }
-        ParamData::Float(v) => {
-            out.push(b'F');
-            out.extend((v.len() as u32).to_le_bytes());
-            v.iter().for_each(|f| out.extend(f.to_le_bytes()));
-        }
-        ParamData::String(v) => {
-            out.push(b'S');
-            out.extend((v.len() as u32).to_le_bytes());
-            v.iter().for_each(|s| text(s, out));
-        }
-    }
+        b'T' => Event::Text(payload.to_vec()),
+        b'A' => Event::Get(frame.rest()),
+        b'F' => Event::File(frame.rest()),
+        b'W' => Event::Wait,
+        b'P' => Event::Printed(frame.rest()),
+        b'D' => Event::Done { rebound: frame.array::<1>()? != [0] },
+        b'R' => Event::Raised(exception(&mut frame)?),
+        b'Y' => Event::Unread(exception(&mut frame)?),
+        b'E' => Event::Ended(exception(&mut frame)?),
+        b'Q' => Event::Exit {
+            line: frame.word()?,
+            code: frame.array().map(i32::from_le_bytes)?,
+            text: frame.text()?,
+        },
+        _ => return None,
+    })
 }
 
-/// Takes values from the front of a payload; `None` when it is too short.
-struct Frame<'a>(&'a [u8]);
-
-impl Frame<'_> {
-    fn bytes(&mut self, n: usize) -> Option<&[u8]> {
-        let (head, rest) = self.0.split_at_checked(n)?;
-        self.0 = rest;
-        Some(head)
-    }
-
-    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
-        self.bytes(N)?.try_into().ok()
-    }
-
-    fn word(&mut self) -> Option<u32> {
-        self.array().map(u32::from_le_bytes)
-    }
-
-    fn text(&mut self) -> Option<String> {
-        let n = self.word()? as usize;
-        self.bytes(n).map(|b| String::from_utf8_lossy(b).into_owned())
-    }
-
-    fn rest(&mut self) -> String {
-        String::from_utf8_lossy(self.0).into_owned()
-    }
-
-    fn event(&mut self, kind: u8) -> Option<Event> {
-        Some(match kind {
-            b'C' => {
-                let line = self.word()?;
-                let name = self.text()?;
-                let n = self.word()?;
-                let args = (0..n).map(|_| self.value()).collect::<Option<Vec<_>>>()?;
-                Event::Call { line, name, args }
-            }
-            b'A' => Event::Get(self.rest()),
-            b'F' => Event::File(self.rest()),
-            b'W' => Event::Wait,
-            b'P' => Event::Printed(self.rest()),
-            b'D' => Event::Done { rebound: self.array::<1>()? != [0] },
-            b'R' => Event::Raised(self.exception()?),
-            b'Y' => Event::Unread(self.exception()?),
-            b'E' => Event::Ended(self.exception()?),
-            b'Q' => Event::Exit {
-                line: self.word()?,
-                code: self.array().map(i32::from_le_bytes)?,
-                text: self.text()?,
-            },
-            _ => return None,
-        })
-    }
-
-    fn exception(&mut self) -> Option<Exception> {
-        Some(Exception { line: self.word()?, kind: self.text()?, text: self.text()?, name: self.text()? })
-    }
-
-    fn value(&mut self) -> Option<Value> {
-        Some(match self.array::<1>()?[0] {
-            b'N' => Value::None,
-            b'i' => Value::Int(i64::from_le_bytes(self.array()?)),
-            b'f' => Value::Float(f64::from_le_bytes(self.array()?)),
-            b's' => Value::Str(self.text()?.into()),
-            code @ (b'I' | b'F') => {
-                let n = self.word()? as usize;
-                let data = self.bytes(n.checked_mul(4)?)?;
-                let words = data.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]);
-                Value::Seq(if code == b'I' {
-                    Seq::Ints(words.map(i32::from_le_bytes).collect())
-                } else {
-                    Seq::Floats(words.map(f32::from_le_bytes).collect())
-                })
-            }
-            b'S' => {
-                let n = self.word()?;
-                let words = (0..n).map(|_| self.text().map(Arc::from)).collect::<Option<Vec<Arc<str>>>>()?;
-                Value::Seq(Seq::Strings(words))
-            }
-            _ => return None,
-        })
-    }
+fn exception(frame: &mut Frame<'_>) -> Option<Exception> {
+    Some(Exception { line: frame.word()?, kind: frame.text()?, text: frame.text()?, name: frame.text()? })
 }
 
 #[cfg(test)]
@@ -298,10 +193,10 @@ mod tests {
             &2f32.to_le_bytes(),
         ]
         .concat();
-        assert!(matches!(Frame(&whole).event(b'C'), Some(Event::Call { line: 3, .. })));
+        assert!(matches!(event(b'C', &whole), Some(Event::Call { line: 3, .. })));
         for n in 0..whole.len() {
-            assert!(Frame(&whole[..n]).event(b'C').is_none(), "{n}");
+            assert!(event(b'C', &whole[..n]).is_none(), "{n}");
         }
-        assert!(Frame(&[]).event(b'?').is_none());
+        assert!(event(b'?', &[]).is_none());
     }
 }

@@ -331,7 +331,7 @@ impl Reader<'_> {
                     python.answer(value.as_ref()).map_err(Failed::Died)?;
                 }
                 // Only programs that start the renderer send these.
-                Event::File(_) | Event::Wait => {}
+                Event::File(_) | Event::Text(_) | Event::Wait => {}
                 Event::Printed(text) => {
                     printed.push_str(&text);
                     while let Some(end) = printed.find('\n') {

@@ -1,8 +1,9 @@
 //! Calls from a program that started the renderer, as the Python package does.
 
-use crate::PygError;
-use crate::python::{Event, encode, receive, send};
+use crate::frames::{put_value, send};
+use crate::python::{Event, receive};
 use crate::read::pass_on;
+use crate::{PygError, PygOptions, PygSource, read};
 use granita_base::{Location, Reporter};
 use granita_scene::SceneSink;
 use std::io::{self, Read, Write};
@@ -10,8 +11,7 @@ use std::sync::Arc;
 
 /// Passes the calls of a stream on until it ends, and answers its questions on `output`.
 ///
-/// Frames on both sides are one byte kind, four bytes length (little endian), payload: `C` a call, `F` the file that calls
-/// come from, `A` asks for an attribute (answered by `G` with its value), `W` waits (answered by `W` with the number of errors
+/// Frames on both sides are those of [`crate::frames`]: `C` a call, `F` the file that calls come from, `T` calls as flat Pyg, `A` asks for an attribute (answered by `G` with its value), `W` waits (answered by `W` with the number of errors
 /// so far). `bindings/python/gelato/_stream.py` is the other side.
 ///
 /// # Errors
@@ -49,9 +49,15 @@ pub fn serve(
                 pass_on(&name, args, &Location::line(&file, line), sink, reporter)?;
             }
             Some(Event::File(name)) => file = name.into(),
+            Some(Event::Text(bytes)) => {
+                // It has no place of its own.
+                let source = PygSource::Bytes { name: "".into(), bytes };
+                let flat = PygOptions { always_pyglet: true, ..PygOptions::default() };
+                read(source, sink, &flat, reporter)?;
+            }
             Some(Event::Get(name)) => {
                 let mut value = Vec::new();
-                encode(sink.attribute(&name).as_ref(), &mut value);
+                put_value(sink.attribute(&name).as_ref(), &mut value);
                 send(output, b'G', &[&value]).map_err(failed)?;
             }
             Some(Event::Wait) => {

@@ -83,6 +83,11 @@ impl<W: Write> Writer<W> {
         self.out.flush()
     }
 
+    /// What text was passed on to.
+    pub fn get_ref(&self) -> &W {
+        &self.out
+    }
+
     /// Levels of `Input` that are to be expanded, as set by "limits:inputlevels".
     pub fn input_levels(&self) -> i32 {
         self.input_levels

@@ -43,6 +43,14 @@ impl Severity {
             Self::Message => 8192,
         }
     }
+
+    /// The severity of a code; [`Severity::Message`] for unknown ones.
+    pub fn from_code(code: i32) -> Self {
+        [Self::Info, Self::Warning, Self::Error, Self::Severe]
+            .into_iter()
+            .find(|severity| severity.code() == code)
+            .unwrap_or(Self::Message)
+    }
 }
 
 impl fmt::Display for Severity {

@@ -2,6 +2,7 @@
 //! (reference 4.3.6). The environment is a value handed in; nothing here reads the process's own.
 
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// Variables that search paths and scenes may name. Tools fill it from the process's environment.
@@ -75,6 +76,13 @@ impl Environment {
 impl FromIterator<(String, String)> for Environment {
     fn from_iter<T: IntoIterator<Item = (String, String)>>(iter: T) -> Self {
         Self(iter.into_iter().collect())
+    }
+}
+
+/// As `std::env::vars_os` gives them; what is no text is left out.
+impl FromIterator<(OsString, OsString)> for Environment {
+    fn from_iter<T: IntoIterator<Item = (OsString, OsString)>>(iter: T) -> Self {
+        iter.into_iter().filter_map(|(k, v)| Some((k.into_string().ok()?, v.into_string().ok()?))).collect()
     }
 }
 

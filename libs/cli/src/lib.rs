@@ -57,5 +57,5 @@ pub fn print(text: &str) {
 
 /// The process's environment, for the libraries that take it as a value.
 pub fn environment() -> granita_base::Environment {
-    std::env::vars_os().filter_map(|(k, v)| Some((k.into_string().ok()?, v.into_string().ok()?))).collect()
+    std::env::vars_os().collect()
 }

@@ -155,18 +155,11 @@ extern "C" fn say(errors: *mut Errors, code: c_int, text: *const c_char) {
     with(errors, (), |manager| {
         // SAFETY: a string by the interface.
         let text = unsafe { ffi::text(text) }.unwrap_or_default();
-        let severity = match code {
-            512 => Severity::Info,
-            1024 => Severity::Warning,
-            2048 => Severity::Error,
-            4096 => Severity::Severe,
-            _ => Severity::Message,
-        };
         if HANDLING.get() {
             let _ = writeln!(std::io::stderr(), "{text}");
             return;
         }
-        manager.reporter.say(severity, &Default::default(), text);
+        manager.reporter.say(Severity::from_code(code), &Default::default(), text);
     });
 }
 

@@ -29,7 +29,7 @@ mod shadeop;
 pub use errors::{ErrorManager, Messages};
 pub use ffi::Errors;
 pub use interface::{GeneratorObject, Interface, InterfaceHost, InterfaceObject, Meanwhile};
-pub use plugins::Plugins;
+pub use plugins::{Plugins, ProgramImages};
 pub use shadeop::noise;
 
 use granita_base::{Environment, Reporter, SearchPath};

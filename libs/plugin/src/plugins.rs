@@ -37,6 +37,9 @@ pub(crate) fn endings() -> Vec<&'static str> {
 #[derive(Clone)]
 pub struct Plugins(Arc<Inner>);
 
+/// Makes the format of an image at an address of another process.
+pub type ProgramImages = Arc<dyn Fn(usize) -> Arc<dyn Format> + Send + Sync>;
+
 struct Inner {
     reporter: Reporter,
     allowed: bool,
@@ -45,6 +48,7 @@ struct Inner {
     images: Mutex<BTreeMap<PathBuf, Option<Arc<PluginFormat>>>>,
     generators: Mutex<BTreeMap<PathBuf, Option<Arc<PluginGenerator>>>>,
     granted: Mutex<BTreeSet<usize>>,
+    program_images: RwLock<Option<ProgramImages>>,
     kept: Mutex<BTreeMap<Arc<str>, Arc<dyn Generator>>>,
     number: AtomicU64,
 }
@@ -70,6 +74,7 @@ impl Plugins {
             images: Mutex::default(),
             generators: Mutex::default(),
             granted: Mutex::default(),
+            program_images: RwLock::default(),
             kept: Mutex::default(),
             number: AtomicU64::new(0),
         }))
@@ -93,6 +98,11 @@ impl Plugins {
         if let Some(address) = address(format) {
             lock(&self.0.granted).insert(address);
         }
+    }
+
+    /// The program is another process: whatever address an `Output` names is one of that process, which knows what it grants.
+    pub fn set_program_images(&self, make: ProgramImages) {
+        *self.0.program_images.write().unwrap_or_else(PoisonError::into_inner) = Some(make);
     }
 
     /// Takes back what [`Plugins::grant`] gave.
@@ -236,6 +246,10 @@ impl Plugins {
 impl FormatFinder for Plugins {
     fn named(&self, name: &str) -> Option<Arc<dyn Format>> {
         if let Some(address) = address(name) {
+            let elsewhere = self.0.program_images.read().unwrap_or_else(PoisonError::into_inner);
+            if let Some(make) = &*elsewhere {
+                return Some(make(address));
+            }
             let granted = lock(&self.0.granted).contains(&address);
             return granted.then(|| Arc::new(PluginFormat::in_program(address)) as Arc<dyn Format>);
         }

@@ -223,6 +223,11 @@ impl Session {
         &self.plugins
     }
 
+    /// Where its messages go.
+    pub fn reporter(&self) -> Reporter {
+        self.reporter.clone()
+    }
+
     /// Set from any thread, it ends the frame that is being rendered as soon as that can be.
     pub fn stop(&self) -> Arc<AtomicBool> {
         self.stop.clone()

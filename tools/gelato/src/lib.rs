@@ -10,7 +10,7 @@ use clap::Parser;
 use granita_base::Severity;
 use granita_cli::{Bar, Status, console_reporter, environment, parse, reporter_with};
 use granita_session::{
-    ExtraOutput, Outcome, OwnTools, Session, SessionError, SessionOptions, SharedProgress, Viewer,
+    ExtraOutput, Outcome, OwnTools, Session, SessionError, SessionOptions, SharedProgress, Told, Viewer,
 };
 use progress::ShownProgress;
 use std::ffi::OsString;
@@ -96,6 +96,10 @@ struct Options {
     #[arg(long, conflicts_with = "files")]
     stream: bool,
 
+    /// Work for the program that started this one, which goes on meanwhile
+    #[arg(long, hide = true, conflicts_with_all = ["files", "stream", "worker", "net"])]
+    remote: bool,
+
     /// Run no scripts, plugins and programs that the scene names: for scenes from strangers
     #[arg(long)]
     safe: bool,
@@ -142,7 +146,10 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     let quiet = options.silent || options.verbosity == Some(0);
     let bar = Bar::new(!quiet);
     let answers = Answers::default();
-    let reporter = if options.stream {
+    let told = options.remote.then(|| Told::new(Box::new(std::io::stdout())));
+    let reporter = if let Some(told) = &told {
+        told.reporter()
+    } else if options.stream {
         let answers = answers.clone();
         reporter_with("gelato", &bar, move |text| answers.print(text))
     } else if options.worker {
@@ -181,7 +188,7 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
         reporter.error(format!("-statistics-json: there is no folder {}", folder.display()));
         return Status::Failed;
     }
-    if options.files.is_empty() && !options.stream {
+    if options.files.is_empty() && !options.stream && !options.remote {
         reporter.error("no scene file was given (try -help)");
         return Status::Failed;
     }
@@ -190,7 +197,7 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     let session_options = SessionOptions {
         environment: variables,
         program_environment,
-        programs_print_to_stderr: options.stream || options.worker,
+        programs_print_to_stderr: options.stream || options.worker || options.remote,
         own_tools: std::env::current_exe().ok().map(|program| OwnTools {
             program,
             names: tools.iter().map(|name| (*name).to_owned()).collect(),
@@ -209,6 +216,10 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
         net_workers: options.net.clone(),
         net_arguments: options.for_worker(),
     };
+    if let Some(told) = told {
+        let session = Session::new(session_options, reporter, told.progress());
+        return status(&session.obey(Box::new(std::io::stdin()), &told), false);
+    }
     let mut session = if options.worker {
         let (input, output) = (Box::new(std::io::stdin()), Box::new(std::io::stdout()));
         Session::worker(session_options, reporter.clone(), input, output)

@@ -1,6 +1,6 @@
 //! `MakeImageOutput`, `MakeImageInput` and `ImageIOErrorMessage`.
 
-use crate::{environment, string};
+use crate::string;
 use granita_base::{Reporter, SearchPath};
 use granita_plugin::Plugins;
 use std::cell::RefCell;
@@ -14,7 +14,7 @@ thread_local! {
 
 /// The plugins along a path of the caller.
 fn plugins(path: &str) -> Plugins {
-    let environment = environment();
+    let environment = std::env::vars_os().collect();
     let path = if path.is_empty() { ".:$GELATOHOME/lib" } else { path };
     let plugins = Plugins::new(Reporter::silent(), true);
     plugins.set_image_path(SearchPath::parse(&path.replace(';', ":"), &SearchPath::default(), &environment));

@@ -9,7 +9,7 @@ mod images;
 mod live;
 mod remote;
 
-use granita_base::{Environment, Location, Param, Reporter, Severity};
+use granita_base::{Location, Param, Reporter, Severity};
 use granita_plugin::{ErrorManager, Errors, Interface, InterfaceHost, InterfaceObject, Messages};
 use granita_pyg::Writer;
 use granita_scene::{Call, SceneSink, Stop};
@@ -30,17 +30,6 @@ unsafe fn string<'a>(text: *const c_char) -> Cow<'a, str> {
     }
     // SAFETY: not NULL, and by the contract above it ends with 0.
     unsafe { CStr::from_ptr(text) }.to_string_lossy()
-}
-
-/// The variables of this process.
-fn environment() -> Environment {
-    let mut all = Environment::empty();
-    for (name, value) in std::env::vars_os() {
-        if let (Some(name), Some(value)) = (name.to_str(), value.to_str()) {
-            all.set(name, value);
-        }
-    }
-    all
 }
 
 /// See `gelato_c.h`.

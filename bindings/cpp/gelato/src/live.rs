@@ -1,7 +1,7 @@
 //! The renderer that makes pictures, in the thread that calls it.
 
-use crate::{environment, object};
-use granita_base::{BaseType, Location, Param, ParamType, Reporter};
+use crate::object;
+use granita_base::{BaseType, Environment, Location, Param, ParamType, Reporter};
 use granita_plugin::{GeneratorObject, InterfaceHost, InterfaceObject, Meanwhile, Messages, Plugins};
 use granita_render::Progress;
 use granita_scene::{Call, SceneSink, Stop};
@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// How far a frame is.
 #[derive(Default)]
-pub(crate) struct Done {
+struct Done {
     total: AtomicU64,
     done: AtomicU64,
 }
@@ -31,9 +31,9 @@ impl Progress for Done {
 }
 
 /// What is answered while a frame is rendered.
-pub(crate) struct During {
-    pub(crate) progress: Arc<Done>,
-    pub(crate) stop: Arc<AtomicBool>,
+struct During {
+    progress: Arc<Done>,
+    stop: Arc<AtomicBool>,
 }
 
 impl Meanwhile for During {
@@ -57,8 +57,8 @@ impl Meanwhile for During {
 }
 
 /// The session of a program's renderer, and what tells how far it is.
-pub(crate) fn session(reporter: &Reporter) -> (Session, During) {
-    let environment = environment();
+fn session(reporter: &Reporter) -> (Session, During) {
+    let environment: Environment = std::env::vars_os().collect();
     let tool = environment.get("GELATOHOME").map(|home| Path::new(home).join("bin/gelato"));
     let names = ["gelato", "maketx", "gslc", "gsoinfo", "topyg"];
     let options = SessionOptions {

@@ -2,7 +2,7 @@
 
 #![allow(unsafe_code, reason = "the C interface is made of pointers; every block says why it is sound")]
 
-use granita_base::{Environment, ParamType, SearchPath};
+use granita_base::{ParamType, SearchPath};
 use granita_gsl::ir::{ConstValue, Metadatum, SymbolType};
 use granita_gsl::{Arg, GsoArgs};
 use std::ffi::{CStr, CString, c_char, c_int, c_uint};
@@ -165,21 +165,10 @@ fn type_bits(ty: &SymbolType) -> c_uint {
     ParamType { base, array: ty.array, ..ParamType::default() }.to_bits()
 }
 
-/// The variables of this process.
-fn environment() -> Environment {
-    let mut all = Environment::empty();
-    for (name, value) in std::env::vars_os() {
-        if let (Some(name), Some(value)) = (name.to_str(), value.to_str()) {
-            all.set(name, value);
-        }
-    }
-    all
-}
-
 /// Finds and reads a shader.
 fn read(name: &str, path: Option<&str>) -> Result<GsoArgs, String> {
     let path = path.unwrap_or("$GELATOHOME/shaders").replace(';', ":");
-    let path = SearchPath::parse(&path, &SearchPath::default(), &environment());
+    let path = SearchPath::parse(&path, &SearchPath::default(), &std::env::vars_os().collect());
     let stem = name.strip_suffix(".gso").unwrap_or(name);
     let direct = PathBuf::from(name);
     let found = path.find(&format!("{stem}.gso")).or_else(|| direct.is_file().then_some(direct));

@@ -1,0 +1,299 @@
+//! The program's end.
+
+use super::images::Arriving;
+use super::{GREETING, message};
+use granita_base::{BaseType, Location, Param, ParamData, ParamType, Reporter, Severity};
+use granita_image::FormatFinder;
+use granita_plugin::{Meanwhile, Plugins};
+use granita_pyg::frames::{Frame, receive, send};
+use granita_pyg::{Writer, WriterOptions};
+use granita_scene::{Call, SceneSink, Stop};
+use std::io::{self, Read, Write};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::{JoinHandle, ThreadId};
+
+/// Calls are sent when they are so many bytes.
+const PIECE: usize = 1 << 16;
+
+/// The connection to a renderer.
+pub struct RemoteEnds {
+    /// What it says.
+    pub from: Box<dyn Read + Send>,
+    /// What it is told.
+    pub to: Box<dyn Write + Send>,
+    /// Waits until it is gone, and tells how it ended.
+    pub ended: Box<dyn FnOnce() -> String + Send>,
+}
+
+impl std::fmt::Debug for RemoteEnds {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("RemoteEnds")
+    }
+}
+
+/// A renderer in another process that works while its program goes on: calls are sent to it. While it renders it takes no
+/// calls but questions for "render:progress" and the commands "return" and "wait".
+pub struct Remote {
+    link: Arc<Link>,
+    writer: Mutex<Writer<Pieces>>,
+    reporter: Reporter,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl std::fmt::Debug for Remote {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Remote")
+    }
+}
+
+struct Link {
+    to: Mutex<Box<dyn Write + Send>>,
+    known: Mutex<Known>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct Known {
+    /// The thread that listens: it cannot wait for answers.
+    listener: Option<ThreadId>,
+    rendering: bool,
+    progress: f32,
+    /// Answers that came.
+    value: Option<Option<ParamData>>,
+    waited: bool,
+    /// The program said that it wants no more.
+    leaving: bool,
+    /// There will be no answers.
+    over: bool,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Collects calls, and sends them when it is flushed.
+struct Pieces {
+    link: Arc<Link>,
+    text: Vec<u8>,
+}
+
+impl Write for Pieces {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.text.extend(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        if self.text.is_empty() {
+            return Ok(());
+        }
+        let sent = send(&mut **lock(&self.link.to), b'T', &[&self.text]);
+        self.text.clear();
+        sent
+    }
+}
+
+impl Link {
+    /// Sends a frame; `false` when nobody is there.
+    fn send(&self, kind: u8, payload: &[u8]) -> bool {
+        send(&mut **lock(&self.to), kind, &[payload]).is_ok()
+    }
+
+    /// Waits for an answer; `None` when there will be none.
+    fn wait<T>(&self, mut answer: impl FnMut(&mut Known) -> Option<T>) -> Option<T> {
+        let mut known = lock(&self.known);
+        if known.listener == Some(std::thread::current().id()) {
+            return None;
+        }
+        loop {
+            if let Some(answer) = answer(&mut known) {
+                return Some(answer);
+            }
+            if known.over {
+                return None;
+            }
+            known = self.changed.wait(known).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// Takes what the renderer says until it is gone.
+    fn listen(&self, mut from: Box<dyn Read + Send>, reporter: &Reporter, plugins: &Plugins) {
+        let mut arriving = Arriving::default();
+        lock(&self.known).listener = Some(std::thread::current().id());
+        while let Ok((kind, payload)) = receive(&mut *from) {
+            match kind {
+                b'M' => {
+                    if let Some(message) = message(&payload) {
+                        reporter.say(message.severity, &message.at, message.text);
+                    }
+                    continue;
+                }
+                b'O' | b'S' | b'L' => {
+                    if let Err(what) = arriving.take(kind, &payload, |address| plugins.named(address)) {
+                        reporter.error(what);
+                    }
+                    continue;
+                }
+                _ => {}
+            }
+            let mut known = lock(&self.known);
+            match kind {
+                b'R' => known.progress = Frame(&payload).array().map_or(0.0, f32::from_le_bytes),
+                b'D' => (known.rendering, known.progress) = (false, 1.0),
+                b'G' => known.value = Some(Frame(&payload).data().flatten()),
+                b'W' => known.waited = true,
+                _ => {}
+            }
+            drop(known);
+            self.changed.notify_all();
+        }
+    }
+}
+
+impl Meanwhile for Link {
+    fn command(&self, name: &str) -> bool {
+        matches!(name, "return" | "exit") && self.send(b'X', &[])
+    }
+
+    fn attribute(&self, name: &str) -> Option<Param> {
+        let known = lock(&self.known);
+        let done = if known.rendering { known.progress.min(0.999_999) } else { known.progress };
+        (name == "render:progress").then(|| Param {
+            name: name.into(),
+            ty: ParamType::of(BaseType::Float),
+            data: done.into(),
+        })
+    }
+}
+
+impl Remote {
+    /// Waits for the greeting of a renderer that was started. Its messages go to `reporter`; `plugins` knows the images
+    /// that the program lets it write to. Also gives what answers while a call is being taken.
+    ///
+    /// # Errors
+    /// Why there is no renderer.
+    pub fn new(
+        mut ends: RemoteEnds,
+        reporter: &Reporter,
+        plugins: Plugins,
+    ) -> Result<(Self, Arc<dyn Meanwhile>), String> {
+        match receive(&mut *ends.from) {
+            Ok((b'H', greeting)) if greeting == GREETING.as_bytes() => {}
+            Ok(_) => return Err("the renderer that was found is of another version".to_owned()),
+            Err(_) => return Err(format!("the renderer did not start ({})", (ends.ended)())),
+        }
+        let link =
+            Arc::new(Link { to: Mutex::new(ends.to), known: Mutex::default(), changed: Condvar::new() });
+        let (listener, from, ended) = (link.clone(), ends.from, ends.ended);
+        let (says, reporter) = (reporter.clone(), reporter.clone());
+        let thread = std::thread::Builder::new().name("gelato".to_owned()).spawn(move || {
+            listener.listen(from, &says, &plugins);
+            let how = ended();
+            let mut known = lock(&listener.known);
+            (known.over, known.rendering) = (true, false);
+            let leaving = known.leaving;
+            drop(known);
+            if !leaving {
+                says.error(format!("the renderer's process has ended ({how}): nothing more is rendered"));
+            }
+            listener.changed.notify_all();
+        });
+        let thread = Some(thread.map_err(|e| e.to_string())?);
+        let options = WriterOptions { binary: true, ..WriterOptions::default() };
+        let writer = Writer::with_options(Pieces { link: link.clone(), text: Vec::new() }, options);
+        let remote = Self { link: link.clone(), writer: Mutex::new(writer), reporter, thread };
+        Ok((remote, link))
+    }
+
+    /// Sends what was collected.
+    fn flush(&self) -> Result<(), Stop> {
+        lock(&self.writer).flush().map_err(|_| Stop::Exit)
+    }
+
+    fn wait(&self) -> Result<(), Stop> {
+        self.flush()?;
+        lock(&self.link.known).waited = false;
+        if self.link.send(b'W', &[]) {
+            self.link.wait(|known| std::mem::take(&mut known.waited).then_some(()));
+        }
+        if lock(&self.link.known).over { Err(Stop::Exit) } else { Ok(()) }
+    }
+}
+
+impl SceneSink for Remote {
+    fn call(&mut self, call: Call, at: &Location) -> Result<(), Stop> {
+        let command = match &call {
+            Call::Command { name, .. } => Some(name.clone()),
+            _ => None,
+        };
+        if command.as_deref() == Some("wait") {
+            return self.wait();
+        }
+        let mut known = lock(&self.link.known);
+        if known.over {
+            // That was said when it happened.
+            return Err(Stop::Exit);
+        }
+        if known.rendering {
+            drop(known);
+            if !command.is_some_and(|name| self.link.command(&name)) {
+                let text = format!("{} is ignored while a frame is rendered", call.name());
+                self.reporter.say(Severity::Error, at, text);
+            }
+            return Ok(());
+        }
+        let renders = matches!(call, Call::Render { .. });
+        let leaves = command.as_deref() == Some("exit");
+        (known.rendering, known.leaving) = (renders, known.leaving || leaves);
+        if renders {
+            known.progress = 0.0;
+        }
+        drop(known);
+        // What others see, or what may take long, does not wait for company.
+        let goes = matches!(
+            call,
+            Call::Render { .. }
+                | Call::Command { .. }
+                | Call::World
+                | Call::Output { .. }
+                | Call::Input { .. }
+        );
+        let mut writer = lock(&self.writer);
+        match writer.call(call, at) {
+            Ok(()) => {}
+            Err(Stop::Io(error)) => return Err(Stop::Failed(error.to_string())),
+            Err(other) => return Err(other),
+        }
+        if goes || writer.get_ref().text.len() >= PIECE {
+            // Why it failed is said by who listens.
+            writer.flush().map_err(|_| Stop::Exit)?;
+        }
+        if leaves { Err(Stop::Exit) } else { Ok(()) }
+    }
+
+    fn attribute(&self, declaration: &str) -> Option<Param> {
+        let name = declaration.split_whitespace().next_back()?;
+        if lock(&self.link.known).rendering {
+            return self.link.attribute(name);
+        }
+        self.flush().ok()?;
+        lock(&self.link.known).value = None;
+        if !self.link.send(b'A', declaration.as_bytes()) {
+            return None;
+        }
+        let data = self.link.wait(|known| known.value.take())??;
+        Some(Param { name: name.into(), ty: ParamType::default(), data })
+    }
+}
+
+impl Drop for Remote {
+    fn drop(&mut self) {
+        lock(&self.link.known).leaving = true;
+        // A frame that is on its way is finished; who does not want that says Command ("return") first.
+        let _ = lock(&self.writer).flush();
+        self.link.send(b'Z', &[]);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}

@@ -1,0 +1,16 @@
+// A shadeop that is not safe for threads: it counts in a variable of its own.
+#include "shadeop.h"
+
+using namespace Gelato;
+
+static int calls;
+
+extern "C" {
+GELATO_EXPORT const char *count_shadeop[] = { "void count (output float)", NULL };
+GELATO_EXPORT void count (ShadingExecution *exec, int, const ShaderArg *args)
+{
+    ++calls;
+    for (ShadeGridIter i (exec, exec->isvarying (args[0])); ! i.done (); ++i)
+        *(float *) args[0].data (i) = (float) calls;
+}
+}
