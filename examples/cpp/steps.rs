@@ -32,9 +32,9 @@ unsafe impl Sync for Generator {}
 
 /// `GELATO_C_ABI`.
 #[unsafe(no_mangle)]
-pub static generator_abi: c_int = 1;
+pub static generator_abi: c_int = 2;
 
-static STEPS: Generator = Generator { abi: 1, extensions: std::ptr::null(), bound: None, run };
+static STEPS: Generator = Generator { abi: 2, extensions: std::ptr::null(), bound: None, run };
 
 /// What `steps.generator.so` is.
 #[unsafe(no_mangle)]

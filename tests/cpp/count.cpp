@@ -1,4 +1,4 @@
-// A shadeop that is not safe for threads: it counts in a variable of its own.
+// A shadeop that is not safe for threads: it counts in a variable of its own. With LIES it says that it is.
 #include "shadeop.h"
 
 using namespace Gelato;
@@ -6,6 +6,9 @@ using namespace Gelato;
 static int calls;
 
 extern "C" {
+#ifdef LIES
+GELATO_EXPORT int count_threadsafe = 1;
+#endif
 GELATO_EXPORT const char *count_shadeop[] = { "void count (output float)", NULL };
 GELATO_EXPORT void count (ShadingExecution *exec, int, const ShaderArg *args)
 {

@@ -108,6 +108,15 @@ GELATO_EXPORT void looked (ShadingExecution *exec, int nargs, const ShaderArg *a
     }
 }
 
+// What lies behind, of a geometry set.
+GELATO_EXPORT const char *behind_shadeop[] = { "color behind (string)", NULL };
+GELATO_EXPORT void behind (ShadingExecution *exec, int nargs, const ShaderArg *args)
+{
+    const float back[3] = { 0, 0, -1 }, still[3] = { 0, 0, 0 };
+    for (ShadeGridIter i (exec, exec->isvarying (args[0])); ! i.done (); ++i)
+        exec->environment (*(const char **) args[1].data (i), 0, 3, back, still, still, (float *) args[0].data (i), 0, NULL, NULL);
+}
+
 GELATO_EXPORT const char *wrong_shadeop[] = { "float wrong (float)", NULL };
 GELATO_EXPORT void wrong (ShadingExecution *exec, int nargs, const ShaderArg *args)
 {

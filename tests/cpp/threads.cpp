@@ -106,6 +106,7 @@ static void alone (int rounds)
         r->Render ();
         CHECK (image.rows == 36 && image.closed == 1 && image.sum > 0);
         delete r;
+        if (! kept.has ("shaded")) fprintf (stderr, "%s", kept.all.c_str ());
         CHECK (kept.has ("nonsense") && kept.has ("shaded"));
     }
     delete errors;

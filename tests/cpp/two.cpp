@@ -1,6 +1,7 @@
 // Two renderers whose calls come by turns, each with its own handler; then one that works on its own.
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <string>
 
 #include "gelatoapi.h"
@@ -40,6 +41,30 @@ public:
         return true;
     }
     bool close () { return true; }
+};
+
+// Takes rectangles as they come: each pixel once.
+class Live : public ImageOutput {
+public:
+    int pieces, pixels, closed, seen[24][32];
+    float sum;
+    Live () : pieces (0), pixels (0), closed (0), sum (0) { memset (seen, 0, sizeof(seen)); }
+    bool supports_random_access () const { return true; }
+    bool supports_rectangles () const { return true; }
+    bool open (const char *, const ImageIOFormatSpec &, int, const ImageIOParameter *, bool) { return true; }
+    bool write_rectangle (int xmin, int xmax, int ymin, int ymax, int zmin, int zmax, const float *data, int xstride,
+                          int ystride, int) {
+        CHECK (xmin >= 0 && xmax < 32 && ymin >= 0 && ymax < 24 && zmin == 0 && zmax == 0);
+        ++pieces;
+        for (int y = ymin; y <= ymax; ++y)
+            for (int x = xmin; x <= xmax; ++x) {
+                CHECK (++seen[y][x] == 1);
+                ++pixels;
+                sum += data[(y - ymin) * ystride + (x - xmin) * xstride];
+            }
+        return true;
+    }
+    bool close () { ++closed; return true; }
 };
 
 class Ball : public GelatoAPI::Generator {
@@ -115,8 +140,14 @@ int main ()
 
     // A program's own generator, put off until the camera sees its bound; and one that no camera sees.
     Pixels late;
+    Live live;
     r = GelatoAPI::CreateRenderer (NULL, a);
     output (r, &late, 32);
+    int bucket[2] = { 16, 16 };
+    char address[30];
+    snprintf (address, sizeof(address), "%p", (void *) &live);
+    r->Attribute ("int[2] limits:bucketsize", bucket);
+    r->Output ("live", address, "rgb", "camera");
     r->World ();
     const float seen[6] = { -1, 1, -1, 1, 2, 4 }, unseen[6] = { -1, 1, -1, 1, -4, -2 };
     int runs = 0, lost = 0;
@@ -125,6 +156,8 @@ int main ()
     CHECK (runs == 0);
     r->Render ();
     CHECK (runs == 1 && late.rows == 24 && late.sum > 0);
+    CHECK (live.pieces == 4 && live.pixels == 32 * 24 && live.closed == 1 && live.sum > 0.99f * late.sum
+           && live.sum < 1.01f * late.sum);
     delete r;
     CHECK (lost == 2);
 

@@ -15,7 +15,7 @@
 extern "C" {
 #endif
 
-#define GELATO_C_ABI 1
+#define GELATO_C_ABI 2
 
 /* ---- Messages ---- */
 
@@ -158,6 +158,9 @@ typedef struct gelato_image_output_calls {
     int (*write_scanline) (void *self, int y, int z, const float *data, int xstride, gelato_message message);
     int (*write_tile) (void *self, int x, int y, int z, const float *data, int xstride, int ystride, int zstride,
                        gelato_message message);
+    /* Instead of rows, in any order, for those that say GELATO_IMAGE_RECTANGLES; ends are part of it. May be NULL. */
+    int (*write_rectangle) (void *self, int xmin, int xmax, int ymin, int ymax, const float *data, int xstride,
+                            int ystride, gelato_message message);
     int (*close) (void *self, gelato_message message);
     void (*destroy) (void *self);
 } gelato_image_output_calls;

@@ -127,6 +127,15 @@ int output_write_tile (void *self, int x, int y, int z, const float *data, int x
     });
 }
 
+int output_write_rectangle (void *self, int xmin, int xmax, int ymin, int ymax, const float *data, int xstride,
+                            int ystride, gelato_message message)
+{
+    return guard_image (output (self), message, [&] {
+        return output (self)->write_rectangle (xmin, xmax, ymin, ymax, 0, 0, data, xstride, ystride,
+                                               ystride * (ymax - ymin + 1));
+    });
+}
+
 int output_close (void *self, gelato_message message)
 {
     return guard_image (output (self), message, [&] { return output (self)->close (); });
@@ -136,7 +145,7 @@ void output_destroy (void *self) { end (output (self)); }
 
 const gelato_image_output_calls output_calls = {
     GELATO_C_ABI, create_image<ImageOutput>, output_supports, output_open, output_write_scanline, output_write_tile,
-    output_close, output_destroy
+    output_write_rectangle, output_close, output_destroy
 };
 
 // ---- Image readers ----
@@ -299,6 +308,12 @@ public:
     bool write_tile (int x, int y, int z, const float *data, int xstride, int ystride, int zstride) {
         return through (this, [&] (gelato_message m) {
             return calls->write_tile (self, x, y, z, data, xstride, ystride, zstride, m);
+        });
+    }
+    bool write_rectangle (int xmin, int xmax, int ymin, int ymax, int, int, const float *data, int xstride,
+                          int ystride, int) {
+        return calls->write_rectangle && through (this, [&] (gelato_message m) {
+            return calls->write_rectangle (self, xmin, xmax, ymin, ymax, data, xstride, ystride, m);
         });
     }
     bool close () {

@@ -3,7 +3,7 @@
 use std::ffi::{c_char, c_int, c_uint, c_void};
 
 /// `GELATO_C_ABI`.
-pub(crate) const ABI: c_int = 1;
+pub(crate) const ABI: c_int = 2;
 
 /// `gelato_message`.
 #[repr(C)]
@@ -119,6 +119,8 @@ pub(crate) struct ImageParameter {
 pub(crate) const TILES: c_int = 1;
 /// See [`TILES`].
 pub(crate) const MULTIIMAGE: c_int = 4;
+/// See [`TILES`].
+pub(crate) const RECTANGLES: c_int = 64;
 
 /// `gelato_status`.
 pub(crate) const OK: c_int = 0;
@@ -153,6 +155,19 @@ pub(crate) struct OutputCalls {
         c_int,
         Message,
     ) -> c_int,
+    pub(crate) write_rectangle: Option<
+        unsafe extern "C" fn(
+            *mut c_void,
+            c_int,
+            c_int,
+            c_int,
+            c_int,
+            *const f32,
+            c_int,
+            c_int,
+            Message,
+        ) -> c_int,
+    >,
     pub(crate) close: unsafe extern "C" fn(*mut c_void, Message) -> c_int,
     pub(crate) destroy: unsafe extern "C" fn(*mut c_void),
 }

@@ -131,6 +131,15 @@ impl PluginFormat {
         self.reader.is_some()
     }
 
+    /// Whether there is a function for them; C++ always has one.
+    fn takes_rectangles(&self) -> bool {
+        match self.writer {
+            Writer::None => false,
+            Writer::Made(made) => made.calls.write_rectangle.is_some(),
+            Writer::Program(_) => true,
+        }
+    }
+
     fn fault(&self, path: &Path, what: impl Into<String>) -> ImageError {
         ImageError::Plugin { path: path.to_owned(), plugin: self.title.clone(), what: what.into() }
     }
@@ -227,6 +236,7 @@ impl Format for PluginFormat {
         match feature {
             "write" => !matches!(self.writer, Writer::None),
             "tiles" => asks(ffi::TILES),
+            "rectangles" => self.takes_rectangles() && asks(ffi::RECTANGLES),
             "levels" => asks(ffi::MULTIIMAGE),
             // It gets floats, and stores them as it can.
             "half" | "float" | "u16" | "channels" | "alpha" => true,

@@ -11,7 +11,9 @@ use crate::spaces::Spaces;
 use crate::{CameraView, Renderer, ShaderLibrary};
 use granita_base::{Bound, ParamData, Vec3};
 use granita_gsl::Func;
-use granita_gsl::ir::{Block, ConstValue, DefaultValue, Module, OpCode, Stmt, SymbolId, SymbolKind};
+use granita_gsl::ir::{
+    Block, ConstValue, DefaultValue, Module, OpCode, Stmt, SymbolId, SymbolKind, ValueType,
+};
 use granita_scene::{AttributeSet, Scene, ShaderGroup, ShaderInstance, UnreadInput};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -165,12 +167,12 @@ fn may_be_set(name: &str) -> bool {
 /// The operands of everything in a shader that may trace rays.
 fn set_operands(module: &Module) -> Vec<SymbolId> {
     let mut names = Vec::new();
-    module.params.iter().for_each(|p| collect(&p.init, &mut names));
-    collect(&module.body, &mut names);
+    module.params.iter().for_each(|p| collect(module, &p.init, &mut names));
+    collect(module, &module.body, &mut names);
     names
 }
 
-fn collect(block: &Block, names: &mut Vec<SymbolId>) {
+fn collect(module: &Module, block: &Block, names: &mut Vec<SymbolId>) {
     for statement in block {
         match statement {
             Stmt::Op(op) => {
@@ -179,20 +181,25 @@ fn collect(block: &Block, names: &mut Vec<SymbolId>) {
                     OpCode::Call(Func::Shadow | Func::Environment | Func::Indirect | Func::Occlusion)
                 );
                 names.extend(op.args.first().filter(|_| traces));
+                // The function may look in a set that it is told of. Its first operand says where it comes from.
+                if op.code == OpCode::Call(Func::Shadeop) {
+                    let is_text = |id: &&SymbolId| module.symbol(**id).ty.value == ValueType::String;
+                    names.extend(op.args.iter().skip(1).filter(is_text));
+                }
             }
             Stmt::If { then, otherwise, .. } => {
-                collect(then, names);
-                collect(otherwise, names);
+                collect(module, then, names);
+                collect(module, otherwise, names);
             }
             Stmt::Loop { test, body, step, .. } => {
-                [test, body, step].into_iter().for_each(|b| collect(b, names));
+                [test, body, step].into_iter().for_each(|b| collect(module, b, names));
             }
             Stmt::Trace { set, body, .. } => {
                 names.push(*set);
-                collect(body, names);
+                collect(module, body, names);
             }
             Stmt::Scope { body, .. } | Stmt::Lights { body, .. } | Stmt::Emit { body, .. } => {
-                collect(body, names);
+                collect(module, body, names);
             }
             Stmt::Leave(_) | Stmt::Break | Stmt::Continue | Stmt::Exit => (),
         }

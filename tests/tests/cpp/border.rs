@@ -32,35 +32,40 @@ fn every_call_crosses() {
     }
 }
 
-/// Two renderers, their calls by turns, their messages apart; one of them works while the program goes on.
-#[test]
-fn renderers_are_independent() {
+/// Compiles a program of the tests' own with each compiler and runs it, also under valgrind. Its folder has these plugins.
+fn works(source: &str, plugins: &[(&str, &str)]) {
     let folder = tempfile::tempdir().unwrap();
-    let source = own(folder.path(), "two.cpp");
+    let source = own(folder.path(), source);
     for compiler in compilers() {
+        for (source, name) in plugins {
+            plugin(compiler, &own(folder.path(), source), name, &[]);
+        }
         let made = program(compiler, &source, "gelato");
         let ran = run(&made, folder.path(), &[]);
-        assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+        assert!(ran.status.success(), "{compiler}: {}", String::from_utf8_lossy(&ran.stderr));
         if compiler == "g++" {
             valgrind(&made, folder.path());
         }
     }
 }
 
+/// Two renderers, their calls by turns, their messages apart; one of them works while the program goes on.
+#[test]
+fn renderers_are_independent() {
+    works("two.cpp", &[]);
+}
+
+/// A renderer in another process: what it makes and says comes back, and its end is not the program's.
+#[test]
+#[cfg(target_os = "linux")]
+fn another_process_renders() {
+    works("remote.cpp", &[]);
+}
+
 /// Programs read and write images through plugins and bundled formats.
 #[test]
 fn programs_make_images() {
-    let folder = tempfile::tempdir().unwrap();
-    let (source, chest) = (own(folder.path(), "images.cpp"), own(folder.path(), "chest.cpp"));
-    for compiler in compilers() {
-        plugin(compiler, &chest, "chest.imageio.so", &[]);
-        let made = program(compiler, &source, "gelato");
-        let ran = run(&made, folder.path(), &[]);
-        assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
-        if compiler == "g++" {
-            valgrind(&made, folder.path());
-        }
-    }
+    works("images.cpp", &[("chest.cpp", "chest.imageio.so")]);
 }
 
 /// Plugins that are wrong: one message each that names the file, and the work goes on.
@@ -104,6 +109,51 @@ fn bad_plugins_are_refused() {
     assert!(err.contains("bad.imageio.so is not used: it cannot be loaded"), "{err}");
     let err = render("0x1234");
     assert!(err.contains("is no ImageOutput of the program"), "{err}");
+}
+
+/// A format in C, by tables: written in rectangles, read by other tools, found through "path:imageio".
+#[test]
+fn a_format_in_c_goes_around() {
+    let folder = tempfile::tempdir().unwrap();
+    let (at, library) = (folder.path(), folder.path().join("lib"));
+    std::fs::create_dir(&library).unwrap();
+    let source = own(&library, "plain.c");
+    for compiler in compilers() {
+        let compiler = if compiler == "g++" { "gcc" } else { "clang" };
+        // Beside the scene; $GELATOHOME/lib is where tools look without being told.
+        plugin(compiler, &source, "plain.imageio.so", &["-Wall", "-Werror"]);
+        for path in ["Attribute (\"string path:imageio\", \"nowhere:lib\")\n", ""] {
+            let scene = format!(
+                "{path}Attribute (\"int[2] resolution\", (40, 30))\n\
+                 Attribute (\"int[2] limits:bucketsize\", (16, 16))\n\
+                 Output (\"a.pln\", \"plain\", \"rgba\", \"c\")\nOutput (\"a.exr\", \"exr\", \"rgba\", \"c\")\n\
+                 Parameter (\"string pixeltype\", \"float\")\n\
+                 World ()\nTranslate (0, 0, 3)\nSphere (1, -1, 1, 360)\nRender ()\n"
+            );
+            std::fs::write(at.join("a.pyg"), scene).unwrap();
+            let _ = std::fs::remove_file(at.join("a.pln"));
+            let (status, _, err) = tool("gelato", at, &["a.pyg"]);
+            assert_eq!((status, err.as_str()), (0, ""));
+            let bytes = std::fs::read(at.join("a.pln")).unwrap();
+            assert!(bytes.starts_with(b"PLAIN 40 30 4 R G B A\n"));
+            assert!(bytes.ends_with(b"pieces 6\n"), "six buckets, each when it was done");
+        }
+        let read = |name: &str, output: &str| {
+            let (status, _, err) = tool("maketx", at, &["-noresize", "-nomipmap", "-o", output, name]);
+            assert_eq!((status, err.as_str()), (0, ""), "{name}");
+            let formats = granita_plugin::bundled_formats(granita_image::Limits::default());
+            formats.open(&at.join(output)).unwrap().read_level(0, 0).unwrap().to_floats()
+        };
+        let (a, b) = (read("a.pln", "a.tx"), read("a.exr", "b.tx"));
+        assert!(a.len() == 40 * 30 * 4 && a.iter().any(|v| *v > 0.5));
+        let worst = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(a.len() == b.len() && worst < 0.002, "{worst}");
+        // What is damaged is told with the plugin's own words.
+        let bytes = std::fs::read(at.join("a.pln")).unwrap();
+        std::fs::write(at.join("short.pln"), &bytes[..bytes.len() / 2]).unwrap();
+        let (status, _, err) = tool("maketx", at, &["short.pln"]);
+        assert!(status != 0 && err.contains("it is cut short") && err.contains("plain.imageio.so"), "{err}");
+    }
 }
 
 /// A format that only a plugin knows, with tiles and levels: found by its list of extensions, and by trying.

@@ -5,11 +5,16 @@ use std::path::Path;
 
 /// Shades a sphere with a shader, and gives the red, green and blue that most of its points have.
 fn shaded(folder: &Path, shader: &str, name: &str, arguments: &[&str]) -> ([f32; 3], String) {
+    shaded_in(folder, shader, name, arguments, "World ()\n")
+}
+
+/// The same in a world that begins otherwise.
+fn shaded_in(folder: &Path, shader: &str, name: &str, arguments: &[&str], world: &str) -> ([f32; 3], String) {
     std::fs::write(folder.join(format!("{name}.gsl")), shader).unwrap();
     let scene = format!(
         "Attribute (\"int[2] resolution\", (16, 12))\nAttribute (\"string path:shader\", \".\")\n\
          Attribute (\"string projection\", \"orthographic\")\n\
-         Parameter (\"int[4] quantize\", (0, 0, 0, 0))\nOutput (\"a.tif\", \"tiff\", \"rgb\", \"c\")\nWorld ()\n\
+         Parameter (\"int[4] quantize\", (0, 0, 0, 0))\nOutput (\"a.tif\", \"tiff\", \"rgb\", \"c\")\n{world}\
          Attribute (\"string name\", \"ball\")\nAttribute (\"float user:temperature\", 98.5)\n\
          Translate (0, 0, 3)\nParameter (\"float Kd\", 0.25)\nShader (\"surface\", \"{name}\")\n\
          Parameter (\"vertex point P\", (-2, -2, 0, 2, -2, 0, -2, 2, 0, 2, 2, 0))\nPatch (\"linear\", 2, 2)\nRender ()\n"
@@ -136,6 +141,16 @@ fn shadeops_of_all_kinds() {
         let (status, _, err) = tool("maketx", folder.path(), &["-o", "t.tx", "t.ppm"]);
         assert_eq!((status, err.as_str()), (0, ""));
         quiet("lo", "C = looked (\"t.tx\", u, v);", [1.0, 0.0, 0.0]);
+        // Rays of a shadeop meet what waits with a bound that no camera sees.
+        let wall = "Attribute (\"string geometryset\", \"mirror\")\nAttribute (\"color C\", (0, 1, 0))\n\
+             Shader (\"surface\", \"constant\")\n\
+             Parameter (\"vertex point P\", (-9, -9, -3, 9, -9, -3, -9, 9, -3, 9, 9, -3))\nPatch (\"linear\", 2, 2)\n";
+        std::fs::write(folder.path().join("wall.pyg"), wall).unwrap();
+        let input = "World ()\nInput (\"wall.pyg\", (-9, 9, -9, 9, -3.1, -2.9))\n";
+        let shader = "surface be (float Kd = 0) { C = behind (\"mirror\"); }";
+        assert_eq!(shaded_in(folder.path(), shader, "be", &[], input), ([0.0, 1.0, 0.0], String::new()));
+        let shader = "surface nb (float Kd = 0) { C = behind (\"other\") + Kd; }";
+        assert_eq!(shaded_in(folder.path(), shader, "nb", &[], input).0, [0.25; 3]);
         // Not where plugins are not allowed.
         std::fs::write(folder.path().join("a.gsl"), "surface a () { C = label (\"\", 1, u); }").unwrap();
         let (_, said) = shaded(

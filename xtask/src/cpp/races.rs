@@ -4,80 +4,120 @@ use super::{made, repository, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What this check needs and cannot do without, if that is missing.
-fn missing(sysroot: &Path, compiler: &str, out: &Path) -> Option<String> {
+/// What the program's status is after a report.
+const REPORTED: i32 = 66;
+
+/// The sanitizer's library, which comes with the compiler; or what is missing for this check.
+fn runtime(sysroot: &Path, host: &str) -> Result<PathBuf, String> {
     if !sysroot.join("lib/rustlib/src/rust/library/std").is_dir() {
-        return Some("the sources of Rust's standard library (rustup component add rust-src)".to_owned());
+        return Err("the sources of Rust's standard library (rustup component add rust-src)".to_owned());
     }
-    let source = out.join("empty.cpp");
-    std::fs::write(&source, "int main () { return 0; }\n").ok()?;
-    let mut command = Command::new(compiler);
-    let made = command.args(["-fsanitize=thread", "-o"]).arg(out.join("empty")).arg(&source).output();
-    match made {
-        Ok(made) if made.status.success() => None,
-        _ => Some(format!("{compiler}'s own library of ThreadSanitizer (-fsanitize=thread)")),
-    }
+    let folder = sysroot.join("lib/rustlib").join(host).join("lib");
+    let files = std::fs::read_dir(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let mut all = files.filter_map(|file| Some(file.ok()?.path()));
+    let found = all.find(|path| path.to_string_lossy().ends_with("_rt.tsan.a"));
+    found.ok_or_else(|| format!("ThreadSanitizer for {host}"))
 }
 
 /// What a program answers.
 fn answer(program: &str, words: &[&str]) -> Result<String, String> {
-    let output = Command::new(program)
-        .current_dir(repository())
-        .args(words)
-        .output()
-        .map_err(|e| format!("{program}: {e}"))?;
+    let output = Command::new(program).current_dir(repository()).args(words).output();
+    let output = output.map_err(|e| format!("{program}: {e}"))?;
     Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
+}
+
+/// Compiles C++ for the sanitizer; its library is linked by the program only, so linking is a step of its own.
+struct Compiler {
+    name: String,
+    headers: PathBuf,
+    out: PathBuf,
+}
+
+impl Compiler {
+    fn object(&self, source: &Path, words: &[&str]) -> Result<(), String> {
+        let mut command = Command::new(&self.name);
+        command.args(["-w", "-g", "-O1", "-std=c++11", "-fsanitize=thread", "-fPIC", "-c", "-I"]);
+        run(command.arg(&self.headers).args(words).current_dir(&self.out).arg(source))
+    }
+
+    fn link(&self, arguments: &[String]) -> Result<(), String> {
+        run(Command::new(&self.name).current_dir(&self.out).args(arguments))
+    }
+
+    /// The shadeop that counts; with `lies` it says that it may run in several threads.
+    fn shadeop(&self, lies: bool) -> Result<(), String> {
+        let words: &[&str] = if lies { &["-DLIES"] } else { &[] };
+        self.object(&repository().join("tests/cpp/count.cpp"), words)?;
+        self.link(&["-shared", "-o", "count.so", "count.o"].map(str::to_owned))
+    }
+
+    /// The program's status, and whether it says what it did.
+    fn run_program(&self, aloud: bool) -> Result<Option<i32>, String> {
+        let mut command = Command::new(self.out.join("threads"));
+        command.current_dir(&self.out).env("GELATOHOME", &self.out);
+        command.env("TSAN_OPTIONS", format!("exitcode={REPORTED}"));
+        let output = command.output().map_err(|e| e.to_string())?;
+        if aloud {
+            print!("{}", String::from_utf8_lossy(&output.stdout));
+            eprint!("{}", String::from_utf8_lossy(&output.stderr));
+        }
+        Ok(output.status.code())
+    }
 }
 
 /// Builds `libgelato` and the standard library below it for ThreadSanitizer, and runs `tests/cpp/threads.cpp` on it.
 pub(crate) fn races() -> Result<(), String> {
     let root = repository();
     let variable = |name: &str, else_: &str| std::env::var(name).unwrap_or_else(|_| else_.to_owned());
-    let (compiler, rustc) = (variable("CXX", "c++"), variable("RUSTC", "rustc"));
-    let target =
-        std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from).join("races");
-    let out = made(target.join("program"))?;
+    let rustc = variable("RUSTC", "rustc");
     let sysroot = PathBuf::from(answer(&rustc, &["--print", "sysroot"])?);
-    if let Some(what) = missing(&sysroot, &compiler, &out) {
-        println!("races: skipped: {what} is not installed");
-        return Ok(());
-    }
     let host = answer(&rustc, &["--print", "host-tuple"])?;
+    let runtime = match runtime(&sysroot, &host) {
+        Ok(runtime) => runtime,
+        Err(what) => {
+            println!("races: skipped: {what} is not installed");
+            return Ok(());
+        }
+    };
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from);
+    let target = target.join("races");
+    let out = made(target.join("program"))?;
     let flags = |name: &str| format!("{name}_{}", host.replace('-', "_"));
     let mut build = Command::new(variable("CARGO", "cargo"));
     build.current_dir(&root).args(["build", "--package", "libgelato", "-Zbuild-std", "--target", &host]);
     build.arg("--target-dir").arg(&target);
-    // The sanitizer is no part of a stable compiler's promises; it is a part of the compiler.
+    // The sanitizer comes with the stable compiler, and is no part of its promises.
     build.env("RUSTC_BOOTSTRAP", "1").env("RUSTFLAGS", "-Zsanitizer=thread");
     build.env(flags("CXXFLAGS"), "-fsanitize=thread").env(flags("CFLAGS"), "-fsanitize=thread");
     run(&mut build)?;
+    let compiler = Compiler {
+        name: variable("CXX", "c++"),
+        headers: root.join("bindings/cpp/include"),
+        out: out.clone(),
+    };
+    let tests = root.join("tests/cpp");
+    std::fs::copy(tests.join("talks.gsl"), out.join("talks.gsl")).map_err(|e| format!("talks.gsl: {e}"))?;
+    compiler.object(&tests.join("threads.cpp"), &[])?;
     let library = target.join(&host).join("debug");
-    let program = out.join("threads");
-    let mut compile = Command::new(&compiler);
-    compile.args(["-w", "-g", "-O1", "-std=c++11", "-fsanitize=thread", "-pthread", "-I"]);
-    compile.arg(root.join("bindings/cpp/include")).arg(root.join("tests/cpp/threads.cpp"));
-    compile.arg("-o").arg(&program).arg(format!("-L{}", library.display())).arg("-lgelato");
-    run(compile.arg(format!("-Wl,-rpath,{}", library.display())))?;
-    for file in ["talks.gsl", "count.cpp"] {
-        let from = root.join("tests/cpp").join(file);
-        std::fs::copy(&from, out.join(file)).map_err(|e| format!("{}: {e}", from.display()))?;
+    let mut words =
+        vec!["threads.o".to_owned(), "-o".to_owned(), "threads".to_owned(), "-rdynamic".to_owned()];
+    words.extend(["-pthread", "-Wl,--whole-archive"].map(str::to_owned));
+    words.push(runtime.display().to_string());
+    words
+        .extend(["-Wl,--no-whole-archive", "-ldl", "-lrt", "-lm", "-lresolv", "-lgelato"].map(str::to_owned));
+    words.extend([format!("-L{}", library.display()), format!("-Wl,-rpath,{}", library.display())]);
+    compiler.link(&words)?;
+    // A watchman that sees nothing is of no use: a plugin that lies about itself has to be reported.
+    compiler.shadeop(true)?;
+    if compiler.run_program(false)? != Some(REPORTED) {
+        return Err("races: a race that was made on purpose is not reported".to_owned());
     }
-    let mut plugin = Command::new(&compiler);
-    plugin.args(["-w", "-g", "-O1", "-fsanitize=thread", "-shared", "-fPIC", "-I"]);
-    plugin.arg(root.join("bindings/cpp/include")).current_dir(&out).args(["-o", "count.so", "count.cpp"]);
-    run(&mut plugin)?;
-    let suppressions = root.join("tests/cpp/races.supp");
-    let options = format!("exitcode=66 second_deadlock_stack=1 suppressions={}", suppressions.display());
-    let status = Command::new(&program)
-        .current_dir(&out)
-        .env("TSAN_OPTIONS", options)
-        .env("GELATOHOME", &out)
-        .status();
-    match status.map_err(|e| e.to_string())? {
-        status if status.success() => {
+    compiler.shadeop(false)?;
+    match compiler.run_program(true)? {
+        Some(0) => {
             println!("races: ThreadSanitizer has nothing to say");
             Ok(())
         }
-        status => Err(format!("races: {status}")),
+        status => Err(format!("races: ended with {status:?}")),
     }
 }

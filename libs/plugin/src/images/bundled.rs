@@ -177,6 +177,7 @@ static OUTPUT: OutputCalls = OutputCalls {
     open: out_open,
     write_scanline: out_scanline,
     write_tile: out_tile,
+    write_rectangle: None,
     close: out_close,
     destroy: end::<Out>,
 };

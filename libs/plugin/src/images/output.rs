@@ -4,7 +4,7 @@ use super::{Object, PluginFormat, Writer, failure};
 use crate::ffi::{self, ImageParameter, OutputCalls, Spec, Text};
 use crate::interface::c_string;
 use granita_base::{BaseType, Param, ParamData, ParamType, Params};
-use granita_image::{CreateOptions, ImageError, ImageOutput, ImageSpec, PixelType, Pixels, Result};
+use granita_image::{Area, CreateOptions, ImageError, ImageOutput, ImageSpec, PixelType, Pixels, Result};
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::path::{Path, PathBuf};
 
@@ -257,6 +257,43 @@ impl ImageOutput for PluginOutput {
         };
         if status != ffi::OK {
             return Err(self.fault(format!("{} (tile {tx}, {ty})", failure("write_tile", status, &why))));
+        }
+        Ok(())
+    }
+
+    fn write_rectangle(&mut self, area: &Area, pixels: &Pixels) -> Result<()> {
+        let Some(write) = self.object.calls.write_rectangle else {
+            return Err(self.fault("it does not take rectangles".to_owned()));
+        };
+        let values = pixels.to_floats();
+        let (n, mut why) = (self.spec.nchannels(), Text::new());
+        let (width, height) = (area.width as usize, area.height as usize);
+        if width == 0 || height == 0 {
+            return Ok(());
+        }
+        if values.len() < width * height * n {
+            let what = format!("a rectangle of {} values instead of {}", values.len(), width * height * n);
+            return Err(ImageError::Misuse { path: self.path.clone(), what });
+        }
+        let x = self.spec.x.wrapping_add(area.x as i32);
+        let y = self.spec.y.wrapping_add(area.y as i32);
+        // SAFETY: a live, open object, and a whole rectangle of floats.
+        let status = unsafe {
+            write(
+                self.object.this,
+                x,
+                x.wrapping_add(width as i32 - 1),
+                y,
+                y.wrapping_add(height as i32 - 1),
+                values.as_ptr(),
+                n as c_int,
+                (n * width) as c_int,
+                why.room(),
+            )
+        };
+        if status != ffi::OK {
+            let what = format!("{} (from {x}, {y})", failure("write_rectangle", status, &why));
+            return Err(self.fault(what));
         }
         Ok(())
     }

@@ -1,0 +1,149 @@
+// A renderer in another process: images, messages, attributes, an early end; and what is left when it dies.
+#include <dirent.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string>
+#include <unistd.h>
+
+#include "gelatoapi.h"
+#include "imageio.h"
+
+using namespace Gelato;
+
+#define CHECK(what) do { if (! (what)) { fprintf (stderr, "line %d: %s\n", __LINE__, #what); exit (1); } } while (0)
+
+class Kept : public ErrorHandler {
+public:
+    std::string all;
+    int count, last;
+    Kept () : count (0), last (0) {}
+    void operator() (ErrCode code, const char *msg) {
+        ++count;
+        last = code;
+        all += std::string (msg) + "\n";
+    }
+    bool has (const char *text) const { return all.find (text) != std::string::npos; }
+};
+
+class Pixels : public ImageOutput {
+public:
+    int rows, width, closed;
+    float sum;
+    Pixels () : rows (0), width (0), closed (0), sum (0) {}
+    bool open (const char *, const ImageIOFormatSpec &spec, int nparams, const ImageIOParameter *param, bool) {
+        int index;
+        CHECK (IOParamFindValue ("worldtocamera", PT_FLOAT, 16, index, nparams, param));
+        CHECK (spec.nchannels == 3 && spec.channelnames[2] == "B");
+        width = spec.width;
+        return true;
+    }
+    bool write_scanline (int y, int, const float *data, int xstride) {
+        CHECK (y == rows++);
+        for (int x = 0; x < width; ++x)
+            sum += data[x * xstride];
+        return true;
+    }
+    bool close () { ++closed; return true; }
+};
+
+// The processes that this one started.
+static int children (int *first)
+{
+    int n = 0;
+    DIR *all = opendir ("/proc");
+    while (struct dirent *entry = all ? readdir (all) : NULL) {
+        char name[300], state;
+        int pid, parent;
+        snprintf (name, sizeof(name), "/proc/%s/stat", entry->d_name);
+        FILE *file = atoi (entry->d_name) > 0 ? fopen (name, "r") : NULL;
+        if (file && fscanf (file, "%d (%*[^)]) %c %d", &pid, &state, &parent) == 3 && parent == getpid () && state != 'Z') {
+            ++n;
+            *first = pid;
+        }
+        if (file)
+            fclose (file);
+    }
+    if (all)
+        closedir (all);
+    return n;
+}
+
+static void scene (GelatoAPI *r, Pixels *image, int width, float quality)
+{
+    char address[30];
+    int res[2] = { width, width * 3 / 4 };
+    float spatialquality[2] = { quality, quality };
+    snprintf (address, sizeof(address), "%p", (void *) image);
+    r->Attribute ("resolution", res);
+    r->Attribute ("spatialquality", spatialquality);
+    r->Output ("image", address, "rgb", "camera");
+    r->World ();
+    r->Translate (0, 0, 3);
+    r->Shader ("surface", "defaultsurface");
+    r->Sphere (1);
+}
+
+int main ()
+{
+    Kept kept;
+    ErrorManager *a = ErrorManager::Create (&kept);
+    GelatoAPI *r = GelatoAPI::CreateRenderer ("remote", a);
+    CHECK (r && kept.all.empty ());
+    int child = 0;
+    CHECK (children (&child) == 1);
+
+    float done = -1, fov = 0;
+    int res[2] = { 0, 0 };
+    char *text = NULL;
+    Pixels image;
+    r->Attribute ("nosuchattribute", 1);
+    r->Attribute ("fov", 37);
+    CHECK (r->GetAttribute ("fov", fov) && fov == 37 && ! r->GetAttribute ("quux", fov));
+    CHECK (kept.has ("nosuchattribute") && kept.last == ERR_WARNING);
+    r->Attribute ("string projection", "orthographic");
+    CHECK (r->GetAttribute ("projection", text) && std::string (text) == "orthographic");
+    scene (r, &image, 32, 4);
+    CHECK (r->GetAttribute ("resolution", res) && res[0] == 32 && res[1] == 24);
+    r->Render ();
+    r->Command ("wait");
+    CHECK (r->GetAttribute ("render:progress", done) && done == 1);
+    CHECK (image.rows == 24 && image.closed == 1 && image.sum > 1);
+    CHECK (kept.count == 1);
+    delete r;
+    CHECK (children (&child) == 0);
+
+    // A frame that takes long: nothing but questions and commands is taken, and it can be ended.
+    Pixels large;
+    r = GelatoAPI::CreateRenderer ("remote", a);
+    scene (r, &large, 1600, 12);
+    r->Render ();
+    CHECK (r->GetAttribute ("render:progress", done) && done >= 0 && done < 1);
+    r->Sphere (2);
+    CHECK (kept.has ("Sphere is ignored while a frame is rendered"));
+    r->Command ("return");
+    r->Command ("wait");
+    CHECK (kept.has ("stopped") || kept.has ("ended"));
+    delete r;
+    CHECK (children (&child) == 0);
+
+    // One that dies: one message, and the program goes on.
+    kept.all.clear ();
+    r = GelatoAPI::CreateRenderer ("remote", a);
+    r->Translate (0, 0, 1);
+    CHECK (r->GetAttribute ("fov", fov) && children (&child) == 1);
+    kept.count = 0;
+    kill (child, SIGKILL);
+    CHECK (! r->GetAttribute ("fov", fov));
+    for (int i = 0; i < 20000; ++i)
+        r->Translate (0, 0, 1);
+    r->World ();
+    r->Sphere (1);
+    r->Render ();
+    r->Command ("wait");
+    CHECK (! r->GetAttribute ("fov", fov));
+    delete r;
+    CHECK (kept.count == 1 && kept.last == ERR_ERROR && kept.has ("process has ended"));
+    delete a;
+    return 0;
+}
