@@ -34,7 +34,7 @@ public:
     bool open (const char *, const ImageIOFormatSpec &spec, int nparams, const ImageIOParameter *param, bool) {
         int index;
         CHECK (IOParamFindValue ("worldtocamera", PT_FLOAT, 16, index, nparams, param));
-        CHECK (spec.nchannels == 3 && spec.channelnames[2] == "B");
+        CHECK (spec.nchannels == 3 && spec.channelnames[2][0] == 'B');
         width = spec.width;
         return true;
     }
