@@ -79,7 +79,7 @@ impl FromIterator<(String, String)> for Environment {
     }
 }
 
-/// As `std::env::vars_os` gives them; what is no text is left out.
+/// As the system gives them; what is no text is left out.
 impl FromIterator<(OsString, OsString)> for Environment {
     fn from_iter<T: IntoIterator<Item = (OsString, OsString)>>(iter: T) -> Self {
         iter.into_iter().filter_map(|(k, v)| Some((k.into_string().ok()?, v.into_string().ok()?))).collect()
