@@ -4,7 +4,9 @@ use super::{Object, PluginFormat, Writer, failure};
 use crate::ffi::{self, ImageParameter, OutputCalls, Spec, Text};
 use crate::interface::c_string;
 use granita_base::{BaseType, Param, ParamData, ParamType, Params};
-use granita_image::{Area, CreateOptions, ImageError, ImageOutput, ImageSpec, PixelType, Pixels, Result};
+use granita_image::{
+    CreateOptions, ImageError, ImageOutput, ImageSpec, PixelRect, PixelType, Pixels, Result,
+};
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::path::{Path, PathBuf};
 
@@ -261,13 +263,13 @@ impl ImageOutput for PluginOutput {
         Ok(())
     }
 
-    fn write_rectangle(&mut self, area: &Area, pixels: &Pixels) -> Result<()> {
+    fn write_rectangle(&mut self, rect: &PixelRect, pixels: &Pixels) -> Result<()> {
         let Some(write) = self.object.calls.write_rectangle else {
             return Err(self.fault("it does not take rectangles".to_owned()));
         };
         let values = pixels.to_floats();
         let (n, mut why) = (self.spec.nchannels(), Text::new());
-        let (width, height) = (area.width as usize, area.height as usize);
+        let (width, height) = (rect.width(), rect.height());
         if width == 0 || height == 0 {
             return Ok(());
         }
@@ -275,8 +277,8 @@ impl ImageOutput for PluginOutput {
             let what = format!("a rectangle of {} values instead of {}", values.len(), width * height * n);
             return Err(ImageError::Misuse { path: self.path.clone(), what });
         }
-        let x = self.spec.x.wrapping_add(area.x as i32);
-        let y = self.spec.y.wrapping_add(area.y as i32);
+        let x = self.spec.x.wrapping_add(rect.x0);
+        let y = self.spec.y.wrapping_add(rect.y0);
         // SAFETY: a live, open object, and a whole rectangle of floats.
         let status = unsafe {
             write(
