@@ -1,12 +1,13 @@
 //! The image format "iv" (reference 7.4.3).
 
 use crate::link::{Link, Patience};
-use crate::packet::Channel;
+use crate::packet::{Channel, Update};
 use crate::{Packet, server_address};
 use granita_image::{
     CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelRect, Pixels,
     Request, Result, Wishes,
 };
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
@@ -19,8 +20,8 @@ const PACKET_VALUES: usize = 1 << 20;
 /// of this machine. Pictures for one address that are sent at the same time share a connection. The attributes
 /// `fullscreen`, `zoom` (ints), `foreground` and `background` (strings) are passed on to a viewer that knows them.
 ///
-/// All values are sent as floats, in the order in which they come: nothing is converted but the type. Writing fails as
-/// soon as the connection is lost, and never waits; `close` waits as long as the viewer goes on taking what was sent.
+/// All values are sent as floats, in the order in which they come: nothing is converted but the type. A rectangle whose
+/// pixels are all the same is sent as one of them (its channels have a stride of 0). Writing fails as soon as the connection is lost, and never waits; `close` waits as long as the viewer goes on taking what was sent.
 pub struct IvFormat {
     patience: Patience,
     /// By address.
@@ -83,9 +84,19 @@ impl Format for IvFormat {
         let address = if address.is_empty() { "localhost" } else { address };
         let link = self.link(address).map_err(|source| ImageError::Io { path: address.into(), source })?;
         let (name, focus) = link.name(&path.to_string_lossy().replace('\0', "?"));
-        let mut output =
-            IvOutput { link, address: address.into(), name, spec: spec.clone(), row: 0, closed: false };
-        output.push(Packet::CreateImage {
+        let stride = spec.nchannels() as u64;
+        let channel = |(i, name): (usize, &String)| Channel { name: name.clone(), offset: i as u64, stride };
+        let channels = spec.channels.iter().enumerate().map(channel).collect();
+        let mut output = IvOutput {
+            link,
+            address: address.into(),
+            name,
+            spec: spec.clone(),
+            channels,
+            row: 0,
+            closed: false,
+        };
+        output.push(&Packet::CreateImage {
             name: output.name.clone(),
             focus,
             width: spec.width,
@@ -100,7 +111,7 @@ impl Format for IvFormat {
             background: text("background"),
         };
         if wishes != Wishes::default() {
-            output.push(Packet::Wish { name: output.name.clone(), wishes })?;
+            output.push(&Packet::Wish { name: output.name.clone(), wishes })?;
         }
         Ok(Box::new(output))
     }
@@ -113,13 +124,15 @@ struct IvOutput {
     address: PathBuf,
     name: String,
     spec: ImageSpec,
+    /// Where the values of each channel are in a packet.
+    channels: Vec<Channel>,
     /// The next row, for rows in order.
     row: u32,
     closed: bool,
 }
 
 impl IvOutput {
-    fn push(&mut self, packet: Packet) -> Result<()> {
+    fn push(&mut self, packet: &Packet) -> Result<()> {
         let result = self.link.push(packet);
         self.failed(result)
     }
@@ -139,34 +152,41 @@ impl IvOutput {
         PixelRect::at(0, 0, self.spec.width, self.spec.height)
     }
 
-    /// Sends `rect`, some of whose rows are at most a packet.
-    fn send(&mut self, rect: &PixelRect, values: Vec<f32>) -> Result<()> {
+    /// Sends `rect`, as many of its rows at once as a packet takes. Of what is the same everywhere one pixel is sent.
+    fn send(&mut self, rect: &PixelRect, values: &[f32]) -> Result<()> {
         let n = self.spec.nchannels();
         let line = rect.width() * n;
-        let channels: Vec<Channel> = (self.spec.channels.iter().enumerate())
-            .map(|(i, name)| Channel { name: name.clone(), offset: i as u64, stride: n as u64 })
-            .collect();
-        let packet = |rect, values| Packet::UpdateImage {
-            name: self.name.clone(),
-            focus: false,
-            channels: channels.clone(),
-            rect,
-            values,
+        let (first, same) = match values.split_at_checked(n) {
+            Some((first, rest)) => (first, rest.chunks_exact(n).all(|pixel| is_same(pixel, first))),
+            None => (values, false),
         };
-        if values.len() <= PACKET_VALUES {
-            let packet = packet(*rect, values);
-            return self.push(packet);
+        let (values, rows) = match same {
+            true => (first, rect.height()),
+            false => (values, (PACKET_VALUES / line).max(1)),
+        };
+        let stride = if same { 0 } else { n as u64 };
+        self.channels.iter_mut().for_each(|channel| channel.stride = stride);
+        let chunk = if same { n } else { rows * line };
+        for (values, y0) in values.chunks(chunk).zip((rect.y0..rect.y1).step_by(rows)) {
+            let rect = PixelRect { y0, y1: rect.y1.min(y0 + rows as i32), ..*rect };
+            let (name, channels) = (&*self.name, &*self.channels);
+            let result = self.link.push_update(&Update { name, focus: false, channels, rect, values });
+            self.failed(result)?;
         }
-        let rows = (PACKET_VALUES / line).max(1);
-        let packets: Vec<Packet> = values
-            .chunks(rows * line)
-            .zip((rect.y0..rect.y1).step_by(rows))
-            .map(|(part, y0)| {
-                let y1 = y0 + (part.len() / line) as i32;
-                packet(PixelRect { y0, y1, ..*rect }, part.to_vec())
-            })
-            .collect();
-        packets.into_iter().try_for_each(|packet| self.push(packet))
+        Ok(())
+    }
+}
+
+/// Whether values are the same to the bit.
+fn is_same(a: &[f32], b: &[f32]) -> bool {
+    a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
+}
+
+/// Values as floats, which most of them are.
+fn floats(pixels: &Pixels) -> Cow<'_, [f32]> {
+    match pixels {
+        Pixels::Float(values) => Cow::Borrowed(values),
+        other => Cow::Owned(other.to_floats()),
     }
 }
 
@@ -189,10 +209,10 @@ impl ImageOutput for IvOutput {
         }
         let whole = PixelRect::at((tx * width) as i32, (ty * height) as i32, width, height);
         let inside = whole.intersection(&self.window());
-        let values = pixels.to_floats();
+        let values = floats(pixels);
         let lines = values.chunks_exact(width as usize * n).take(inside.height());
-        let values = lines.flat_map(|line| &line[..inside.width() * n]).copied().collect();
-        self.send(&inside, values)
+        let values: Vec<f32> = lines.flat_map(|line| &line[..inside.width() * n]).copied().collect();
+        self.send(&inside, &values)
     }
 
     fn write_rectangle(&mut self, rect: &PixelRect, pixels: &Pixels) -> Result<()> {
@@ -209,13 +229,13 @@ impl ImageOutput for IvOutput {
         if values == 0 {
             return Ok(());
         }
-        self.send(rect, pixels.to_floats())
+        self.send(rect, &floats(pixels))
     }
 
     fn begin_rectangle(&mut self, rect: &PixelRect) {
         if !rect.is_empty() {
             // Whether it fails, the pixels will tell.
-            let _ = self.link.push(Packet::Mark { name: self.name.clone(), rect: *rect });
+            let _ = self.link.push(&Packet::Mark { name: self.name.clone(), rect: *rect });
         }
     }
 
@@ -229,7 +249,7 @@ impl ImageOutput for IvOutput {
 
     fn close(mut self: Box<Self>) -> Result<()> {
         self.closed = true;
-        self.push(Packet::Finished { name: self.name.clone(), complete: true })?;
+        self.push(&Packet::Finished { name: self.name.clone(), complete: true })?;
         let result = self.link.flush();
         self.failed(result)
     }
@@ -238,7 +258,7 @@ impl ImageOutput for IvOutput {
 impl Drop for IvOutput {
     fn drop(&mut self) {
         if !self.closed {
-            let _ = self.link.push(Packet::Finished { name: self.name.clone(), complete: false });
+            let _ = self.link.push(&Packet::Finished { name: self.name.clone(), complete: false });
         }
         self.link.forget(&self.name);
     }

@@ -4,11 +4,12 @@
 //! while, or the queue grows beyond its bound, the connection is given up, with the reason kept for whoever sends next.
 //! Another thread hears what the viewer says, if it is one that says anything.
 
-use crate::packet::{GREETING, PacketLimits, VERSION, rest_of};
+use crate::packet::{GREETING, PacketLimits, Update, VERSION, rest_of};
 use crate::{DisplayError, Packet, Result};
 use granita_image::Request;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::io::{ErrorKind, Read, Write};
+use std::ops::Range;
 use std::net::{Shutdown, TcpStream, ToSocketAddrs};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -45,18 +46,30 @@ const TICK: Duration = Duration::from_millis(50);
 /// How long small packets are collected before they are sent together: no eye sees it, and a thread that is woken for each
 /// bucket costs the render more than all else.
 const COLLECT: Duration = Duration::from_millis(20);
-/// Bytes that are given to the system at once.
-const BATCH_BYTES: usize = 1 << 20;
+/// Bytes that are given to the system at once, about.
+const CHUNK_BYTES: usize = 256 << 10;
+/// Chunks whose room is kept.
+const SPARE: usize = 8;
 /// How long a viewer has for closing its side.
 const FAREWELL: Duration = Duration::from_millis(500);
 /// Requests of one picture that wait to be fetched.
 const REQUESTS: usize = 64;
 
+/// Packets that follow each other, as bytes.
+#[derive(Default)]
+struct Chunk {
+    bytes: Vec<u8>,
+    /// Where those lie that only viewers take who answered the greeting.
+    ours: Vec<Range<usize>>,
+}
+
 #[derive(Default)]
 struct State {
     /// What waits to be sent.
-    queue: VecDeque<Packet>,
+    queue: VecDeque<Chunk>,
     bytes: usize,
+    /// Room of what was sent, for what comes next.
+    spare: Vec<Vec<u8>>,
     /// A packet was taken from the queue and is not sent yet.
     busy: bool,
     connected: bool,
@@ -145,8 +158,29 @@ impl Link {
     ///
     /// # Errors
     /// Why nothing is sent any more.
-    pub(crate) fn push(&self, packet: Packet) -> std::result::Result<(), String> {
-        let bytes = weight(&packet);
+    pub(crate) fn push(&self, packet: &Packet) -> std::result::Result<(), String> {
+        let bytes = match packet {
+            Packet::UpdateImage { values, .. } => values.len() * 4,
+            _ => 0,
+        };
+        self.append(bytes, is_ours(packet), |out| packet.encode(out))
+    }
+
+    /// The same for an update of what the caller holds.
+    ///
+    /// # Errors
+    /// As [`Link::push`].
+    pub(crate) fn push_update(&self, update: &Update<'_>) -> std::result::Result<(), String> {
+        self.append(update.values.len() * 4, false, |out| update.encode(out))
+    }
+
+    /// `bytes` is about how many there will be.
+    fn append(
+        &self,
+        bytes: usize,
+        ours: bool,
+        encode: impl FnOnce(&mut Vec<u8>) -> Result<()>,
+    ) -> std::result::Result<(), String> {
         let mut state = self.shared.state();
         if let Some(what) = &state.broken {
             return Err(what.clone());
@@ -158,12 +192,28 @@ impl Link {
             self.shared.give_up(what.clone());
             return Err(what);
         }
-        state.bytes += bytes;
-        state.queue.push_back(packet);
-        if state.queue.len() == 1 {
+        let first = state.queue.is_empty();
+        if state.queue.back().is_none_or(|chunk| chunk.bytes.len() + bytes > CHUNK_BYTES) {
+            let bytes = state.spare.pop().unwrap_or_default();
+            state.queue.push_back(Chunk { bytes, ours: Vec::new() });
+        }
+        let chunk = state.queue.back_mut().expect("invariant: there is one, or one was added");
+        let from = chunk.bytes.len();
+        let done = encode(&mut chunk.bytes);
+        let to = chunk.bytes.len();
+        if ours {
+            chunk.ours.push(from..to);
+        }
+        state.bytes += to - from;
+        if first {
             self.shared.changed.notify_all();
         }
-        Ok(())
+        drop(state);
+        done.map_err(|error| {
+            let what = error.to_string();
+            self.shared.give_up(what.clone());
+            what
+        })
     }
 
     /// What was asked for a picture since the last call.
@@ -223,14 +273,6 @@ impl Drop for Link {
     }
 }
 
-/// Bytes that a packet in the queue counts for.
-fn weight(packet: &Packet) -> usize {
-    match packet {
-        Packet::UpdateImage { values, .. } => values.len() * 4 + 256,
-        _ => 256,
-    }
-}
-
 /// Whether only those take it who answered the greeting.
 fn is_ours(packet: &Packet) -> bool {
     matches!(packet, Packet::Mark { .. } | Packet::Wish { .. } | Packet::Finished { .. })
@@ -253,7 +295,7 @@ fn send(shared: &Arc<Shared>) -> std::result::Result<(), String> {
         .name("display replies".to_owned())
         .spawn(move || hear(&own, hearing))
         .map_err(|e| e.to_string())?;
-    let result = send_packets(shared, &mut socket, &mut bytes);
+    let result = send_packets(shared, &mut socket);
     if let Err(what) = &result {
         // Before the other thread finds its own reason.
         shared.give_up(what.clone());
@@ -289,11 +331,7 @@ fn connect(shared: &Shared) -> std::result::Result<TcpStream, String> {
     Err(format!("no connection to the viewer: {last}"))
 }
 
-fn send_packets(
-    shared: &Shared,
-    socket: &mut TcpStream,
-    bytes: &mut Vec<u8>,
-) -> std::result::Result<(), String> {
+fn send_packets(shared: &Shared, socket: &mut TcpStream) -> std::result::Result<(), String> {
     let end = Instant::now() + shared.patience.answer;
     let mut state = shared.state();
     while !state.two_way && Instant::now() < end && state.broken.is_none() {
@@ -303,7 +341,7 @@ fn send_packets(
     loop {
         let mut state = shared.state();
         state.busy = false;
-        let packets = loop {
+        let chunks = loop {
             if let Some(what) = &state.broken {
                 return Err(what.clone());
             }
@@ -322,21 +360,19 @@ fn send_packets(
         state.busy = true;
         let two_way = state.two_way;
         drop(state);
-        bytes.clear();
-        let mut weighs = 0;
-        let last = packets.len().saturating_sub(1);
-        for (k, packet) in packets.into_iter().enumerate() {
-            weighs += weight(&packet);
-            if two_way || !is_ours(&packet) {
-                packet.encode(bytes).map_err(|e| e.to_string())?;
+        for mut chunk in chunks {
+            let mut at = 0;
+            for ours in chunk.ours.drain(..).filter(|_| !two_way) {
+                write(shared, socket, &chunk.bytes[at..ours.start])?;
+                at = ours.end;
             }
-            if k == last || bytes.len() >= BATCH_BYTES {
-                write(shared, socket, bytes)?;
-                bytes.clear();
-                // Those who gave up have forgotten what waits.
-                let mut state = shared.state();
-                state.bytes = state.bytes.saturating_sub(weighs);
-                weighs = 0;
+            write(shared, socket, &chunk.bytes[at..])?;
+            // Those who gave up have forgotten what waits.
+            let mut state = shared.state();
+            state.bytes = state.bytes.saturating_sub(chunk.bytes.len());
+            if state.spare.len() < SPARE && chunk.bytes.capacity() <= 2 * CHUNK_BYTES {
+                chunk.bytes.clear();
+                state.spare.push(chunk.bytes);
             }
         }
     }

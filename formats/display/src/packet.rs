@@ -187,20 +187,7 @@ impl Packet {
     /// [`DisplayError::Misuse`] for what the protocol cannot hold: texts with zero bytes, sizes beyond `i32`, packets beyond
     /// `u32`. Nothing is appended then.
     pub fn encode(&self, out: &mut Vec<u8>) -> Result<()> {
-        let start = out.len();
-        let mut put = Put { out, start };
-        let done = put.packet(self);
-        let length = out.len() - start;
-        match (done, u32::try_from(length)) {
-            (Ok(()), Ok(length)) => {
-                out[start..start + 4].copy_from_slice(&length.to_le_bytes());
-                Ok(())
-            }
-            (done, _) => {
-                out.truncate(start);
-                done.and(Err(DisplayError::Misuse { what: format!("a packet of {length} bytes") }))
-            }
-        }
+        put(out, |put| put.packet(self))
     }
 
     /// Reads a packet; `bytes` holds it whole, with its length. Bytes after what belongs to it are ignored, as other
@@ -233,6 +220,39 @@ pub fn rest_of(length: [u8; 4], limits: &PacketLimits) -> Result<usize> {
 
 fn within(what: &'static str, asked: u64, max: u64) -> Result<()> {
     if asked <= max { Ok(()) } else { Err(DisplayError::Limit { what, asked, max }) }
+}
+
+/// [`Packet::UpdateImage`] of what somebody else holds.
+pub(crate) struct Update<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) focus: bool,
+    pub(crate) channels: &'a [Channel],
+    pub(crate) rect: PixelRect,
+    pub(crate) values: &'a [f32],
+}
+
+impl Update<'_> {
+    /// As [`Packet::encode`].
+    pub(crate) fn encode(&self, out: &mut Vec<u8>) -> Result<()> {
+        put(out, |put| put.update(self))
+    }
+}
+
+/// Appends a packet with its length; on an error nothing.
+fn put(out: &mut Vec<u8>, packet: impl FnOnce(&mut Put<'_>) -> Result<()>) -> Result<()> {
+    let start = out.len();
+    let done = packet(&mut Put { out, start });
+    let length = out.len() - start;
+    match (done, u32::try_from(length)) {
+        (Ok(()), Ok(length)) => {
+            out[start..start + 4].copy_from_slice(&length.to_le_bytes());
+            Ok(())
+        }
+        (done, _) => {
+            out.truncate(start);
+            done.and(Err(DisplayError::Misuse { what: format!("a packet of {length} bytes") }))
+        }
+    }
 }
 
 /// Writes parts of packets.
@@ -291,7 +311,31 @@ impl Put<'_> {
     }
 
     fn floats(&mut self, values: &[f32]) {
-        self.out.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+        let at = self.out.len();
+        self.out.resize(at + 4 * values.len(), 0);
+        for (to, v) in self.out[at..].as_chunks_mut().0.iter_mut().zip(values) {
+            *to = v.to_le_bytes();
+        }
+    }
+
+    fn update(&mut self, update: &Update<'_>) -> Result<()> {
+        let Update { name, focus, channels, rect, values } = update;
+        let needed = needed_values(channels, rect).filter(|needed| *needed <= values.len() as u64);
+        let Some(needed) = needed else {
+            let what = format!("{} values for the channels of {rect:?}", values.len());
+            return Err(DisplayError::Misuse { what });
+        };
+        self.kind(6);
+        self.flag(*focus);
+        self.text(name)?;
+        self.size(channels.len())?;
+        channels.iter().try_for_each(|channel| self.text(&channel.name))?;
+        self.rect(rect)?;
+        channels.iter().try_for_each(|channel| self.long(channel.offset))?;
+        channels.iter().try_for_each(|channel| self.long(channel.stride))?;
+        // Others insist on as many values as are used.
+        self.floats(&values[..needed as usize]);
+        Ok(())
     }
 
     fn packet(&mut self, packet: &Packet) -> Result<()> {
@@ -321,23 +365,7 @@ impl Put<'_> {
                 channels.iter().try_for_each(|channel| self.text(channel))
             }
             Packet::UpdateImage { name, focus, channels, rect, values } => {
-                let needed = needed_values(channels, rect);
-                if needed.is_none_or(|needed| needed > values.len() as u64) {
-                    let what = format!("{} values for the channels of {rect:?}", values.len());
-                    return Err(DisplayError::Misuse { what });
-                }
-                self.out.reserve(values.len() * 4 + 256);
-                self.kind(6);
-                self.flag(*focus);
-                self.text(name)?;
-                self.size(channels.len())?;
-                channels.iter().try_for_each(|channel| self.text(&channel.name))?;
-                self.rect(rect)?;
-                channels.iter().try_for_each(|channel| self.long(channel.offset))?;
-                channels.iter().try_for_each(|channel| self.long(channel.stride))?;
-                // Others insist on as many values as are used.
-                self.floats(&values[..needed.unwrap_or(0) as usize]);
-                Ok(())
+                self.update(&Update { name, focus: *focus, channels, rect: *rect, values })
             }
             Packet::VectorGraphics { name, focus, append, commands } => {
                 self.kind(8);

@@ -166,13 +166,14 @@ fn rows_and_tiles_are_rectangles_too() {
     picture.close().unwrap();
     let mut updates = Vec::new();
     while updates.len() < 3 {
-        if let Told::Packet(Packet::UpdateImage { rect, values, .. }) = next(&from) {
-            updates.push((rect, values));
+        if let Told::Packet(Packet::UpdateImage { rect, channels, values, .. }) = next(&from) {
+            updates.push((rect, channels[0].stride, values));
         }
     }
-    assert_eq!(updates[0], (PixelRect::at(0, 0, 5, 2), vec![1.0; 10]));
-    assert_eq!(updates[1], (PixelRect::at(0, 2, 5, 1), vec![0.0; 5]));
-    assert_eq!(updates[2], (PixelRect::at(4, 2, 1, 1), vec![0.2]));
+    // Of what is the same everywhere one pixel is sent.
+    assert_eq!(updates[0], (PixelRect::at(0, 0, 5, 2), 0, vec![1.0]));
+    assert_eq!(updates[1], (PixelRect::at(0, 2, 5, 1), 0, vec![0.0]));
+    assert_eq!(updates[2], (PixelRect::at(4, 2, 1, 1), 0, vec![0.2]));
 }
 
 /// A server that never says anything, as other viewers: nothing but packets of types up to 8 may reach it.
@@ -219,7 +220,7 @@ fn a_viewer_that_reads_nothing_stops_nobody() {
     let mut picture = create(&format, "pic", server.local_addr().unwrap(), [512, 512]);
     let _socket = server.accept().unwrap();
     let rect = PixelRect::at(0, 0, 512, 512);
-    let pixels = Pixels::Float(vec![0.5; 512 * 512 * 4]);
+    let pixels = Pixels::Float((0..512 * 512 * 4).map(|v| v as f32).collect());
     let mut slowest = Duration::ZERO;
     let begin = Instant::now();
     let refused = loop {
@@ -243,7 +244,7 @@ fn what_waits_is_bounded() {
     let format = IvFormat::new(Patience { queue_bytes: 1 << 20, ..quick() });
     let mut picture = create(&format, "pic", server.local_addr().unwrap(), [512, 512]);
     let rect = PixelRect::at(0, 0, 512, 128);
-    let pixels = Pixels::Float(vec![0.5; 512 * 128 * 4]);
+    let pixels = Pixels::Float((0..512 * 128 * 4).map(|v| v as f32).collect());
     let results: Vec<_> = (0..40).map(|_| picture.write_rectangle(&rect, &pixels)).collect();
     assert!(results[39].as_ref().unwrap_err().to_string().contains("the viewer"));
 }

@@ -113,35 +113,93 @@ impl Tile {
     pub(crate) fn reduced(finer: [Option<&Self>; 4], width: u32, height: u32, reduce: &[Reduce]) -> Self {
         let first = finer[0].expect("invariant: a texel covers at least one finer one");
         let (n, pixel_type) = (first.channels, first.pixels.pixel_type());
-        let mut values = vec![0.0_f32; width as usize * height as usize * n];
-        let rows: [Option<Vec<f32>>; 4] = finer.map(|t| t.map(|t| t.pixels.to_floats()));
-        let find = |x: u32, y: u32, c: usize| -> Option<f32> {
-            let quadrant = (y / TILE * 2 + x / TILE) as usize;
-            let (tile, values) = (finer[quadrant]?, rows[quadrant].as_ref()?);
-            let (x, y) = (x % TILE, y % TILE);
-            let inside = x < tile.width && y < tile.height;
-            inside.then(|| values[(y as usize * tile.width as usize + x as usize) * n + c])
-        };
-        for y in 0..height {
-            for x in 0..width {
-                let at = (y as usize * width as usize + x as usize) * n;
-                for (c, out) in values[at..at + n].iter_mut().enumerate() {
-                    let covered =
-                        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| find(2 * x + i, 2 * y + j, c));
-                    let mut found = covered.into_iter().flatten();
-                    *out = match reduce.get(c).copied().unwrap_or(Reduce::Mean) {
-                        Reduce::First => found.next().unwrap_or(0.0),
-                        Reduce::Least => found.fold(f32::INFINITY, f32::min),
-                        Reduce::Mean => {
-                            let (sum, count) = found.fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
-                            sum / count
-                        }
-                    };
+        let line = width as usize * n;
+        let mut values = vec![0.0_f32; height as usize * line];
+        let means = (0..n).all(|c| reduce.get(c).copied().unwrap_or(Reduce::Mean) == Reduce::Mean);
+        let (mut upper, mut lower) = (Vec::new(), Vec::new());
+        for (y, out) in (0..height).zip(values.chunks_exact_mut(line.max(1))) {
+            let row = 2 * y % TILE;
+            for (side, out) in out.chunks_mut((TILE / 2) as usize * n.max(1)).enumerate() {
+                let tile = finer[(2 * y / TILE * 2) as usize + side];
+                let Some(tile) = tile.filter(|t| row < t.height && t.channels == n) else { continue };
+                let upper = tile.row(row, &mut upper);
+                // At the lower edge there may be one row only.
+                let lower = if row + 1 < tile.height { Some(tile.row(row + 1, &mut lower)) } else { None };
+                let whole = (tile.width / 2) as usize;
+                let (pairs, rest) = out.split_at_mut((whole * n).min(out.len()));
+                match lower {
+                    Some(lower) if means && n == 4 => means_of::<4>(upper, lower, n, pairs),
+                    Some(lower) if means && n == 3 => means_of::<3>(upper, lower, n, pairs),
+                    Some(lower) if means => means_of::<0>(upper, lower, n, pairs),
+                    _ => some_of((upper, lower), (0, tile.width), n, reduce, pairs),
                 }
+                some_of((upper, lower), (2 * whole as u32, tile.width), n, reduce, rest);
             }
         }
         let whole = finer.into_iter().flatten().all(|t| t.whole);
         Self { width, height, channels: n, pixels: Pixels::from_floats(pixel_type, &values), whole }
+    }
+
+    /// All values of a row as floats, as [`Pixels::to_floats`] has them; `room` is where they are made, if they are.
+    fn row<'a>(&'a self, y: u32, room: &'a mut Vec<f32>) -> &'a [f32] {
+        let line = self.width as usize * self.channels;
+        let range = y as usize * line..(y as usize + 1) * line;
+        match &self.pixels {
+            Pixels::Float(v) => return &v[range],
+            Pixels::Half(v) => {
+                room.resize(line, 0.0);
+                v[range].convert_to_f32_slice(room);
+            }
+            Pixels::U8(v) => {
+                room.clear();
+                room.extend(v[range].iter().map(|v| f32::from(*v) / 255.0));
+            }
+            Pixels::U16(v) => {
+                room.clear();
+                room.extend(v[range].iter().map(|v| f32::from(*v) / 65535.0));
+            }
+            Pixels::U32(v) => {
+                room.clear();
+                room.extend(v[range].iter().map(|v| *v as f32));
+            }
+        }
+        room
+    }
+}
+
+/// Means of two by two pixels of `n` channels; of `N` when that is not 0, which the compiler then knows.
+fn means_of<const N: usize>(upper: &[f32], lower: &[f32], n: usize, out: &mut [f32]) {
+    let n = if N == 0 { n } else { N };
+    let pairs = upper.chunks_exact(2 * n).zip(lower.chunks_exact(2 * n));
+    for ((upper, lower), out) in pairs.zip(out.chunks_exact_mut(n)) {
+        for (c, out) in out.iter_mut().enumerate() {
+            *out = (0.0 + upper[c] + upper[n + c] + lower[c] + lower[n + c]) / 4.0;
+        }
+    }
+}
+
+/// One value for each two by two, as far as they are there: of columns `from..width` of one or two rows.
+fn some_of(
+    (upper, lower): (&[f32], Option<&[f32]>),
+    (from, width): (u32, u32),
+    n: usize,
+    reduce: &[Reduce],
+    out: &mut [f32],
+) {
+    for (x, out) in (from..width).step_by(2).zip(out.chunks_exact_mut(n)) {
+        for (c, out) in out.iter_mut().enumerate() {
+            let columns = x as usize..(x as usize + 2).min(width as usize);
+            let rows = [Some(upper), lower].into_iter().flatten();
+            let mut found = rows.flat_map(|row| columns.clone().map(move |x| row[x * n + c]));
+            *out = match reduce.get(c).copied().unwrap_or(Reduce::Mean) {
+                Reduce::First => found.next().unwrap_or(0.0),
+                Reduce::Least => found.fold(f32::INFINITY, f32::min),
+                Reduce::Mean => {
+                    let (sum, count) = found.fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
+                    sum / count
+                }
+            };
+        }
     }
 }
 
