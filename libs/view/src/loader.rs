@@ -6,6 +6,7 @@ use std::collections::{BTreeSet, VecDeque};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 /// A tile to be read.
 #[derive(Clone, Debug)]
@@ -26,7 +27,11 @@ struct State {
     /// What could not be read: number in the store, level, column, row. Not tried again.
     failed: BTreeSet<(u64, usize, u32, u32)>,
     stop: bool,
+    woken: Option<Instant>,
 }
+
+/// How long a tile waits to be shown while others come.
+const SOON: Duration = Duration::from_millis(40);
 
 struct Shared {
     state: Mutex<State>,
@@ -56,7 +61,8 @@ impl std::fmt::Debug for Loader {
 }
 
 impl Loader {
-    /// `wake` is called after each tile and task, from a thread of the loader.
+    /// `wake` is called when tiles and tasks are done, from a thread of the loader: after the last one, and a few times a
+    /// second while there are more.
     pub fn new(threads: usize, wake: impl Fn() + Send + Sync + 'static) -> Self {
         let shared = Arc::new(Shared {
             state: Mutex::default(),
@@ -172,9 +178,12 @@ fn work(shared: &Shared) {
         state = shared.lock();
         state.busy -= 1;
         state.failed.extend(failed);
-        drop(state);
-        (shared.wake)();
-        state = shared.lock();
+        if state.jobs.is_empty() || state.woken.is_none_or(|woken| woken.elapsed() >= SOON) {
+            state.woken = Some(Instant::now());
+            drop(state);
+            (shared.wake)();
+            state = shared.lock();
+        }
     }
 }
 

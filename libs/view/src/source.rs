@@ -8,12 +8,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// A level stored in rows is read as a whole up to this many bytes, else in bands.
 const WHOLE_BYTES: u64 = 512 << 20;
 
+/// Rows of tiles that are read at once of a file whose blocks are found by their place.
+const GROUP: u32 = 4;
+
 /// How pieces of a source are had.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// Any tile by itself.
     Tiles,
-    /// Only all of it at once.
+    /// Much or all of it at once; it is kept as a whole.
     Whole,
     /// Bands of rows.
     Bands,
@@ -268,6 +271,11 @@ impl Source for FilePage {
         }
         let (y0, y1) = match self.access {
             Access::Bands => (ty * TILE, ((ty + 1) * TILE).min(spec.height)),
+            // A few blocks at a time: while the next are read, smaller levels are made of these.
+            Access::Whole if self.input.format_name() == "exr" => {
+                let y0 = ty / GROUP * GROUP * TILE;
+                (y0, y0.saturating_add(GROUP * TILE).min(spec.height))
+            }
             Access::Tiles | Access::Whole => (0, spec.height),
         };
         let (pixels, whole) = self.rows(level, y0, y1)?;

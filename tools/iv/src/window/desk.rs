@@ -556,9 +556,13 @@ impl Desk {
         }
     }
 
-    /// Brings the canvas up to date for a window of this size; whether it changed.
-    pub(crate) fn frame(&mut self, width: u32, height: u32) -> bool {
-        self.poll();
+    /// Begins to read what a window of this size will show.
+    pub(crate) fn foresee(&mut self, width: u32, height: u32) {
+        self.ask(width, height);
+    }
+
+    /// What is to be seen in a window of this size: its tiles are asked for.
+    fn ask(&mut self, width: u32, height: u32) -> Vec<Seen> {
         if (self.view.width, self.view.height) != (width, height) {
             self.view.resize(width, height);
             if self.fitted {
@@ -578,13 +582,20 @@ impl Desk {
             Mix::First => None,
             _ => self.other.and_then(|other| self.seen(other)),
         };
-        let sides: Vec<&Seen> = first.iter().chain(&second).collect();
+        let sides: Vec<Seen> = first.into_iter().chain(second).collect();
         let wanted: Vec<Needs> = sides.iter().map(|s| needs(&s.page, &s.sheet, &self.view)).collect();
         let in_sight: Vec<(u64, u64)> = (sides.iter().zip(&wanted))
             .flat_map(|(s, n)| s.page.pyramid.in_sight(n.level, n.tiles.len() as u64))
             .collect();
         self.store.look_at(&in_sight);
         self.loader.want(sides.iter().zip(&wanted).map(|(s, n)| (&s.page.pyramid, n)));
+        sides
+    }
+
+    /// Brings the canvas up to date for a window of this size; whether it changed.
+    pub(crate) fn frame(&mut self, width: u32, height: u32) -> bool {
+        self.poll();
+        let sides = self.ask(width, height);
         let key = Key {
             view: self.view,
             mix: self.mix,

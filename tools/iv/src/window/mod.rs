@@ -3,6 +3,7 @@
 //! [`desk::Desk`] knows what is looked at and how, and draws it (the whole picture is one bitmap of the size of the window,
 //! which needs no graphics hardware); [`shell::Shell`] is between it and the screen.
 
+mod blit;
 mod desk;
 mod entries;
 mod keys;
@@ -13,8 +14,10 @@ mod tasks;
 
 use crate::args::Args;
 use crate::listen::Wanted;
+use blit::Blit;
 use desk::Desk;
 use eframe::egui;
+use eframe::egui_wgpu::{WgpuSetup, WgpuSetupExisting};
 use granita_base::Reporter;
 use granita_cli::Status;
 use granita_image::FormatRegistry;
@@ -38,11 +41,50 @@ fn renderers(name: &str) -> &'static [wgpu::Backends] {
     }
 }
 
-fn native_options(args: &Args, backends: wgpu::Backends) -> eframe::NativeOptions {
-    let (width, height) = match args.window.window[..] {
+/// What a future gives that waits for nothing.
+fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
+    let mut context = std::task::Context::from_waker(std::task::Waker::noop());
+    match std::pin::pin!(future).poll(&mut context) {
+        std::task::Poll::Ready(value) => Some(value),
+        std::task::Poll::Pending => None,
+    }
+}
+
+/// The device that is most likely the right one, without a window; `None` where there is none or it takes a window to find
+/// one.
+fn early_device(setup: &WgpuSetup) -> Option<WgpuSetupExisting> {
+    let WgpuSetup::CreateNew(new) = setup else { return None };
+    if new.instance_descriptor.backends.contains(wgpu::Backends::GL) {
+        return None;
+    }
+    let instance = ready(setup.new_instance())?;
+    let adapter = ready(instance.request_adapter(&wgpu::RequestAdapterOptions {
+        power_preference: new.power_preference,
+        ..wgpu::RequestAdapterOptions::default()
+    }))?
+    .ok()?;
+    let (device, queue) = ready(adapter.request_device(&(new.device_descriptor)(&adapter)))?.ok()?;
+    Some(WgpuSetupExisting { instance, adapter, device, queue })
+}
+
+/// Size of the window.
+fn size(args: &Args) -> (f32, f32) {
+    match args.window.window[..] {
         [w, h] => (w as f32, h as f32),
         _ => (1280.0, 800.0),
-    };
+    }
+}
+
+/// As the window would make it: with several passes, and windows of the system.
+fn context() -> egui::Context {
+    let context = egui::Context::default();
+    context.set_embed_viewports(false);
+    context.options_mut(|o| o.max_passes = std::num::NonZeroUsize::MIN.saturating_add(1));
+    context
+}
+
+fn native_options(args: &Args, backends: wgpu::Backends) -> eframe::NativeOptions {
+    let (width, height) = size(args);
     let viewport = egui::ViewportBuilder::default()
         .with_title("iv")
         .with_app_id("granita-iv")
@@ -84,23 +126,45 @@ pub(crate) fn run(
     };
     let outcome: Outcome = Arc::new(Mutex::new(Status::Done));
     let mut faults = Vec::new();
-    for backends in renderers(&args.window.renderer) {
+    let renderers = renderers(&args.window.renderer);
+    // Drivers take their time: meanwhile the first picture is opened, and begun to be read.
+    let early = {
+        let setup = native_options(args, renderers[0]).wgpu_options.wgpu_setup;
+        std::thread::spawn(move || early_device(&setup))
+    };
+    let ctx = context();
+    let mut desk = Some({
+        let limits = StoreLimits { others: args.window.memory << 20, ..StoreLimits::default() };
+        let ctx = ctx.clone();
+        let wake = move || ctx.request_repaint();
         let files = expand(&args.files, formats);
-        let (formats, live, outcome_inside) = (formats.clone(), live.clone(), outcome.clone());
-        let (steps, wanted) = (steps.clone(), wanted.clone());
-        let memory = args.window.memory;
+        let store = TileStore::new(limits);
+        let mut desk = Desk::new(formats.clone(), files, live.clone(), display, store, wake);
+        desk.wanted = Some(wanted);
+        let (width, height) = size(args);
+        desk.foresee(width as u32, (height - panels::STATUS).max(1.0) as u32);
+        desk
+    });
+    // One whose thread panicked is no device either.
+    let early = early.join().ok().flatten().map(WgpuSetup::Existing);
+    let tries = early.map(|setup| (renderers[0], Some(setup)));
+    for (backends, setup) in tries.into_iter().chain(renderers.iter().map(|b| (*b, None))) {
+        let (taken, steps, outcome_inside) = (&mut desk, steps.clone(), outcome.clone());
         let creator: eframe::AppCreator<'_> = Box::new(move |context| {
-            let limits = StoreLimits { others: memory << 20, ..StoreLimits::default() };
-            let store = TileStore::new(limits);
-            let ctx = context.egui_ctx.clone();
-            let wake = move || ctx.request_repaint();
-            let mut desk = Desk::new(formats, files, live, display, store, wake);
-            desk.wanted = Some(wanted);
-            Ok(Box::new(Shell::new(desk, steps, outcome_inside, started, &context.egui_ctx)))
+            let desk = taken.take().ok_or("the window went away")?;
+            let blit = context.wgpu_render_state.as_ref().and_then(Blit::new);
+            Ok(Box::new(Shell::new(desk, steps, outcome_inside, started, blit, &context.egui_ctx)))
         });
-        match eframe::run_native("iv", native_options(args, *backends), creator) {
+        let mut options = native_options(args, backends);
+        if let Some(setup) = setup {
+            options.wgpu_options.wgpu_setup = setup;
+        }
+        match eframe::run_native_ext("iv", options, Some(ctx.clone()), creator) {
             Ok(()) => return *outcome.lock().unwrap_or_else(PoisonError::into_inner),
             Err(error) => faults.push(error.to_string()),
+        }
+        if desk.is_none() {
+            break;
         }
     }
     reporter.error(format!("there can be no window: {}", faults.join("; ")));

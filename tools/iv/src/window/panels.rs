@@ -9,6 +9,9 @@ use egui::{Align2, Color32, FontId, Pos2, RichText, Stroke, StrokeKind};
 use granita_image::Pixels;
 use granita_view::{Arrangement, Channels, Histogram, Mix};
 
+/// Height of the status line.
+pub(crate) const STATUS: f32 = 24.0;
+
 /// A value as it is stored, and what it stands for.
 fn value_text(pixels: &Pixels, c: usize) -> String {
     match pixels {
@@ -210,7 +213,7 @@ fn scale(ui: &mut egui::Ui, map: granita_view::ColorMap) {
 pub(crate) fn around(shell: &mut Shell, ui: &mut egui::Ui) {
     let ppp = ui.ctx().pixels_per_point();
     let line = status(shell, ppp);
-    egui::Panel::bottom("status").exact_size(24.0).show(ui, |ui| {
+    egui::Panel::bottom("status").exact_size(STATUS).show(ui, |ui| {
         ui.add(egui::Label::new(RichText::new(line).size(12.0)).truncate());
     });
     if shell.desk.list_open {

@@ -1,11 +1,12 @@
 //! Between the desk and the screen: events in, a bitmap and some panels out.
 
 use super::Outcome;
+use super::blit::Blit;
 use super::desk::{Desk, Errand};
 use super::keys;
 use super::panels;
 use super::script::Step;
-use eframe::egui;
+use eframe::{egui, egui_wgpu};
 use egui::{
     Color32, ColorImage, Event, Key, Modifiers, PointerButton, Pos2, TextureHandle, TextureOptions, Vec2,
 };
@@ -62,6 +63,11 @@ type Shot = Arc<Mutex<Option<Arc<ColorImage>>>>;
 pub(crate) struct Shell {
     pub(crate) desk: Desk,
     texture: Option<TextureHandle>,
+    /// What draws the picture instead, and whether it has it.
+    blit: Option<Blit>,
+    in_blit: bool,
+    /// The last frame had the complete picture for the first time.
+    just_complete: bool,
     /// Where the picture is, in points.
     pub(crate) area: egui::Rect,
     pub(crate) pointer: Option<Pos2>,
@@ -80,12 +86,13 @@ pub(crate) struct Shell {
 }
 
 impl Shell {
-    /// `started` is when the program began to make the window.
+    /// `started` is when the program began to make the window; `blit` draws the picture if it is there.
     pub(crate) fn new(
         desk: Desk,
         steps: Option<Vec<Step>>,
         outcome: Outcome,
         started: Instant,
+        blit: Option<Blit>,
         ctx: &egui::Context,
     ) -> Self {
         ctx.set_theme(egui::Theme::Dark);
@@ -101,6 +108,9 @@ impl Shell {
         Self {
             desk,
             texture: None,
+            blit,
+            in_blit: false,
+            just_complete: false,
             area: egui::Rect::ZERO,
             pointer: None,
             drag: None,
@@ -308,23 +318,39 @@ impl Shell {
         let side = |v: f32| (v * ppp).round().clamp(1.0, 16384.0) as u32;
         let most = ui.input(|i| i.max_texture_side) as u32;
         let (width, height) = (side(self.area.width()).min(most), side(self.area.height()).min(most));
-        if self.desk.frame(width, height) || self.texture.is_none() {
-            let canvas = &self.desk.canvas;
-            let pixels = canvas.bytes.chunks_exact(4).map(|p| Color32::from_rgb(p[0], p[1], p[2])).collect();
-            let image = ColorImage::new([canvas.width as usize, canvas.height as usize], pixels);
-            match &mut self.texture {
-                Some(texture) => texture.set(image, TextureOptions::NEAREST),
-                None => self.texture = Some(ui.ctx().load_texture("picture", image, TextureOptions::NEAREST)),
+        // By now the frame before is on its way to the screen.
+        if std::mem::take(&mut self.just_complete) {
+            self.first_picture = Some(self.started.elapsed());
+        }
+        let changed = self.desk.frame(width, height);
+        let corner = [self.area.left(), self.area.top()].map(|v| (v * ppp).round() as i32);
+        if changed || self.texture.is_none() && !self.in_blit {
+            self.in_blit = self.blit.as_mut().is_some_and(|blit| blit.take(&self.desk.canvas, corner));
+            if !self.in_blit {
+                self.set_texture(ui.ctx());
             }
         }
         if self.first_picture.is_none() && self.desk.complete {
-            self.first_picture = Some(self.started.elapsed());
+            self.just_complete = true;
+            ui.ctx().request_repaint();
         }
-        if let Some(texture) = &self.texture {
-            let size = Vec2::new(width as f32, height as f32) / ppp;
-            let place = egui::Rect::from_min_size(self.area.min, size);
+        let size = Vec2::new(width as f32, height as f32) / ppp;
+        let place = egui::Rect::from_min_size(self.area.min, size);
+        if let Some(callback) = self.blit.as_ref().filter(|_| self.in_blit).and_then(Blit::callback) {
+            ui.painter().add(egui_wgpu::Callback::new_paint_callback(place, callback));
+        } else if let Some(texture) = &self.texture {
             let all = egui::Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
             ui.painter().image(texture.id(), place, all, Color32::WHITE);
+        }
+    }
+
+    fn set_texture(&mut self, ctx: &egui::Context) {
+        let canvas = &self.desk.canvas;
+        let pixels = canvas.bytes.chunks_exact(4).map(|p| Color32::from_rgb(p[0], p[1], p[2])).collect();
+        let image = ColorImage::new([canvas.width as usize, canvas.height as usize], pixels);
+        match &mut self.texture {
+            Some(texture) => texture.set(image, TextureOptions::NEAREST),
+            None => self.texture = Some(ctx.load_texture("picture", image, TextureOptions::NEAREST)),
         }
     }
 
@@ -372,8 +398,13 @@ impl Shell {
             let Some(step) = script.steps.pop_front() else { break };
             self.step(step, ctx);
         }
-        if self.script.is_some() {
-            ctx.request_repaint();
+        let settled = self.desk.is_settled();
+        if let Some(script) = &self.script {
+            // What is being read has the window drawn again when it is there.
+            match script.steps.front() == Some(&Step::Wait) && !settled {
+                true => ctx.request_repaint_after(Duration::from_millis(50)),
+                false => ctx.request_repaint(),
+            }
         }
     }
 
