@@ -18,4 +18,4 @@ mod fur;
 mod measure;
 
 pub use fur::Fur;
-pub use measure::{Cost, find_program, measure, release_tool, repository};
+pub use measure::{Cost, find_program, measure, measure_into, release_tool, repository};

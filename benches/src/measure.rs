@@ -22,17 +22,26 @@ pub struct Cost {
 pub fn measure(times: usize, mut command: impl FnMut() -> Command) -> Result<Cost, String> {
     let mut best: Option<Cost> = None;
     for _ in 0..times.max(1) {
-        let cost = once(command())?;
+        let cost = once(command(), Stdio::null())?;
         best = Some(best.filter(|b| b.wall <= cost.wall).unwrap_or(cost));
     }
     best.ok_or_else(|| "no run".to_owned())
 }
 
-fn once(mut command: Command) -> Result<Cost, String> {
+/// Runs `command` once; what it prints goes to a file.
+///
+/// # Errors
+/// As [`measure`], and when the file cannot be made.
+pub fn measure_into(file: &Path, command: Command) -> Result<Cost, String> {
+    let file = std::fs::File::create(file).map_err(|e| format!("{}: {e}", file.display()))?;
+    once(command, file.into())
+}
+
+fn once(mut command: Command, stdout: Stdio) -> Result<Cost, String> {
     let before = children_time();
     let start = Instant::now();
     let mut child = command
-        .stdout(Stdio::null())
+        .stdout(stdout)
         .spawn()
         .map_err(|e| format!("{}: {e}", command.get_program().to_string_lossy()))?;
     let status_file = PathBuf::from(format!("/proc/{}/status", child.id()));

@@ -6,7 +6,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
 
 use granita_base::hash;
-use granita_benches::{find_program, release_tool};
+use granita_benches::{Cost, find_program, measure_into, release_tool};
 use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
@@ -41,20 +41,28 @@ fn run() -> Result<(), String> {
     write_photo(&photo, &formats).map_err(|e| e.to_string())?;
     write_texture(&texture, &formats).map_err(|e| e.to_string())?;
     let screen = Screen::start()?;
-    // The files are in memory by now: the first run is not counted.
-    for i in 0..4 {
-        let (first, process) = first_picture(&iv, &screen, place.path())?;
-        if i > 0 {
-            println!(
-                "4096 x 2160 OpenEXR (half, RGBA, zip): {first:.3} s until the picture is drawn, {process:.3} s of process"
-            );
+    let small = small_files(place.path(), &formats).map_err(|e| e.to_string())?;
+    let small: Vec<&str> = small.iter().map(|name| &**name).collect();
+    // Of the smallest picture there is: what the window and the driver take by themselves.
+    for (what, files) in [
+        ("nothing but the window (16 x 16 pixels)", &small[..1]),
+        ("4096 x 2160 OpenEXR (half, RGBA, zip)", &["photo.exr"][..]),
+        ("the first of 5000 PNG files", &small),
+    ] {
+        // The files are in memory after the first run, which is not counted.
+        for i in 0..4 {
+            let run = first_picture(&iv, &screen, place.path(), files)?;
+            if i > 0 {
+                println!("{what}: {run}");
+            }
         }
     }
+    many_files(&iv, &screen, place.path(), &small)?;
     for (name, script) in [
         ("one pixel for one", "wait\nkey 1\nwait\nbench 400\nquit\n"),
         ("half size, by levels of the file", "wait\nkey 1\nkey Minus\nkey Minus\nwait\nbench 400\nquit\n"),
     ] {
-        let text = script_run(&iv, &screen, place.path(), script, "texture.tif")?;
+        let (text, _) = script_run(&iv, &screen, place.path(), script, &["texture.tif"])?;
         let line = text.lines().find(|l| l.starts_with("bench: ")).ok_or("no numbers came")?;
         println!("{SIDE} x {SIDE} texture, {name}: {}", line.trim_start_matches("bench: "));
     }
@@ -141,28 +149,65 @@ impl Screen {
     }
 }
 
-fn script_run(iv: &Path, screen: &Screen, folder: &Path, script: &str, file: &str) -> Result<String, String> {
+/// What a script printed, and what it cost.
+fn script_run(
+    iv: &Path,
+    screen: &Screen,
+    folder: &Path,
+    script: &str,
+    files: &[&str],
+) -> Result<(String, Cost), String> {
     std::fs::write(folder.join("script.txt"), script).map_err(|e| e.to_string())?;
-    let out = Command::new(iv)
-        .current_dir(folder)
-        .env("DISPLAY", &screen.name)
-        .env_remove("WAYLAND_DISPLAY")
-        .args(["-window", "1280", "800", "-script", "script.txt", file])
-        .output()
-        .map_err(|e| format!("{}: {e}", iv.display()))?;
-    match out.status.success() {
-        true => Ok(String::from_utf8_lossy(&out.stdout).into_owned()),
-        false => Err(String::from_utf8_lossy(&out.stderr).into_owned()),
-    }
+    let printed = folder.join("printed.txt");
+    let mut command = Command::new(iv);
+    command.current_dir(folder).env("DISPLAY", &screen.name).env_remove("WAYLAND_DISPLAY");
+    command.args(["-window", "1280", "800", "-script", "script.txt"]).args(files);
+    let cost = measure_into(&printed, command)?;
+    Ok((std::fs::read_to_string(&printed).map_err(|e| e.to_string())?, cost))
 }
 
-/// Seconds until the complete picture is drawn, the making of the window included; and of the whole process, from its start until it
-/// ended.
-fn first_picture(iv: &Path, screen: &Screen, folder: &Path) -> Result<(f64, f64), String> {
-    let start = Instant::now();
-    let text = script_run(iv, screen, folder, "wait\nprint\nquit\n", "photo.exr")?;
-    let process = start.elapsed().as_secs_f64();
-    let first =
-        text.lines().find_map(|l| l.strip_prefix("first picture after ")?.strip_suffix(" s")?.parse().ok());
-    Ok((first.ok_or_else(|| format!("no number came: {text}"))?, process))
+/// Pictures of 16 x 16 pixels: the names of 5000 files.
+fn small_files(folder: &Path, formats: &FormatRegistry) -> granita_image::Result<Vec<String>> {
+    let spec = ImageSpec::new(16, 16, 3, PixelType::U8);
+    (0..5000_u32)
+        .map(|i| {
+            let name = format!("small{i:04}.png");
+            let options = CreateOptions { spec: &spec, levels: 1 };
+            let mut file = formats.create(&folder.join(&name), "png", &options)?;
+            let bytes = (0..16 * 16 * 3).map(|k| hash::words(&[i, k]) as u8);
+            file.write_rows(&Pixels::U8(bytes.collect()))?;
+            file.close()?;
+            Ok(name)
+        })
+        .collect()
+}
+
+/// Steps through some of many files, with the list of all beside the picture.
+fn many_files(iv: &Path, screen: &Screen, folder: &Path, files: &[&str]) -> Result<(), String> {
+    let steps = 200;
+    let run = |steps: usize| {
+        let script = format!("key Tab\nwait\n{}quit\n", "key PageDown\nwait\n".repeat(steps));
+        script_run(iv, screen, folder, &script, files).map(|(_, cost)| cost)
+    };
+    let (without, with) = (run(0)?, run(steps)?);
+    let each = 1e3 * (with.wall.as_secs_f64() - without.wall.as_secs_f64()) / steps as f64;
+    let memory = with.peak_bytes.map_or("?".to_owned(), |b| (b >> 20).to_string());
+    let count = files.len();
+    println!(
+        "{count} files, the list open: {each:.1} ms to the next one (six frames), {memory} MiB of memory"
+    );
+    Ok(())
+}
+
+/// Seconds until the complete picture is on its way to the screen, the making of the window included; those of the whole
+/// process, from its start until it ended; and its processor time.
+fn first_picture(iv: &Path, screen: &Screen, folder: &Path, files: &[&str]) -> Result<String, String> {
+    let (text, cost) = script_run(iv, screen, folder, "wait\nprint\nquit\n", files)?;
+    let first = text.lines().find_map(|l| l.strip_prefix("first picture after "));
+    let first = first.ok_or_else(|| format!("no number came: {text}"))?;
+    let processor = cost.processor.map_or("?".to_owned(), |time| format!("{:.3}", time.as_secs_f64()));
+    Ok(format!(
+        "{first} until it is shown, {:.3} s of process, {processor} s of processor",
+        cost.wall.as_secs_f64()
+    ))
 }

@@ -1,10 +1,12 @@
 //! From values to what a screen shows: exposure, gamma, choice of channels, false colour, marks.
 
+use crate::draw::BESIDE;
 use crate::layers::{Layer, Meaning};
 use crate::maps::ColorMap;
 use crate::tile::Pick;
 use granita_base::hash;
 use granita_texture::make::ColorSpace;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Which channels of a layer are seen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -134,6 +136,9 @@ const MOST: f32 = 16_777_216.0;
 #[derive(Clone, Debug)]
 struct Table<T>(Vec<T>);
 
+/// Bits of the value that the cell before the first begins at: everything below is like 0.
+const BELOW: u32 = LEAST.to_bits() - (1 << SHIFT);
+
 impl<T: Copy> Table<T> {
     fn new(f: impl Fn(f32) -> T) -> Self {
         let (first, last) = (LEAST.to_bits() >> SHIFT, MOST.to_bits() >> SHIFT);
@@ -155,14 +160,29 @@ impl<T: Copy> Table<T> {
             self.0[0]
         }
     }
+
+    /// The same for a value that is neither negative nor NaN.
+    #[inline]
+    fn get_positive(&self, v: f32) -> T {
+        self.0[((v.to_bits().clamp(BELOW, MOST.to_bits()) - BELOW) >> SHIFT) as usize]
+    }
 }
+
+/// Everything that bytes on the screen depend on: bits of the exposure and of gamma, whether the screen is encoded, whether
+/// values are.
+type TableKey = (u32, u32, bool, bool);
+
+/// Tables that were made last: frames that follow each other use the same.
+static TABLES: Mutex<Vec<(TableKey, Arc<Table<u8>>)>> = Mutex::new(Vec::new());
 
 /// A [`Display`] made ready for many pixels of one kind.
 #[derive(Clone, Debug)]
 pub struct Prepared {
     display: Display,
     /// From a stored value to the byte on the screen.
-    shown: Table<u8>,
+    shown: Arc<Table<u8>>,
+    /// Colours go through the table and nothing else, but where alpha is looked at.
+    plain: bool,
     /// Whether stored values are encoded.
     encoded: bool,
     /// Alpha is not yet in the colours.
@@ -189,15 +209,48 @@ impl Prepared {
     pub fn new(display: &Display, meaning: Meaning, encoded: bool, unassociated: bool) -> Self {
         let mut ready = Self {
             display: *display,
-            shown: Table(Vec::new()),
+            shown: Arc::new(Table(Vec::new())),
+            plain: meaning != Meaning::Number
+                && display.channels != Channels::Luminance
+                && display.false_color.is_none()
+                && display.range.is_none(),
             encoded,
             unassociated,
             depth: meaning == Meaning::Depth,
             number: meaning == Meaning::Number,
             gain: display.exposure.exp2(),
         };
-        ready.shown = Table::new(|v| ready.screen(ready.exposed(v)));
+        let key = (display.exposure.to_bits(), display.gamma.to_bits(), display.srgb, encoded);
+        let tables = || TABLES.lock().unwrap_or_else(PoisonError::into_inner);
+        let made = tables().iter().find(|(k, _)| *k == key).map(|(_, table)| table.clone());
+        ready.shown = made.unwrap_or_else(|| {
+            let table = Arc::new(Table::new(|v| ready.screen(ready.exposed(v))));
+            let mut tables = tables();
+            tables.truncate(3);
+            tables.insert(0, (key, table.clone()));
+            table
+        });
         ready
+    }
+
+    /// What a row of the screen looks like: pixels as for [`Prepared::show`], and where there are any.
+    pub(crate) fn show_row(&self, pixels: &[[f32; 4]], covered: &[bool], y: u32, out: &mut [u8]) {
+        const INFINITY: u32 = f32::INFINITY.to_bits();
+        let ignored = self.display.background == Background::Ignored;
+        let pixels = pixels.iter().zip(covered);
+        for ((x, out), (pixel, covered)) in (0..).zip(out.as_chunks_mut::<4>().0).zip(pixels) {
+            let [r, g, b, a] = *pixel;
+            // Neither negative, nor infinite, nor NaN: nothing of that is marked.
+            let usual = r.to_bits().max(g.to_bits()).max(b.to_bits()) < INFINITY;
+            *out = if !covered {
+                BESIDE
+            } else if usual && self.plain && (ignored || a == 1.0 && !self.unassociated) {
+                let [r, g, b] = [r, g, b].map(|v| self.shown.get_positive(v));
+                [r, g, b, 255]
+            } else {
+                self.show(*pixel, x, y)
+            };
+        }
     }
 
     /// A stored value in proportion to light, exposed.

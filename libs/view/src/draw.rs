@@ -195,7 +195,7 @@ impl<'a> Side<'a> {
     fn squares(&self, place: &Place, row: &mut Row) {
         let ((x0, x1), (y0, y1)) = place.source;
         let v = (place.v.floor() as i64).clamp(y0, y1) as u32;
-        let at = |i: usize| ((place.u0 + place.step * i as f64).floor() as i64).clamp(x0, x1) as u32;
+        let at = |i: usize| floor(place.u0 + place.step * i as f64).clamp(x0, x1) as u32;
         let n = place.last - place.first;
         let (a, b) = (at(0).min(at(n - 1)), at(0).max(at(n - 1)));
         self.grid.row(v, a, b + 1, &mut row.scratch, &mut row.upper);
@@ -273,7 +273,15 @@ fn bounds(from: f64, size: f64) -> (i64, i64) {
 /// The pixel whose centre is at or before a coordinate, and how far that is on to the next one.
 fn cell(v: f64) -> (i64, f32) {
     let v = v - 0.5;
-    (v.floor() as i64, (v - v.floor()) as f32)
+    let below = floor(v);
+    (below, (v - below as f64) as f32)
+}
+
+/// The largest whole number that is not above `v`, as far as numbers of pixels go.
+#[inline]
+fn floor(v: f64) -> i64 {
+    let near = v as i64;
+    near.saturating_sub(i64::from(near as f64 > v))
 }
 
 /// `f` of the way; at the ends exactly what is there, whatever the other is.
@@ -336,11 +344,7 @@ pub fn draw_into(
             let y = y as u32;
             a.row(view, y, &mut one);
             let Some(b) = &b else {
-                for ((x, out), (pixel, covered)) in
-                    (0..).zip(out.chunks_exact_mut(4)).zip(one.pixels.iter().zip(&one.covered))
-                {
-                    out.copy_from_slice(&if *covered { a.ready.show(*pixel, x, y) } else { BESIDE });
-                }
+                a.ready.show_row(&one.pixels, &one.covered, y, out);
                 continue;
             };
             b.row(view, y, &mut two);

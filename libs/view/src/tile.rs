@@ -1,6 +1,7 @@
 //! A square block of a picture: the unit in which pictures are read, kept and drawn.
 
 use granita_image::{PixelType, Pixels};
+use half::f16;
 use half::slice::HalfFloatSliceExt;
 
 /// Width and height of a tile in pixels; tiles at the right and lower edges are cut.
@@ -137,7 +138,15 @@ impl Tile {
             }
         }
         let whole = finer.into_iter().flatten().all(|t| t.whole);
-        Self { width, height, channels: n, pixels: Pixels::from_floats(pixel_type, &values), whole }
+        let pixels = match pixel_type {
+            PixelType::Half => {
+                let mut halves = vec![f16::ZERO; values.len()];
+                halves.convert_from_f32_slice(&values);
+                Pixels::Half(halves)
+            }
+            _ => Pixels::from_floats(pixel_type, &values),
+        };
+        Self { width, height, channels: n, pixels, whole }
     }
 
     /// All values of a row as floats, as [`Pixels::to_floats`] has them; `room` is where they are made, if they are.

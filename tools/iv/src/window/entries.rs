@@ -6,8 +6,10 @@ use granita_view::{
     Arrangement, Display, Group, Live, LiveInfo, LivePage, Page, Picture, Sheet, Shown, Stamp, TileStore,
     groups,
 };
+use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::Arc;
 
 /// Files that are open at once.
@@ -55,6 +57,8 @@ pub(crate) struct Entries {
     /// The live picture that was last asked to be seen, by its number.
     live_shown: u64,
     changes: u64,
+    /// The list in groups, and how long it was then; it only grows.
+    groups: RefCell<(usize, Rc<Vec<Group>>)>,
 }
 
 impl Entries {
@@ -67,6 +71,7 @@ impl Entries {
             live_version: u64::MAX,
             live_shown: 0,
             changes: 0,
+            groups: RefCell::default(),
         };
         entries.add(files);
         entries
@@ -110,13 +115,18 @@ impl Entries {
     }
 
     /// The list in groups: sequences, folders, and what is live.
-    pub(crate) fn groups(&self) -> Vec<Group> {
+    pub(crate) fn groups(&self) -> Rc<Vec<Group>> {
+        let mut held = self.groups.borrow_mut();
+        if held.0 == self.list.len() {
+            return held.1.clone();
+        }
         let files: Vec<PathBuf> = self
             .list
             .iter()
             .map(|e| if e.live { Path::new("live").join(&e.path) } else { e.path.clone() })
             .collect();
-        groups(&files)
+        *held = (self.list.len(), Rc::new(groups(&files)));
+        held.1.clone()
     }
 
     /// Opens an entry that is not open.
