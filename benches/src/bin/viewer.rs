@@ -11,7 +11,6 @@ use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType,
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, ExitCode, Stdio};
-use std::time::Instant;
 
 fn main() -> ExitCode {
     match run() {
