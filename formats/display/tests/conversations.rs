@@ -107,7 +107,7 @@ fn our_client_and_our_server_know_each_other() {
         matches!(next(&from), Told::Packet(Packet::CreateImage { name, focus: true, width: 8, .. }) if name == "a")
     );
     assert!(matches!(next(&from), Told::Packet(Packet::Wish { wishes, .. }) if wishes.zoom == 2));
-    assert_eq!(next(&from), Told::Packet(Packet::Mark { name: "a".to_owned(), rect: rect }));
+    assert_eq!(next(&from), Told::Packet(Packet::Mark { name: "a".to_owned(), rect }));
     match next(&from) {
         Told::Packet(Packet::UpdateImage { channels, rect, values: got, .. }) => {
             let names: Vec<&str> = channels.iter().map(|c| &*c.name).collect();
