@@ -242,6 +242,14 @@ impl MotionTransform {
         self.combine(next, |a, b| a.then(b))
     }
 
+    /// Applies `first` before it, as `MotionTransform::from (first).then (self)`.
+    pub fn prepend(&mut self, first: &Transform) {
+        match &mut self.keys {
+            Keys::One([(time, m)]) => (*time, *m) = (0.0, first.then(m)),
+            Keys::Many(keys) => Arc::make_mut(keys).iter_mut().for_each(|(_, m)| *m = first.then(m)),
+        }
+    }
+
     /// Combines two moving transformations key by key, at the union of their times.
     fn combine(&self, other: &Self, f: impl Fn(&Transform, &Transform) -> Transform) -> Self {
         if let (Keys::One([(t, a)]), Keys::One([(_, b)])) = (&self.keys, &other.keys) {
@@ -304,6 +312,20 @@ mod tests {
         assert_eq!(m.at(9.0).point(Vec3::ZERO), Vec3::X);
         assert!(MotionTransform::from_keys(vec![]).is_none());
         assert!(MotionTransform::from_keys(vec![(f32::NAN, Transform::IDENTITY)]).is_none());
+    }
+
+    #[test]
+    fn prepending_is_composing() {
+        let first = Transform::scale(Vec3::new(1.0, 2.0, 3.0));
+        for keys in [
+            vec![(0.5, Transform::translate(Vec3::X))],
+            vec![(0.0, Transform::IDENTITY), (1.0, Transform::translate(Vec3::X))],
+        ] {
+            let all = MotionTransform::from_keys(keys).unwrap();
+            let mut changed = all.clone();
+            changed.prepend(&first);
+            assert_eq!(changed, MotionTransform::from(first).then(&all));
+        }
     }
 
     #[test]

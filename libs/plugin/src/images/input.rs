@@ -9,8 +9,6 @@ use std::ffi::{CStr, CString, c_int, c_void};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// Base types of `paramtype.h`.
-
 /// Of scanlines that nobody asked for, so many values are read to bring a reader to its end.
 const MAX_DRAINED: u64 = 1 << 26;
 

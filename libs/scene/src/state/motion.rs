@@ -79,11 +79,9 @@ impl State {
     }
 
     fn apply_alone(&mut self, change: Change) {
-        self.edit_sets(|set| {
-            set.to_world = match &change {
-                Change::Append(m) => MotionTransform::from(*m).then(&set.to_world),
-                Change::Set(m) => m.clone(),
-            };
+        self.edit_sets(|set| match &change {
+            Change::Append(m) => set.to_world.prepend(m),
+            Change::Set(m) => set.to_world = m.clone(),
         });
     }
 

@@ -54,11 +54,9 @@ impl State {
         if self.motion.is_some() {
             return self.motion_transform(name, change, at);
         }
-        self.edit_sets(|set| {
-            set.to_world = match &change {
-                Change::Append(m) => MotionTransform::from(*m).then(&set.to_world),
-                Change::Set(m) => m.clone(),
-            };
+        self.edit_sets(|set| match &change {
+            Change::Append(m) => set.to_world.prepend(m),
+            Change::Set(m) => set.to_world = m.clone(),
         });
     }
 
