@@ -1,6 +1,6 @@
 //! PFM: floats, grey or RGB, rows from the bottom (Debevec, "PFM Portable FloatMap Image Format").
 
-use crate::rows::{PlainRows, RowsInput};
+use crate::rows::{PlainRows, RowsInput, ends_early};
 use crate::whole::WholeOutput;
 use granita_image::{
     AtomicFile, CreateOptions, FileSource, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits,
@@ -35,8 +35,7 @@ impl Format for PfmFormat {
         let end = spec.bytes().and_then(|b| b.checked_add(at));
         if end.is_none_or(|end| end > source.len()) {
             limits.check(path, "PFM", &spec)?;
-            let what = format!("{:?} bytes of pixels, but the file has {}", spec.bytes(), source.len());
-            return Err(source.malformed(what));
+            ends_early(&source, &spec, at)?;
         }
         let rows = PlainRows { at, big_endian: header.big_endian, upward: true };
         Ok(Box::new(RowsInput::new("pfm", "PFM", source, limits, vec![vec![spec]], rows)?))

@@ -1,6 +1,6 @@
 //! Binary PGM, PPM and PAM of 8 and 16 bits: rows of a range without the rest.
 
-use crate::rows::{PlainRows, RowsInput};
+use crate::rows::{PlainRows, RowsInput, ends_early};
 use granita_image::{FileSource, ImageInput, ImageSpec, Limits, PixelType, Result};
 
 /// Opens a file whose rows can be found by position. `None` for one that is of another kind (text, one bit
@@ -13,8 +13,7 @@ pub(crate) fn open(source: FileSource, limits: &Limits) -> Result<Option<Box<dyn
     if bytes.is_none_or(|end| end > source.len()) {
         // Refused before anything else, as too large or too short.
         limits.check(source.path(), "PNM", &spec)?;
-        let what = format!("{:?} bytes of pixels, but the file has {}", spec.bytes(), source.len());
-        return Err(source.malformed(what));
+        ends_early(&source, &spec, at)?;
     }
     let rows = PlainRows { at, big_endian: true, upward: false };
     Ok(Some(Box::new(RowsInput::new("pnm", "PNM", source, limits, vec![vec![spec]], rows)?)))

@@ -83,6 +83,21 @@ impl<R: Rows> ImageInput for RowsInput<R> {
     }
 }
 
+/// A file that ends before its last row is opened as long as its first row is there: rows that are missing are errors of
+/// their own then. `at` is where the first stored row begins.
+///
+/// # Errors
+/// When not even one row is there.
+pub(crate) fn ends_early(source: &FileSource, spec: &ImageSpec, at: u64) -> Result<()> {
+    let row = u64::from(spec.width) * spec.nchannels() as u64 * spec.pixel_type.bytes() as u64;
+    let there = source.len().saturating_sub(at);
+    if row > 0 && there >= row {
+        return Ok(());
+    }
+    let wanted = row.saturating_mul(u64::from(spec.height));
+    Err(source.malformed(format!("{wanted} bytes of pixels, of which the file has {there}")))
+}
+
 /// Rows of equal length one after the other, the plainest of files.
 pub(crate) struct PlainRows {
     /// Where the first stored row is.
@@ -104,8 +119,13 @@ impl Rows for PlainRows {
         let values = spec.width as usize * spec.nchannels();
         let row = (values * spec.pixel_type.bytes()) as u64;
         let first = if self.upward { spec.height - y1 } else { y0 };
-        let bytes =
-            source.read_vec(self.at + u64::from(first) * row, row * u64::from(y1 - y0), "the pixels")?;
+        let (from, count) = (self.at + u64::from(first) * row, u64::from(y1 - y0));
+        if from.saturating_add(count * row) > source.len() {
+            let there = (source.len().saturating_sub(self.at) / row).min(u64::from(spec.height));
+            let what = format!("the file ends early: {there} of {} rows are there", spec.height);
+            return Err(source.malformed(what));
+        }
+        let bytes = source.read_vec(from, row * count, "the pixels")?;
         let stored = Pixels::from_bytes(spec.pixel_type, bytes, self.big_endian);
         if !self.upward {
             return Ok(stored);

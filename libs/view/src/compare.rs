@@ -1,9 +1,13 @@
 //! How two pictures differ, in numbers.
 
 use crate::picture::Page;
+use crate::source::{Access, Source, tile_size};
+use crate::store::TileStore;
 use crate::tile::{TILE, Tile};
 use crate::{Result, ViewError, flip};
+use granita_image::{ImageSpec, PixelType, Pixels};
 use granita_texture::make::ColorSpace;
+use std::sync::Arc;
 
 /// Largest number of pixels that are compared by how they look.
 const FLIP_PIXELS: u64 = 1 << 26;
@@ -227,16 +231,95 @@ impl Sums {
     }
 }
 
-/// How different the first layers look; `None` when they are no colours.
-fn flip_of(a: &Page, b: &Page, options: &CompareOptions) -> Result<Option<(f64, f32)>> {
+/// How different the first layers look, pixel by pixel; `None` when they are no colours.
+fn flip_map(a: &Page, b: &Page, options: &CompareOptions) -> Result<Option<Vec<f32>>> {
     let color = |page: &Page| page.layers[0].meaning == crate::Meaning::Color;
     if !color(a) || !color(b) {
         return Ok(None);
     }
     let (one, two) = (linear_colors(a, options.exposure)?, linear_colors(b, options.exposure)?);
-    let map = flip::flip(&one, &two, a.spec().width as usize, options.pixels_per_degree);
-    let mean = map.iter().map(|v| f64::from(*v)).sum::<f64>() / map.len() as f64;
-    Ok(Some((mean, map.iter().copied().fold(0.0, f32::max))))
+    Ok(Some(flip::flip(&one, &two, a.spec().width as usize, options.pixels_per_degree)))
+}
+
+/// Mean and largest of how different the first layers look.
+fn flip_of(a: &Page, b: &Page, options: &CompareOptions) -> Result<Option<(f64, f32)>> {
+    Ok(flip_map(a, b, options)?.map(|map| {
+        let mean = map.iter().map(|v| f64::from(*v)).sum::<f64>() / map.len() as f64;
+        (mean, map.iter().copied().fold(0.0, f32::max))
+    }))
+}
+
+/// How different the largest levels of two pages look, as a page with the one channel `FLIP`, 0 (no difference) to 1, in
+/// the place of the first; its mean is that of [`Comparison::flip`] for the same options.
+///
+/// # Errors
+/// When sizes differ, there are too many pixels, the first layers are no colours, or one cannot be read.
+pub fn flip_page(a: &Page, b: &Page, options: &CompareOptions, store: &TileStore) -> Result<Page> {
+    let (sa, sb) = (a.spec(), b.spec());
+    let misuse = |what: String| ViewError::Misuse { what };
+    if (sa.width, sa.height) != (sb.width, sb.height) {
+        let what = format!(
+            "{} x {} pixels cannot be compared with {} x {}",
+            sa.width, sa.height, sb.width, sb.height
+        );
+        return Err(misuse(what));
+    }
+    let asked = u64::from(sa.width) * u64::from(sa.height);
+    if asked > FLIP_PIXELS {
+        return Err(ViewError::Limit {
+            what: "pixels that are compared by their looks",
+            asked,
+            max: FLIP_PIXELS,
+        });
+    }
+    let no_colors = || misuse("what has no colours cannot be compared by its looks".to_owned());
+    let values = flip_map(a, b, options)?.ok_or_else(no_colors)?;
+    let mut spec = ImageSpec::new(sa.width, sa.height, 1, PixelType::Float);
+    spec.channels = vec!["FLIP".to_owned()];
+    (spec.x, spec.y) = (sa.x, sa.y);
+    (spec.full_x, spec.full_y) = (sa.full_x, sa.full_y);
+    (spec.full_width, spec.full_height) = (sa.full_width, sa.full_height);
+    let source = Arc::new(Map { width: sa.width, height: sa.height, values });
+    Ok(Page::from_source("FLIP", spec, source, store))
+}
+
+/// Values of one channel that are in memory.
+struct Map {
+    width: u32,
+    height: u32,
+    values: Vec<f32>,
+}
+
+impl Source for Map {
+    fn levels(&self) -> usize {
+        1
+    }
+
+    fn size(&self, _level: usize) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    fn channels(&self) -> usize {
+        1
+    }
+
+    fn pixel_type(&self) -> PixelType {
+        PixelType::Float
+    }
+
+    fn access(&self) -> Access {
+        Access::Tiles
+    }
+
+    fn read(&self, _level: usize, tx: u32, ty: u32) -> Result<Vec<((u32, u32), Tile)>> {
+        let (width, height) = tile_size((self.width, self.height), tx, ty);
+        let row = |y: u32| {
+            let at = (ty * TILE + y) as usize * self.width as usize + (tx * TILE) as usize;
+            &self.values[at..at + width as usize]
+        };
+        let pixels = Pixels::Float((0..height).flat_map(row).copied().collect());
+        Ok(vec![((tx, ty), Tile { width, height, channels: 1, pixels, whole: true })])
+    }
 }
 
 /// The colours of the first layer in proportion to light, exposed, within 0 to 1; what is not a number is 0.

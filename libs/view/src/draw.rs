@@ -45,6 +45,8 @@ pub enum Mix {
     },
     /// The first over the second, by the alpha of the first.
     Over,
+    /// A map of how different they look, which is drawn as the first (see [`crate::flip_page`]).
+    Flip,
 }
 
 /// A picture for a screen: rows from the top, 4 bytes a pixel, red, green, blue and alpha, which is 255.
@@ -319,7 +321,7 @@ pub fn draw_into(
     }
     let how = if second.is_some() { how } else { Mix::First };
     let (first, second) = match (how, second) {
-        (Mix::First, _) => (first, None),
+        (Mix::First | Mix::Flip, _) => (first, None),
         (Mix::Second, Some(second)) => (second, None),
         (_, second) => (first, second),
     };
@@ -375,7 +377,7 @@ fn blend(
     let one = || if covered_a { a.show(p, x, y) } else { BESIDE };
     let two = || if covered_b { b.show(q, x, y) } else { BESIDE };
     match how {
-        Mix::First => one(),
+        Mix::First | Mix::Flip => one(),
         Mix::Second => two(),
         Mix::Wipe { at, down } => {
             let (place, side) = if down { (y, view.height) } else { (x, view.width) };

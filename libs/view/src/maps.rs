@@ -14,13 +14,30 @@ pub enum ColorMap {
     Heat,
     /// Blue below the middle, red above, white at it: for what may have either sign.
     Signed,
+    /// Black, purple, orange, light yellow, in even steps of lightness: the "magma" of S. van der Walt and N. Smith, in which
+    /// maps of FLIP are shown.
+    Magma,
     /// Black to white.
     Grey,
 }
 
+/// Colours of [`ColorMap::Magma`] at every eighth of the way.
+const MAGMA: [[u8; 3]; 9] = [
+    [0, 0, 4],
+    [28, 16, 68],
+    [79, 18, 123],
+    [129, 37, 129],
+    [181, 54, 122],
+    [229, 80, 100],
+    [251, 135, 97],
+    [254, 194, 135],
+    [252, 253, 191],
+];
+
 impl ColorMap {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Helix, Self::Spectrum, Self::Heat, Self::Signed, Self::Grey];
+    pub const ALL: [Self; 6] =
+        [Self::Helix, Self::Spectrum, Self::Heat, Self::Signed, Self::Magma, Self::Grey];
 
     /// Its name.
     pub fn word(self) -> &'static str {
@@ -29,6 +46,7 @@ impl ColorMap {
             Self::Spectrum => "spectrum",
             Self::Heat => "heat",
             Self::Signed => "signed",
+            Self::Magma => "magma",
             Self::Grey => "grey",
         }
     }
@@ -59,6 +77,14 @@ impl ColorMap {
                 let u = 2.0 * t - 1.0;
                 [ramp(1.0 + u.min(0.0)), ramp(1.0 - u.abs()), ramp(1.0 - u.max(0.0))]
             }
+            Self::Magma => {
+                let at = t.clamp(0.0, 1.0) * (MAGMA.len() - 1) as f32;
+                let (i, f) = (at as usize, at.fract());
+                let (a, b) = (MAGMA[i], MAGMA[(i + 1).min(MAGMA.len() - 1)]);
+                std::array::from_fn(|c| {
+                    (f32::from(a[c]) + (f32::from(b[c]) - f32::from(a[c])) * f + 0.5) as u8
+                })
+            }
             Self::Grey => [ramp(t); 3],
         }
     }
@@ -78,10 +104,14 @@ mod tests {
             assert_eq!(ColorMap::from_word(map.word()), Some(map));
             assert_eq!(map.at(7.0), map.at(7.0), "no number breaks it");
         }
-        let light = |t: f32| {
-            let [r, g, b] = ColorMap::Helix.at(t).map(f32::from);
+        let light = |map: ColorMap, t: f32| {
+            let [r, g, b] = map.at(t).map(f32::from);
             0.3 * r + 0.59 * g + 0.11 * b
         };
-        assert!((0..100).all(|i| light(i as f32 / 100.0) <= light((i + 1) as f32 / 100.0) + 1.0));
+        for map in [ColorMap::Helix, ColorMap::Magma] {
+            let at = |i: usize| light(map, i as f32 / 100.0);
+            assert!((0..100).all(|i| at(i) <= at(i + 1) + 1.0), "{}", map.word());
+        }
+        assert_eq!((ColorMap::Magma.at(0.0), ColorMap::Magma.at(1.0)), ([0, 0, 4], [252, 253, 191]));
     }
 }

@@ -123,7 +123,7 @@ pub(crate) struct LookArgs {
     #[arg(long, value_name = "NAME", help_heading = "Looks")]
     pub(crate) layer: Option<String>,
 
-    /// One value in colours: helix, spectrum, heat, signed or grey
+    /// One value in colours: helix, spectrum, heat, signed, magma or grey
     #[arg(long, value_name = "MAP", value_parser = map, help_heading = "Looks")]
     pub(crate) falsecolor: Option<ColorMap>,
 

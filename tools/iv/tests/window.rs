@@ -228,7 +228,7 @@ fn pictures_come_through_the_wire() {
     let Some(screen) = Screen::start() else { return };
     let folder = tempfile::tempdir().unwrap();
     let script = "frames 10\nsleep 4\nwait\nexpect 1/1 render\nexpect 100 x 80 float\n\
-                  key 1\nwait\ncanvas live.png\nkey Delete\nframes 1\nexpect nobody is there\nquit\n";
+                  key 1\nwait\ncanvas live.png\nscreenshot lines.png\nkey Delete\nframes 1\nexpect nobody is there\nquit\n";
     std::fs::write(folder.path().join("script.txt"), script).unwrap();
     let mut child = Command::new(env!("CARGO_BIN_EXE_iv"))
         .current_dir(folder.path())
@@ -256,6 +256,22 @@ fn pictures_come_through_the_wire() {
         let update =
             [&[0][..], &text("render"), &ints(&[3]), &names, &ints(&[30, 40, 20, 10]), &values].concat();
         wire.write_all(&packet(5, &update)).unwrap();
+        // A filled square, and a line: colour, path, what to do with it.
+        let floats = |v: &[f32]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+        let point = |kind: u8, x: f32, y: f32| [&[kind][..], &floats(&[x, y])].concat();
+        let corners =
+            [point(2, 70.0, 10.0), point(3, 90.0, 10.0), point(3, 90.0, 30.0), point(3, 70.0, 30.0)];
+        let line = [point(2, 10.0, 70.0), point(3, 90.0, 70.0)].concat();
+        let color = |kind: u8, rgba: [f32; 4]| [&[kind][..], &floats(&rgba)].concat();
+        let drawing = [
+            &[0][..],
+            &text("render"),
+            &[0],
+            &ints(&[11]),
+            &[&color(4, [0.0, 1.0, 1.0, 1.0])[..], &[8], &corners.concat(), &[6]].concat(),
+            &[&color(5, [1.0, 0.0, 1.0, 1.0])[..], &[8], &line, &[7]].concat(),
+        ];
+        wire.write_all(&packet(8, &drawing.concat())).unwrap();
         std::thread::sleep(std::time::Duration::from_millis(500));
     }
     let out = child.wait_with_output().unwrap();
@@ -270,4 +286,89 @@ fn pictures_come_through_the_wire() {
     // In the middle of an area of 800 x 576 pixels.
     let at = |x: u32, y: u32| pixel(&folder.path().join("live.png"), 350 + x, 248 + y);
     assert_eq!((at(35, 45), at(10, 10)), ([255, 188, 0], [0, 0, 0]));
+    let drawn = ([0, 255, 255], [255, 0, 255]);
+    assert_eq!((at(80, 20), at(50, 70)), drawn);
+    assert_eq!((at(65, 20), at(50, 67), at(5, 70)), ([0; 3], [0; 3], [0; 3]));
+    let lines = folder.path().join("lines.png");
+    assert_eq!(
+        (pixel(&lines, 350 + 80, 248 + 20), pixel(&lines, 350 + 50, 248 + 70)),
+        drawn,
+        "on the screen"
+    );
+}
+
+#[test]
+fn differences_are_seen_as_the_eye_weighs_them() {
+    let Some(screen) = Screen::start() else { return };
+    let folder = pictures();
+    let compared = Command::new(env!("CARGO_BIN_EXE_iv"))
+        .current_dir(folder.path())
+        .args(["-compare", "b.png", "a.png"])
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&compared.stdout).into_owned();
+    let mean: f32 = said.split("FLIP ").nth(1).unwrap().split_whitespace().next().unwrap().parse().unwrap();
+    let script = format!(
+        "wait\nkey PageDown\nwait\nkey S\nwait\nframes 3\nwait\nexpect FLIP map\nexpect FLIP {mean:.5}\n\
+         canvas map.png\nscreenshot key.png\nkey S\nwait\ncanvas plain.png\nquit\n"
+    );
+    if screen.run(folder.path(), &["a.png", "b.png"], &script).is_none() {
+        return;
+    }
+    let at = |name: &str, x: u32, y: u32| pixel(&folder.path().join(name), x, y);
+    // What the colours of the map stand for, over all of the picture, is the number.
+    let map = granita_view::ColorMap::Magma;
+    let value = |color: [u8; 3]| {
+        let far = |t: &usize| {
+            let c = map.at(*t as f32 / 1000.0);
+            (0..3).map(|i| i32::from(c[i].abs_diff(color[i])).pow(2)).sum::<i32>()
+        };
+        (0..=1000).min_by_key(far).unwrap() as f32 / 1000.0
+    };
+    let places: Vec<(u32, u32)> =
+        (0..300).step_by(10).flat_map(|y| (0..400).step_by(10).map(move |x| (x, y))).collect();
+    let sum: f32 = places.iter().map(|(x, y)| value(at("map.png", 200 + x, 138 + y))).sum();
+    let seen = sum / places.len() as f32;
+    assert!(mean > 0.01 && (seen - mean).abs() < 0.01, "{seen} {mean}");
+    assert_eq!(at("plain.png", 300, 200), [64, 53, 64], "the picture is back");
+    // The key of the colours, at the lower left.
+    assert!(at("key.png", 13, 538)[0] < 20 && at("key.png", 210, 538)[0] > 240);
+}
+
+#[test]
+fn either_graphics_library_draws() {
+    let Some(screen) = Screen::start() else { return };
+    for renderer in ["gl", "vulkan"] {
+        let folder = pictures();
+        let script = "wait\nexpect 1/1 a.png\ncanvas canvas.png\nscreenshot screen.png\nquit\n";
+        if screen.run(folder.path(), &["-renderer", renderer, "a.png"], script).is_some() {
+            let at = |name: &str| pixel(&folder.path().join(name), 300, 288);
+            assert_eq!((at("canvas.png"), at("screen.png")), ([64, 128, 128], [64, 128, 128]), "{renderer}");
+        }
+    }
+}
+
+#[test]
+fn without_a_driver_or_a_screen_it_says_so() {
+    let folder = pictures();
+    let Some(screen) = Screen::start() else { return };
+    let ran = |screen: &str, renderer: &str| {
+        let none = folder.path().join("none");
+        let out = Command::new(env!("CARGO_BIN_EXE_iv"))
+            .current_dir(folder.path())
+            .envs(
+                ["VK_ICD_FILENAMES", "VK_DRIVER_FILES", "__EGL_VENDOR_LIBRARY_FILENAMES"].map(|n| (n, &none)),
+            )
+            .env("DISPLAY", screen)
+            .env_remove("WAYLAND_DISPLAY")
+            .args(["-renderer", renderer, "a.png"])
+            .output()
+            .unwrap();
+        (out.status.code(), String::from_utf8_lossy(&out.stderr).into_owned())
+    };
+    let (code, said) = ran(&screen.name, "vulkan");
+    assert!(code == Some(2) && said.contains("vulkan: no driver can draw in a window here"), "{said}");
+    let (code, said) = ran(":4711", "auto");
+    assert!(code == Some(2) && said.contains("no connection to a screen"), "{said}");
+    assert!(!said.contains(".rs:"), "{said}");
 }

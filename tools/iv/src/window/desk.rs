@@ -7,7 +7,7 @@ use crate::listen::Wanted;
 use granita_image::{FormatRegistry, PixelRect, Request, Wishes};
 use granita_view::{
     Around, Arrangement, Background, Canvas, Channels, ColorMap, Display, FalseColor, Live, Loader, Marks,
-    Mix, Needs, Shown, TileStore, View, draw_into, needs, pixel_under,
+    Mix, Needs, Shown, TileStore, View, draw_into, needs, paint, pixel_under,
 };
 use std::path::PathBuf;
 use std::sync::mpsc::Receiver;
@@ -264,7 +264,8 @@ impl Desk {
             | Action::WipeDirection
             | Action::Difference
             | Action::DifferenceGain(_)
-            | Action::Over => {
+            | Action::Over
+            | Action::FlipMap => {
                 self.compare(action);
             }
             Action::Reload => {
@@ -444,6 +445,7 @@ impl Desk {
             }
             Action::DifferenceGain(by) => Mix::Difference { gain: (gain * by).clamp(1.0 / 1024.0, 65536.0) },
             Action::Over => off(self.mix == Mix::Over, Mix::Over),
+            Action::FlipMap => off(self.mix == Mix::Flip, Mix::Flip),
             _ => self.mix,
         };
     }
@@ -582,6 +584,11 @@ impl Desk {
             Mix::First => None,
             _ => self.other.and_then(|other| self.seen(other)),
         };
+        let map = match (self.mix, &first, &second) {
+            (Mix::Flip, Some(a), Some(b)) => self.flip_map(a, b),
+            _ => None,
+        };
+        let (first, second) = if map.is_some() { (map, None) } else { (first, second) };
         let sides: Vec<Seen> = first.into_iter().chain(second).collect();
         let wanted: Vec<Needs> = sides.iter().map(|s| needs(&s.page, &s.sheet, &self.view)).collect();
         let in_sight: Vec<(u64, u64)> = (sides.iter().zip(&wanted))
@@ -624,9 +631,36 @@ impl Desk {
                 self.canvas.bytes.extend_from_slice(&granita_view::BESIDE);
             }
         }
+        self.paint_drawing();
         self.complete = self.canvas.complete;
         self.drawn = Some(key);
         true
+    }
+
+    /// How different two pictures look, as a picture; `None` until that is known.
+    fn flip_map(&mut self, a: &Seen, b: &Seen) -> Option<Seen> {
+        let page = match self.tasks.flip_map(&self.loader, a, b, &self.store)? {
+            Ok(page) => page,
+            Err(what) => {
+                self.say(what);
+                return None;
+            }
+        };
+        let sheet = page.sheet(Arrangement::Stored, 0);
+        let magma = FalseColor { map: ColorMap::Magma, low: 0.0, high: 1.0, log: false };
+        let display = Display { false_color: Some(magma), ..Display::default() };
+        Some(Seen { page, sheet, layer: 0, display })
+    }
+
+    /// Draws over a live picture what its sender drew.
+    fn paint_drawing(&mut self) {
+        if self.view.around.is_some() || self.mix != Mix::First {
+            return;
+        }
+        let Some(info) = self.entries.live_info(self.entries.current) else { return };
+        if !info.drawing.is_empty() {
+            paint(&mut self.canvas, &self.view, (0.0, 0.0), &info.drawing);
+        }
     }
 
     /// Bytes of the tiles that the present picture needs in this view.

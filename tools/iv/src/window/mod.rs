@@ -30,10 +30,10 @@ use std::time::Instant;
 /// How the window ended: what its script found.
 type Outcome = Arc<Mutex<Status>>;
 
-/// The graphics libraries to try, in order.
-fn renderers(name: &str) -> &'static [wgpu::Backends] {
-    const VULKAN: wgpu::Backends = wgpu::Backends::PRIMARY;
-    const GL: wgpu::Backends = wgpu::Backends::GL;
+/// The graphics libraries to try, in order, with what they are called.
+fn renderers(name: &str) -> &'static [(&'static str, wgpu::Backends)] {
+    const VULKAN: (&str, wgpu::Backends) = ("vulkan", wgpu::Backends::PRIMARY);
+    const GL: (&str, wgpu::Backends) = ("gl", wgpu::Backends::GL);
     match name {
         "vulkan" => &[VULKAN],
         "gl" => &[GL],
@@ -129,7 +129,7 @@ pub(crate) fn run(
     let renderers = renderers(&args.window.renderer);
     // Drivers take their time: meanwhile the first picture is opened, and begun to be read.
     let early = {
-        let setup = native_options(args, renderers[0]).wgpu_options.wgpu_setup;
+        let setup = native_options(args, renderers[0].1).wgpu_options.wgpu_setup;
         std::thread::spawn(move || early_device(&setup))
     };
     let ctx = context();
@@ -148,7 +148,7 @@ pub(crate) fn run(
     // One whose thread panicked is no device either.
     let early = early.join().ok().flatten().map(WgpuSetup::Existing);
     let tries = early.map(|setup| (renderers[0], Some(setup)));
-    for (backends, setup) in tries.into_iter().chain(renderers.iter().map(|b| (*b, None))) {
+    for ((library, backends), setup) in tries.into_iter().chain(renderers.iter().map(|b| (*b, None))) {
         let (taken, steps, outcome_inside) = (&mut desk, steps.clone(), outcome.clone());
         let creator: eframe::AppCreator<'_> = Box::new(move |context| {
             let desk = taken.take().ok_or("the window went away")?;
@@ -161,7 +161,15 @@ pub(crate) fn run(
         }
         match eframe::run_native_ext("iv", options, Some(ctx.clone()), creator) {
             Ok(()) => return *outcome.lock().unwrap_or_else(PoisonError::into_inner),
-            Err(error) => faults.push(error.to_string()),
+            // Without a screen there is nothing to draw on for any of them.
+            Err(eframe::Error::Winit(_) | eframe::Error::WinitEventLoop(_)) => {
+                faults = vec!["no connection to a screen (is DISPLAY or WAYLAND_DISPLAY set?)".to_owned()];
+                break;
+            }
+            Err(eframe::Error::Wgpu(_)) => {
+                faults.push(format!("{library}: no driver can draw in a window here"));
+            }
+            Err(error) => faults.push(format!("{library}: {error}")),
         }
         if desk.is_none() {
             break;

@@ -7,7 +7,7 @@ use crate::{info, still};
 use eframe::egui;
 use egui::{Align2, Color32, FontId, Pos2, RichText, Stroke, StrokeKind};
 use granita_image::Pixels;
-use granita_view::{Arrangement, Channels, Histogram, Mix};
+use granita_view::{Arrangement, Channels, ColorMap, Histogram, Mix};
 
 /// Height of the status line.
 pub(crate) const STATUS: f32 = 24.0;
@@ -115,6 +115,7 @@ pub(crate) fn status(shell: &mut Shell, ppp: f32) -> String {
         Mix::Wipe { .. } => parts.push("wipe".to_owned()),
         Mix::Difference { gain } => parts.push(format!("difference x{gain}")),
         Mix::Over => parts.push("over".to_owned()),
+        Mix::Flip => parts.push("FLIP map".to_owned()),
     }
     if let Some(note) = desk.entries.live_info(current).and_then(|i| i.note.clone()) {
         parts.push(note);
@@ -195,9 +196,14 @@ fn histogram_plot(ui: &mut egui::Ui, histogram: &Histogram, grey: bool) {
 }
 
 /// The colours of the map, from its lower to its upper end.
-fn scale(ui: &mut egui::Ui, map: granita_view::ColorMap) {
+fn scale(ui: &mut egui::Ui, map: ColorMap) {
     let size = egui::Vec2::new(ui.available_width().min(256.0), 12.0);
     let (rect, _) = ui.allocate_exact_size(size, egui::Sense::hover());
+    gradient(ui.painter(), rect, map);
+}
+
+/// The colours of a scale from left to right.
+fn gradient(painter: &egui::Painter, rect: egui::Rect, map: ColorMap) {
     for i in 0..64 {
         let [r, g, b] = map.at((i as f32 + 0.5) / 64.0);
         let left = rect.left() + rect.width() * i as f32 / 64.0;
@@ -205,7 +211,7 @@ fn scale(ui: &mut egui::Ui, map: granita_view::ColorMap) {
             Pos2::new(left, rect.top()),
             egui::Vec2::new(rect.width() / 64.0 + 0.5, rect.height()),
         );
-        ui.painter().rect_filled(part, 0.0, Color32::from_rgb(r, g, b));
+        painter.rect_filled(part, 0.0, Color32::from_rgb(r, g, b));
     }
 }
 
@@ -334,8 +340,27 @@ pub(crate) fn over(shell: &mut Shell, ui: &mut egui::Ui) {
         };
         painter.line_segment([a, b], Stroke::new(1.0, Color32::from_white_alpha(160)));
     }
+    if shell.desk.mix == Mix::Flip {
+        key_of_flip(&painter, area);
+    }
     boxes(shell, &painter);
     help_and_prompt(shell, ui);
+}
+
+/// What the colours of a map of FLIP mean.
+fn key_of_flip(painter: &egui::Painter, area: egui::Rect) {
+    let place = egui::Rect::from_min_size(
+        area.left_bottom() + egui::Vec2::new(12.0, -44.0),
+        egui::Vec2::new(200.0, 12.0),
+    );
+    painter.rect_filled(place.expand2(egui::Vec2::new(8.0, 20.0)), 3.0, Color32::from_black_alpha(190));
+    gradient(painter, place, ColorMap::Magma);
+    let text = |at: Pos2, anchor: Align2, text: &str| {
+        painter.text(at, anchor, text, FontId::monospace(11.0), Color32::from_gray(235));
+    };
+    text(place.left_bottom() + egui::Vec2::new(0.0, 3.0), Align2::LEFT_TOP, "0 alike");
+    text(place.right_bottom() + egui::Vec2::new(0.0, 3.0), Align2::RIGHT_TOP, "1");
+    text(place.center_top() - egui::Vec2::new(0.0, 3.0), Align2::CENTER_BOTTOM, "FLIP");
 }
 
 /// Lines of text in a corner.

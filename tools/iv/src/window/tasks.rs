@@ -3,8 +3,8 @@
 use super::entries::Seen;
 use granita_image::PixelRect;
 use granita_view::{
-    CompareOptions, Comparison, Histogram, Loader, Needs, Page, Pick, Statistics, compare, statistics,
-    value_range,
+    CompareOptions, Comparison, Histogram, Loader, Needs, Page, Pick, Statistics, TileStore, compare,
+    flip_page, statistics, value_range,
 };
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -14,6 +14,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 enum Question {
     Probe { page: u64, part: PixelRect },
     Compare { first: u64, second: u64 },
+    FlipMap { first: u64, second: u64 },
     Histogram { page: u64, layer: usize, level: usize, tiles: u64, low: f32, high: f32, log: bool },
 }
 
@@ -21,6 +22,7 @@ enum Question {
 enum Answer {
     Probe(Result<Vec<Statistics>, String>),
     Compare(Box<Result<Comparison, String>>),
+    FlipMap(Result<Arc<Page>, String>),
     Histogram(Box<Histogram>),
 }
 
@@ -135,6 +137,26 @@ impl Tasks {
             out.histogram = self.histogram(loader, seen, needs);
         }
         out
+    }
+
+    /// How different two pictures look, as a page; `None` until it is computed.
+    pub(crate) fn flip_map(
+        &mut self,
+        loader: &Loader,
+        a: &Seen,
+        b: &Seen,
+        store: &TileStore,
+    ) -> Option<Result<Arc<Page>, String>> {
+        let (a, b, store) = (a.page.clone(), b.page.clone(), store.clone());
+        let ask = Question::FlipMap { first: a.pyramid.number(), second: b.pyramid.number() };
+        let answer = self.ask(loader, ask, move || {
+            let page = flip_page(&a, &b, &CompareOptions::default(), &store);
+            Answer::FlipMap(page.map(Arc::new).map_err(|e| e.to_string()))
+        });
+        match answer {
+            Some(Answer::FlipMap(page)) => Some(page),
+            _ => None,
+        }
     }
 
     /// Of what is in sight.

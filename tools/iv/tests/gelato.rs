@@ -1,0 +1,247 @@
+//! `gelato -iv` with a window that it starts itself, under Xvfb. Skipped with a notice where Xvfb or gelato is missing, or
+//! where no driver can draw. What is on the screen is read from the memory of the server.
+
+#![cfg(all(feature = "window", target_os = "linux"))]
+#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "what fails here fails the test")]
+
+use granita_image::Limits;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Large enough for the window of 1280 x 800 pixels that comes by itself.
+const SIZE: &str = "1280x800x24";
+
+/// A screen of its own, whose memory is a file in `folder`.
+struct Screen {
+    server: Child,
+    name: String,
+    folder: tempfile::TempDir,
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        viewers(&self.name).into_iter().for_each(kill);
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+impl Screen {
+    fn start() -> Option<Self> {
+        let folder = tempfile::tempdir().unwrap();
+        let server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", SIZE, "-nolisten", "tcp", "-fbdir"])
+            .arg(folder.path())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn();
+        let Ok(mut server) = server else {
+            eprintln!("skipped: Xvfb is not installed");
+            return None;
+        };
+        let mut line = String::new();
+        std::io::BufRead::read_line(&mut std::io::BufReader::new(server.stdout.take()?), &mut line).ok()?;
+        Some(Self { server, name: format!(":{}", line.trim()), folder })
+    }
+
+    /// Red, green and blue of a pixel of the screen.
+    fn at(&self, shot: &[u8], x: usize, y: usize) -> [u8; 3] {
+        // The format of xwd: words of the header, most significant byte first.
+        let word = |i: usize| u32::from_be_bytes(*shot[4 * i..].first_chunk().unwrap()) as usize;
+        let start = word(0) + 12 * word(19);
+        let (bits, line) = (word(11), word(12));
+        assert_eq!((bits, word(7)), (32, 0), "little endian words");
+        let at = start + y * line + 4 * x;
+        [shot[at + 2], shot[at + 1], shot[at]]
+    }
+
+    fn shot(&self) -> Vec<u8> {
+        std::fs::read(self.folder.path().join("Xvfb_screen0")).unwrap()
+    }
+
+    fn gelato(&self, folder: &Path, words: &[&str]) -> Child {
+        Command::new(program())
+            .current_dir(folder)
+            .args(words)
+            .env("DISPLAY", &self.name)
+            .env("HOME", folder)
+            .env_remove("WAYLAND_DISPLAY")
+            .env_remove("GELATOHOME")
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap()
+    }
+}
+
+/// The gelato beside the iv of this build.
+fn program() -> PathBuf {
+    Path::new(env!("CARGO_BIN_EXE_iv")).with_file_name("gelato")
+}
+
+/// The processes called iv that show something on this screen.
+fn viewers(screen: &str) -> Vec<u32> {
+    let shows = format!("DISPLAY={screen}");
+    let processes =
+        std::fs::read_dir("/proc").unwrap().filter_map(|e| e.ok()?.file_name().to_str()?.parse().ok());
+    processes
+        .filter(|pid: &u32| {
+            let read = |what: &str| std::fs::read(format!("/proc/{pid}/{what}")).unwrap_or_default();
+            read("comm").starts_with(b"iv\n")
+                && read("environ").split(|b| *b == 0).any(|v| v == shows.as_bytes())
+        })
+        .collect()
+}
+
+fn kill(pid: u32) {
+    let _ = Command::new("kill").args(["-9", &pid.to_string()]).status();
+}
+
+/// Waits for something; whether it came.
+fn until(mut done: impl FnMut() -> bool) -> bool {
+    let begin = Instant::now();
+    while begin.elapsed() < Duration::from_secs(40) {
+        if done() {
+            return true;
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    false
+}
+
+/// A sphere; `samples` a side of each pixel.
+fn place(samples: u32) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = format!(
+        r#"
+Attribute ("int[2] resolution", (96, 64))
+Attribute ("int[2] spatialquality", ({samples}, {samples}))
+Attribute ("int[2] limits:bucketsize", (16, 16))
+Output ("out.tif", "tiff", "rgba", "main", "int[4] quantize", (0, 0, 0, 0))
+Camera ("main")
+World ()
+Light ("sun", "distantlight")
+Translate (0, 0, 4)
+Shader ("surface", "plastic")
+Sphere (1, -1, 1, 360)
+Render ()
+"#
+    );
+    std::fs::write(folder.path().join("scene.pyg"), scene).unwrap();
+    folder
+}
+
+fn file(folder: &Path) -> Vec<f32> {
+    let formats = granita_plugin::bundled_formats(Limits::default());
+    formats.open(&folder.join("out.tif")).unwrap().read_level(0, 0).unwrap().to_floats()
+}
+
+/// A screen, if there can be a window on it.
+fn ready() -> Option<Screen> {
+    if !program().is_file() {
+        eprintln!("skipped: there is no {}", program().display());
+        return None;
+    }
+    let screen = Screen::start()?;
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("quit.txt"), "quit\n").unwrap();
+    let ran = Command::new(env!("CARGO_BIN_EXE_iv"))
+        .current_dir(folder.path())
+        .args(["-script", "quit.txt"])
+        .env("DISPLAY", &screen.name)
+        .env_remove("WAYLAND_DISPLAY")
+        .output()
+        .unwrap();
+    let error = String::from_utf8_lossy(&ran.stderr).into_owned();
+    if error.contains("there can be no window") {
+        eprintln!("skipped: {error}");
+        return None;
+    }
+    Some(screen)
+}
+
+/// The place on the screen of the middle of a pixel of a picture of 96 x 64, shown at 12 for one in 1280 x 776.
+fn on_screen(x: usize, y: usize) -> (usize, usize) {
+    (64 + 12 * x + 6, 4 + 12 * y + 6)
+}
+
+fn encoded(v: f32) -> u8 {
+    let v = v.clamp(0.0, 1.0);
+    let v = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+    (255.0 * v + 0.5) as u8
+}
+
+/// Whether the screen shows these pixels, at every eighth.
+fn shows(screen: &Screen, pixels: &[f32]) -> bool {
+    let shot = screen.shot();
+    (4..64).step_by(8).all(|y| {
+        (4..96).step_by(8).all(|x| {
+            let (sx, sy) = on_screen(x, y);
+            let (got, want) = (screen.at(&shot, sx, sy), &pixels[4 * (y * 96 + x)..][..3]);
+            (0..3).all(|c| got[c].abs_diff(encoded(want[c])) <= 2)
+        })
+    })
+}
+
+#[test]
+fn the_window_stays_after_the_render() {
+    let Some(screen) = ready() else { return };
+    let folder = place(4);
+    let ran = screen.gelato(folder.path(), &["-iv", "scene.pyg"]).wait_with_output().unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    let pixels = file(folder.path());
+    assert!(pixels[4 * (32 * 96 + 48)] > 0.05, "there is something to be seen");
+    assert!(until(|| shows(&screen, &pixels)), "the screen does not show the picture");
+    std::thread::sleep(Duration::from_secs(1));
+    assert_eq!(viewers(&screen.name).len(), 1);
+    assert!(shows(&screen, &pixels), "the picture stays");
+}
+
+#[test]
+fn a_viewer_that_is_killed_does_not_harm_the_render() {
+    let Some(screen) = ready() else { return };
+    let folder = place(64);
+    let mut alone = screen.gelato(folder.path(), &["scene.pyg"]);
+    assert!(alone.wait().unwrap().success());
+    let pixels = file(folder.path());
+    std::fs::remove_file(folder.path().join("out.tif")).unwrap();
+    let render = screen.gelato(folder.path(), &["-threads", "1", "-iv", "scene.pyg"]);
+    assert!(until(|| !viewers(&screen.name).is_empty()), "a viewer is started");
+    std::thread::sleep(Duration::from_millis(600));
+    viewers(&screen.name).into_iter().for_each(kill);
+    let ran = render.wait_with_output().unwrap();
+    assert_eq!(ran.status.code(), Some(0), "{}", String::from_utf8_lossy(&ran.stderr));
+    assert!(file(folder.path()) == pixels, "the file is whole");
+}
+
+#[test]
+fn a_render_that_is_killed_leaves_its_picture_with_a_note() {
+    let Some(screen) = ready() else { return };
+    let folder = place(200);
+    let mut render = screen.gelato(folder.path(), &["-threads", "1", "-iv", "scene.pyg"]);
+    let lit = || {
+        let shot = screen.shot();
+        let spots = (0..64).flat_map(|y| (0..96).map(move |x| on_screen(x, y)));
+        spots
+            .filter(|(x, y)| {
+                let [r, g, b] = screen.at(&shot, *x, *y);
+                r == g && g == b && r > 60
+            })
+            .count()
+    };
+    assert!(until(|| lit() > 50), "a part of the sphere is seen");
+    assert!(render.try_wait().unwrap().is_none(), "the render goes on");
+    render.kill().unwrap();
+    render.wait().unwrap();
+    // The note is light text at the top, where the picture is black.
+    let light = || {
+        let shot = screen.shot();
+        let spots = (4..34).flat_map(|y| (440..840).map(move |x| (x, y)));
+        spots.filter(|(x, y)| screen.at(&shot, *x, *y)[0] > 180).count()
+    };
+    assert!(until(|| light() > 100), "the note is seen");
+    assert!(lit() > 50, "the picture stays");
+    assert!(!folder.path().join("out.tif").exists(), "no half file");
+}
