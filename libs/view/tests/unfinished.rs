@@ -39,7 +39,9 @@ fn seen(path: &Path) -> Option<(f64, bool)> {
 #[test]
 fn what_is_there_is_shown() {
     let folder = tempfile::tempdir().unwrap();
-    for (format, tiled) in [("exr", false), ("exr", true), ("tiff", true), ("png", false)] {
+    for (format, tiled) in
+        [("exr", false), ("exr", true), ("tiff", true), ("png", false), ("pfm", false), ("pnm", false)]
+    {
         let path = folder.path().join(format!("a{tiled}.{format}"));
         white(&path, format, tiled);
         assert_eq!(seen(&path), Some((1.0, false)), "{format}");

@@ -60,7 +60,9 @@ impl Screen {
         std::fs::read(self.folder.path().join("Xvfb_screen0")).unwrap()
     }
 
+    /// What it says goes to a file: the viewer that it starts says something there, too, and goes on.
     fn gelato(&self, folder: &Path, words: &[&str]) -> Child {
+        let said = std::fs::File::create(folder.join("said.txt")).unwrap();
         Command::new(program())
             .current_dir(folder)
             .args(words)
@@ -70,7 +72,7 @@ impl Screen {
             .env_remove("GELATOHOME")
             .stdin(Stdio::null())
             .stdout(Stdio::null())
-            .stderr(Stdio::piped())
+            .stderr(said)
             .spawn()
             .unwrap()
     }
@@ -123,7 +125,7 @@ Output ("out.tif", "tiff", "rgba", "main", "int[4] quantize", (0, 0, 0, 0))
 Camera ("main")
 World ()
 Light ("sun", "distantlight")
-Translate (0, 0, 4)
+Translate (0, 0, 2)
 Shader ("surface", "plastic")
 Sphere (1, -1, 1, 360)
 Render ()
@@ -131,6 +133,10 @@ Render ()
     );
     std::fs::write(folder.path().join("scene.pyg"), scene).unwrap();
     folder
+}
+
+fn said(folder: &Path) -> String {
+    std::fs::read_to_string(folder.join("said.txt")).unwrap()
 }
 
 fn file(folder: &Path) -> Vec<f32> {
@@ -189,8 +195,8 @@ fn shows(screen: &Screen, pixels: &[f32]) -> bool {
 fn the_window_stays_after_the_render() {
     let Some(screen) = ready() else { return };
     let folder = place(4);
-    let ran = screen.gelato(folder.path(), &["-iv", "scene.pyg"]).wait_with_output().unwrap();
-    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    let status = screen.gelato(folder.path(), &["-iv", "scene.pyg"]).wait().unwrap();
+    assert!(status.success(), "{}", said(folder.path()));
     let pixels = file(folder.path());
     assert!(pixels[4 * (32 * 96 + 48)] > 0.05, "there is something to be seen");
     assert!(until(|| shows(&screen, &pixels)), "the screen does not show the picture");
@@ -202,24 +208,24 @@ fn the_window_stays_after_the_render() {
 #[test]
 fn a_viewer_that_is_killed_does_not_harm_the_render() {
     let Some(screen) = ready() else { return };
-    let folder = place(64);
+    let folder = place(32);
     let mut alone = screen.gelato(folder.path(), &["scene.pyg"]);
     assert!(alone.wait().unwrap().success());
     let pixels = file(folder.path());
     std::fs::remove_file(folder.path().join("out.tif")).unwrap();
-    let render = screen.gelato(folder.path(), &["-threads", "1", "-iv", "scene.pyg"]);
+    let mut render = screen.gelato(folder.path(), &["-threads", "1", "-iv", "scene.pyg"]);
     assert!(until(|| !viewers(&screen.name).is_empty()), "a viewer is started");
     std::thread::sleep(Duration::from_millis(600));
     viewers(&screen.name).into_iter().for_each(kill);
-    let ran = render.wait_with_output().unwrap();
-    assert_eq!(ran.status.code(), Some(0), "{}", String::from_utf8_lossy(&ran.stderr));
+    assert_eq!(render.wait().unwrap().code(), Some(0), "{}", said(folder.path()));
+    assert!(said(folder.path()).contains("the viewer"), "the render went on when the viewer was killed");
     assert!(file(folder.path()) == pixels, "the file is whole");
 }
 
 #[test]
 fn a_render_that_is_killed_leaves_its_picture_with_a_note() {
     let Some(screen) = ready() else { return };
-    let folder = place(200);
+    let folder = place(120);
     let mut render = screen.gelato(folder.path(), &["-threads", "1", "-iv", "scene.pyg"]);
     let lit = || {
         let shot = screen.shot();

@@ -267,7 +267,7 @@ fn pictures_come_through_the_wire() {
             &[0][..],
             &text("render"),
             &[0],
-            &ints(&[11]),
+            &ints(&[12]),
             &[&color(4, [0.0, 1.0, 1.0, 1.0])[..], &[8], &corners.concat(), &[6]].concat(),
             &[&color(5, [1.0, 0.0, 1.0, 1.0])[..], &[8], &line, &[7]].concat(),
         ];
