@@ -118,18 +118,21 @@ def measure(words, place, ours, mitsuba, cycles, scene, kind, title):
     reference = [mitsuba.render(kind, many, 100 + k)[0] - direct for k in range(2)]
     mask = where > 0
     own = ours.render(scene, files, side, "direct", "")[0] if kind == "bounce" else 0
+    # What is gathered by cones, between few points; a panorama also by directions drawn by its light, at every point.
+    gathered = [(f"samples {n}, maxerror {e}", kind, f'"float samples", {n}, "float maxerror", {e}')
+                for n in (16, 64, 256, 1024, 2048) for e in (0.1, 0.25, 1.0)]
+    drawn = [(f"envsamples {n}", "drawn", f'"float envsamples", {n}') for n in (4, 16, 64, 256, 1024)]
     rows = []
-    longest = 0
-    for samples in (16, 64, 256, 1024, 2048):
-        if longest > words.limit:
-            break
-        for maxerror in (0.1, 0.25, 1.0):
-            options = f'"float samples", {samples}, "float maxerror", {maxerror}'
-            image, seconds = ours.render(scene, files, side, kind, options)
+    for settings in [gathered, drawn] if kind == "panorama" else [gathered]:
+        longest = 0
+        for setting, how, options in settings:
+            if longest > words.limit:
+                break
+            image, seconds = ours.render(scene, files, side, how, options)
             longest = max(longest, seconds)
-            rows.append((f"samples {samples}, maxerror {maxerror}", seconds, error(image - own, reference, mask)))
+            rows.append((setting, seconds, error(image - own, reference, mask)))
             if words.keep:
-                np.save(f"{words.keep}/{title.replace(' ', '_').replace(',', '')}_{samples}_{maxerror}.npy",
+                np.save(f"{words.keep}/{title} {setting}.npy".replace(" ", "_").replace(",", ""),
                         np.stack([image - own, 0.5 * (reference[0] + reference[1]), np.repeat(mask[..., None], 3, 2)]))
     tables = [("gelato", rows)]
     if words.walls and kind == "bounce":

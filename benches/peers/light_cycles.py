@@ -76,10 +76,10 @@ class Cycles:
             image = nodes.new("ShaderNodeTexEnvironment")
             image.image = bpy.data.images.load(os.path.abspath(scene.panorama))
             image.image.colorspace_settings.name = "Linear Rec.709"
-            # Cycles has z up in panoramas, and its middle towards -y.
+            # Cycles has z up in panoramas, and their middle towards x.
             to = nodes.new("ShaderNodeMapping")
             to.vector_type = "POINT"
-            to.inputs["Rotation"].default_value = (np.pi / 2, 0, np.pi)
+            to.inputs["Rotation"].default_value = (np.pi / 2, 0, np.pi / 2)
             places = nodes.new("ShaderNodeTexCoord")
             links.new(places.outputs["Generated"], to.inputs["Vector"])
             links.new(to.outputs["Vector"], image.inputs["Vector"])

@@ -23,13 +23,14 @@ class Gelato:
         self.program, self.threads, self.place, self.read = program, threads, place, read
 
     def panorama(self, path):
-        """Makes an environment map of a panorama, once for all pictures; not timed."""
-        map = f"{self.place}/panorama.env"
+        """Makes an environment map of a panorama, once for all pictures; not timed. OpenEXR's have y up, as the scenes do."""
+        map = f"{self.place}/panorama.exr"
         command = f'Command ("system maketx -envlatl {os.path.abspath(path)} -o {map}")'
         subprocess.run([self.program, "-silent", "-"], input=command.encode(), check=True)
 
     def render(self, scene, files, side, measure, options):
-        """`measure`: "direct", "bounce", "sky" (how open points are) or "panorama". The picture and seconds, of the whole program."""
+        """`measure`: "direct", "bounce", "sky" (how open points are), "panorama" or "drawn" (the panorama's
+        light, in directions drawn by it). The picture and seconds, of the whole program."""
         text = self.text(scene, files, side, measure, options)
         path = f"{self.place}/out.exr"
         words = [self.program, "-silent", "-threads", str(self.threads), "-o", path, "-data", "rgb", "-"]
@@ -54,7 +55,7 @@ class Gelato:
         if measure == "panorama":
             lines += [
                 "PushAttributes ()", 'Attribute ("string geometryset", "light")',
-                f'Shader ("surface", "envsurf", "string envname", "{self.place}/panorama.env")',
+                f'Shader ("surface", "envsurf", "string envname", "{self.place}/panorama.exr")',
                 "Scale (1e5, 1e5, 1e5)", "Sphere (1, -1, 1, 360)", "PopAttributes ()",
             ]
         elif measure in ("direct", "bounce") and scene.lamp:
@@ -65,6 +66,8 @@ class Gelato:
                          f'"point to", {scene.sun}, "string shadowname", "light")')
         if measure in ("bounce", "panorama"):
             lines.append(f'Light ("bounce", "indirectlight", "string indirectname", "light", {options})')
+        if measure == "drawn":
+            lines.append(f'Light ("panorama", "envlight", "string occlusionname", "light", "string envname", "{self.place}/panorama.exr", {options})')
         if measure == "sky":
             lines.append(f'Shader ("surface", "ambocclude", "string occlusionname", "light", "float twosided", 1, {options})')
         else:

@@ -246,7 +246,7 @@ impl<'r, 'f> Run<'r, 'f> {
     }
 }
 
-/// Which sides of a grid lie where its surface's parameters begin and end: along u and v, first and last.
+/// Which sides of a grid lie where its surface ends: along u and v, first and last.
 fn rims(grid: &Grid) -> [bool; 4] {
     let Topology::Rect { nu, nv } = grid.topology else { return [false; 4] };
     let ends = |parameter: &[f32], first: usize, step: usize, count: usize| {
@@ -255,11 +255,12 @@ fn rims(grid: &Grid) -> [bool; 4] {
     if nu < 2 || nv < 2 {
         return [false; 4];
     }
+    let [a, b, c, d] = grid.seams;
     [
-        ends(&grid.u, 0, nu, nv),
-        ends(&grid.u, nu - 1, nu, nv),
-        ends(&grid.v, 0, 1, nu),
-        ends(&grid.v, (nv - 1) * nu, 1, nu),
+        !a && ends(&grid.u, 0, nu, nv),
+        !b && ends(&grid.u, nu - 1, nu, nv),
+        !c && ends(&grid.v, 0, 1, nu),
+        !d && ends(&grid.v, (nv - 1) * nu, 1, nu),
     ]
 }
 
@@ -275,6 +276,7 @@ fn without_variables(grid: &Grid) -> Grid {
         dpdu: grid.dpdu.clone(),
         dpdv: grid.dpdv.clone(),
         dpdtime: grid.dpdtime.clone(),
+        seams: grid.seams,
         u: grid.u.clone(),
         v: grid.v.clone(),
         time: grid.time,

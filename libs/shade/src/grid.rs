@@ -162,6 +162,9 @@ pub struct Grid {
     pub dpdv: Lanes3,
     /// Change of `p` per unit of time.
     pub dpdtime: Lanes3,
+    /// On which sides of a rectangle the surface goes on smoothly although its parameters end there (a face of a smooth mesh):
+    /// along u and v, first and last.
+    pub seams: [bool; 4],
     /// Surface parameters.
     pub u: Vec<f32>,
     /// Surface parameters.
@@ -214,6 +217,7 @@ impl Grid {
             dpdu: Lanes3::zeros(n),
             dpdv: Lanes3::zeros(n),
             dpdtime: Lanes3::zeros(n),
+            seams: [false; 4],
             u: vec![0.0; n],
             v: vec![0.0; n],
             time: 0.0,

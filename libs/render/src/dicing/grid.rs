@@ -2,7 +2,7 @@
 
 use super::Placement;
 use super::motion::points_at;
-use granita_base::{BaseType, Transform, Vec3, Vec4, hash};
+use granita_base::{BaseType, ShapeDesc, Transform, Vec3, Vec4, hash};
 use granita_geom::{Dice, DiceData, DicePrimvar};
 use granita_scene::Primitive;
 use granita_shade::{Grid, Lanes3, Primvar, PrimvarData, RayKind, Topology};
@@ -28,6 +28,9 @@ pub(crate) struct GridView {
     /// Why it is shaded.
     pub(crate) ray: RayKind,
 }
+
+/// Normals that are given and geometric ones are the same when the cosine between them is nearer to 1 than this.
+const FLAT: f32 = 1e-6;
 
 /// Makes the grid of a diced piece at `view.time`; `key_times` are those of the piece.
 ///
@@ -70,6 +73,7 @@ pub(crate) fn make_grid(
         }
         None => grid.ng.clone(),
     };
+    grid.seams = seams(&grid, primitive, dice.n.is_some());
     for (i, point) in p.iter().enumerate() {
         grid.i.set(
             i,
@@ -113,6 +117,29 @@ pub(crate) fn make_grid(
         }
     }
     grid
+}
+
+/// On which sides a face of a mesh goes on smoothly in the next: on all where the mesh is a limit of subdivision, else where
+/// the normals that it was given are not its own.
+fn seams(grid: &Grid, primitive: &Primitive, given: bool) -> [bool; 4] {
+    let (ShapeDesc::Mesh { subdivide, nverts, .. }, Topology::Rect { nu, nv }) =
+        (&primitive.shape, grid.topology)
+    else {
+        return [false; 4];
+    };
+    if nverts.len() < 2 || *subdivide || !given {
+        return [nverts.len() > 1 && *subdivide; 4];
+    }
+    let bent = |i: usize| {
+        let (n, own) = (grid.n.get(i).normalize_or_zero(), grid.ng.get(i).normalize_or_zero());
+        n.dot(own).abs() < 1.0 - FLAT
+    };
+    [
+        (0..nv).any(|k| bent(k * nu)),
+        (0..nv).any(|k| bent(k * nu + nu - 1)),
+        (0..nu).any(bent),
+        (0..nu).any(|k| bent((nv - 1) * nu + k)),
+    ]
 }
 
 /// `cross (dPdu, dPdv)`, negated when `flip`; where it vanishes, from the neighbouring points, and failing

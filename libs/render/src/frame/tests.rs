@@ -3,6 +3,7 @@
 mod cracks;
 mod extremes;
 mod passes;
+mod seams;
 mod stereo;
 
 use super::*;
