@@ -25,7 +25,7 @@ class Gelato:
     def panorama(self, path):
         """Makes an environment map of a panorama, once for all pictures; not timed. OpenEXR's have y up, as the scenes do."""
         map = f"{self.place}/panorama.exr"
-        command = f'Command ("system maketx -envlatl {os.path.abspath(path)} -o {map}")'
+        command = f'Command ("system maketx -envlatl -format OpenEXR {os.path.abspath(path)} -o {map}")'
         subprocess.run([self.program, "-silent", "-"], input=command.encode(), check=True)
 
     def render(self, scene, files, side, measure, options):

@@ -1,8 +1,9 @@
 //! Directions drawn by the light of an environment map: where it is bright, there are many.
 //!
-//! The sphere is divided into cells of a latitude-longitude grid, of which each has a chance by the light that it and its
-//! neighbours send; a little of it is even, so that no direction is left out. Rows first, then cells of a row (Pharr, Jakob and
-//! Humphreys, Physically Based Rendering, 4th edition 2023, A.5.3, piecewise constant distributions).
+//! The sphere is divided into cells of a latitude-longitude grid, of which each sends its mean light and has a chance by it; a little
+//! of the chances is even, so that no direction is left out. Rows first, then cells of a row (Pharr, Jakob and Humphreys,
+//! Physically Based Rendering, 4th edition 2023, A.5.3, piecewise constant distributions). What a direction brings over its chance
+//! is the same for nearly all of them, and costs no lookup.
 
 use granita_base::Vec3;
 use std::f64::consts::{PI, TAU};
@@ -10,10 +11,13 @@ use std::f64::consts::{PI, TAU};
 /// Cells around the sphere, and from pole to pole.
 const COLUMNS: usize = 512;
 const ROWS: usize = 256;
-/// How much the light of neighbours counts.
-const BLUR: f64 = 0.3;
 /// Share of directions that are spread evenly.
-const EVEN: f64 = 0.05;
+const EVEN: f64 = 0.01;
+/// Places along each side of a cell that its mean is taken from.
+const LOOKS: usize = 2;
+
+/// What is seen in a direction: the first channels of a map.
+pub(crate) type Seen = [f32; 4];
 
 /// Chances of directions.
 #[derive(Debug)]
@@ -22,12 +26,21 @@ pub(crate) struct Directions {
     rows: Vec<f64>,
     /// Of each row, the same for its cells.
     cells: Vec<f64>,
+    /// Heights of the borders between rows.
+    heights: Vec<f64>,
+    /// What each cell sends, on average.
+    seen: Vec<Seen>,
 }
 
-/// The solid angle of a cell of a row.
-fn solid_angle(row: usize) -> f64 {
-    let z = |row: usize| (PI * row as f64 / ROWS as f64).cos();
-    (z(row) - z(row + 1)) * TAU / COLUMNS as f64
+/// A direction that was drawn.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Drawn {
+    /// Of length 1.
+    pub(crate) dir: Vec3,
+    /// Its chance, per steradian.
+    pub(crate) chance: f32,
+    /// What its cell sends, on average.
+    pub(crate) seen: Seen,
 }
 
 /// A direction at fractions of the way around and from pole to pole.
@@ -37,24 +50,29 @@ fn towards(around: f64, down: f64) -> Vec3 {
 }
 
 impl Directions {
-    /// From what is seen in a direction, and within an angle (radians) of it.
-    pub(crate) fn new(mut seen: impl FnMut(Vec3, f32) -> f32) -> Self {
-        let angle = (PI / ROWS as f64) as f32;
-        let middle = |i: usize, of: usize| (i as f64 + 0.5) / of as f64;
-        let light: Vec<f64> = (0..ROWS * COLUMNS)
-            .map(|k| seen(towards(middle(k % COLUMNS, COLUMNS), middle(k / COLUMNS, ROWS)), angle))
-            .map(|light| if light.is_finite() { f64::from(light.max(0.0)) } else { 0.0 })
-            .collect();
-        // What is between cells is seen from both.
-        let mut chance: Vec<f64> = (0..ROWS * COLUMNS)
-            .map(|k| {
-                let (row, column) = (k / COLUMNS, k % COLUMNS);
-                let rows = row.saturating_sub(1)..=(row + 1).min(ROWS - 1);
-                let columns = [column + COLUMNS - 1, column, column + 1].map(|c| c % COLUMNS);
-                let near = rows.flat_map(|r| columns.map(|c| light[r * COLUMNS + c]));
-                let (count, sum) = near.fold((0, 0.0), |(count, sum), light| (count + 1, sum + light));
-                ((1.0 - BLUR) * light[k] + BLUR * sum / f64::from(count)) * solid_angle(row)
-            })
+    /// From what is seen in a direction, over an angle (radians) across.
+    pub(crate) fn new(mut look: impl FnMut(Vec3, f32) -> Seen) -> Self {
+        let heights: Vec<f64> = (0..=ROWS).map(|row| (PI * row as f64 / ROWS as f64).cos()).collect();
+        let angle = Self::cell() / LOOKS as f32;
+        let place =
+            |cell: usize, k: usize, of: usize| (cell as f64 + (k as f64 + 0.5) / LOOKS as f64) / of as f64;
+        let mut mean = |cell: usize| {
+            let mut sum = Seen::default();
+            for k in 0..LOOKS * LOOKS {
+                let around = place(cell % COLUMNS, k % LOOKS, COLUMNS);
+                let down = place(cell / COLUMNS, k / LOOKS, ROWS);
+                for (sum, x) in sum.iter_mut().zip(look(towards(around, down), angle)) {
+                    *sum += if x.is_finite() { x / (LOOKS * LOOKS) as f32 } else { 0.0 };
+                }
+            }
+            sum
+        };
+        let seen: Vec<Seen> = (0..ROWS * COLUMNS).map(&mut mean).collect();
+        let solid_angle = |row: usize| (heights[row] - heights[row + 1]) * TAU / COLUMNS as f64;
+        let mut chance: Vec<f64> = seen
+            .iter()
+            .enumerate()
+            .map(|(k, [r, g, b, _])| f64::from((r + g + b).max(0.0)) * solid_angle(k / COLUMNS))
             .collect();
         let all: f64 = chance.iter().sum();
         for (k, chance) in chance.iter_mut().enumerate() {
@@ -72,18 +90,21 @@ impl Directions {
                 .collect::<Vec<f64>>()
         };
         let rows = sums(&chance.chunks_exact(COLUMNS).map(|row| row.iter().sum()).collect::<Vec<f64>>());
-        Self { rows, cells: chance.chunks_exact(COLUMNS).flat_map(sums).collect() }
+        Self { rows, cells: chance.chunks_exact(COLUMNS).flat_map(sums).collect(), heights, seen }
     }
 
-    /// The direction for a point of the unit square, and its chance per steradian.
-    pub(crate) fn at(&self, x: f32, y: f32) -> (Vec3, f32) {
+    /// The direction for a point of the unit square.
+    pub(crate) fn at(&self, x: f32, y: f32) -> Drawn {
         let (row, down, _) = pick(&self.rows, f64::from(y));
         let (column, around, chance) = pick(&self.cells[row * COLUMNS..][..COLUMNS], f64::from(x));
         // Even over the cell: by height.
-        let z = |row: usize| (PI * row as f64 / ROWS as f64).cos();
-        let down = (z(row) + (z(row + 1) - z(row)) * down).clamp(-1.0, 1.0).acos() / PI;
-        let dir = towards((column as f64 + around) / COLUMNS as f64, down);
-        (dir, (chance / solid_angle(row)) as f32)
+        let (top, bottom) = (self.heights[row], self.heights[row + 1]);
+        let z = top + (bottom - top) * down;
+        let (s, c) = (TAU * (column as f64 + around) / COLUMNS as f64).sin_cos();
+        let sin = (1.0 - z * z).max(0.0).sqrt();
+        let dir = Vec3::new((c * sin) as f32, (s * sin) as f32, z as f32);
+        let chance = (chance * COLUMNS as f64 / ((top - bottom) * TAU)) as f32;
+        Drawn { dir, chance, seen: self.seen[row * COLUMNS + column] }
     }
 
     /// The angle across a cell, in radians.
@@ -108,13 +129,13 @@ mod tests {
     use granita_base::sample;
 
     /// Mean of `what (direction) / chance` over so many samples, and its standard deviation.
-    fn integral(directions: &Directions, count: u32, what: impl Fn(Vec3) -> f32) -> (f64, f64) {
+    fn integral(directions: &Directions, count: u32, what: impl Fn(Vec3, Seen) -> f32) -> (f64, f64) {
         let (mut sum, mut squares) = (0.0, 0.0);
         for i in 0..count {
             let (x, y) = sample::square(i, 7);
-            let (dir, chance) = directions.at(x, y);
+            let Drawn { dir, chance, seen } = directions.at(x, y);
             assert!((dir.length() - 1.0).abs() < 1e-5 && chance > 0.0, "{dir} {chance}");
-            let value = f64::from(what(dir) / chance);
+            let value = f64::from(what(dir, seen) / chance);
             sum += value;
             squares += value * value;
         }
@@ -124,11 +145,11 @@ mod tests {
 
     #[test]
     fn an_even_sky_is_exact() {
-        let directions = Directions::new(|_, _| 3.0);
-        let (mean, deviation) = integral(&directions, 4096, |_| 3.0);
+        let directions = Directions::new(|_, _| [3.0; 4]);
+        let (mean, deviation) = integral(&directions, 4096, |_, seen| seen[1]);
         assert!((mean / (12.0 * PI) - 1.0).abs() < 1e-4 && deviation < 1e-3 * mean, "{mean} {deviation}");
         // The same without any light.
-        let (mean, _) = integral(&Directions::new(|_, _| f32::NAN), 4096, |_| 1.0);
+        let (mean, _) = integral(&Directions::new(|_, _| [f32::NAN; 4]), 4096, |_, _| 1.0);
         assert!((mean / (4.0 * PI) - 1.0).abs() < 1e-4, "{mean}");
     }
 
@@ -145,13 +166,19 @@ mod tests {
                 let (x, y) = sample::square(i, 1);
                 (d + (u * (x - 0.5) + v * (y - 0.5)) * angle).normalize()
             };
-            (0..64).map(|i| light(at(i))).sum::<f32>() / 64.0
+            [(0..64).map(|i| light(at(i))).sum::<f32>() / 64.0; 4]
         };
         let directions = Directions::new(seen);
         let exact = 4.0 * PI + 9999.0 * TAU * f64::from(1.0 - cos);
-        let (mean, deviation) = integral(&directions, 1 << 16, light);
-        assert!((mean / exact - 1.0).abs() < 0.02, "{mean} for {exact}");
-        let (_, even) = integral(&Directions::new(|_, _| 1.0), 1 << 16, light);
-        assert!(deviation < 0.2 * even, "{deviation}, and {even} of even directions");
+        // What is there, and what the cells say of it.
+        for mean in [
+            integral(&directions, 1 << 16, |d, _| light(d)),
+            integral(&directions, 1 << 16, |_, seen| seen[0]),
+        ] {
+            assert!((mean.0 / exact - 1.0).abs() < 0.02, "{} for {exact}", mean.0);
+        }
+        let (_, deviation) = integral(&directions, 1 << 16, |_, seen| seen[0]);
+        let (_, even) = integral(&Directions::new(|_, _| [1.0; 4]), 1 << 16, |d, _| light(d));
+        assert!(deviation < 0.02 * even, "{deviation}, and {even} of even directions");
     }
 }

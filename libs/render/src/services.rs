@@ -354,7 +354,8 @@ impl Services for Run<'_, '_> {
                 };
                 return maps::drawn(&self.frame.textures, query, space, &directions, &seeds, out);
             }
-            maps::environment(&self.frame.textures, query, space, out);
+            // What rays of indirect light see is averaged anyway.
+            maps::environment(&self.frame.textures, query, space, self.ray.indirect, out);
         }
     }
 

@@ -16,6 +16,9 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 /// Widest cone that is filtered, in radians.
 const WIDEST: f32 = PI;
 
+/// Widest footprint of a quick lookup, in radians: the texels of smaller levels are too unlike in size to stand for their light.
+const WIDEST_QUICK: f32 = 0.2;
+
 /// Footprints this wide (in texels of the largest level, across) are probes, those of [`WIDE`] are means of all texels
 /// under a Gaussian, and in between one goes over into the other.
 const NARROW: f64 = 1.0;
@@ -66,13 +69,14 @@ pub(crate) fn environment(
         }
     }
     let mut ellipse = spread.ellipse();
-    ellipse.a = ellipse.a.min(f64::from(WIDEST));
-    ellipse.b = ellipse.b.min(f64::from(WIDEST));
+    let widest = f64::from(if q.quick { WIDEST_QUICK } else { WIDEST });
+    ellipse.a = ellipse.a.min(widest);
+    ellipse.b = ellipse.b.min(widest);
     let probes = ellipse.probes(f64::from(texel_angle(file, cube)));
     let long = east * ellipse.axis[0] + north * ellipse.axis[1];
     let texel = texel_at(file, cube, r, ellipse.a);
-    let wide =
-        ((ellipse.b.max(ellipse.a / MAX_RATIO) / texel - NARROW) / (WIDE - NARROW)).clamp(0.0, 1.0) as f32;
+    let across = ellipse.b.max(ellipse.a / MAX_RATIO) / texel;
+    let wide = if q.quick { 0.0 } else { ((across - NARROW) / (WIDE - NARROW)).clamp(0.0, 1.0) as f32 };
     let filter = (wide > 0.0).then(|| smooth(file, cube, (r, east, north), &ellipse, texel));
     let mut count = 0;
     by_channels(file, q.first_channel, q.fill, out, |first, n| {

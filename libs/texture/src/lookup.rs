@@ -159,6 +159,9 @@ pub struct EnvLookup {
     pub twidth: f32,
     /// Replaces the orientation of a latitude-longitude map.
     pub up: Option<Up>,
+    /// Wide footprints are looked up in the level whose texels are as wide, not averaged under their ellipse, and
+    /// cut to 0.2 radians: for what only counts in sums of many lookups.
+    pub quick: bool,
     /// First channel of the file to look up.
     pub first_channel: u32,
     /// Value of channels that the file does not have.
@@ -178,6 +181,7 @@ impl Default for EnvLookup {
             swidth: 1.0,
             twidth: 1.0,
             up: None,
+            quick: false,
             first_channel: 0,
             fill: 0.0,
         }

@@ -159,6 +159,32 @@ fn constants_are_exact_in_all_directions() {
     }
 }
 
+/// Many quick lookups come to what exact ones come to, in cubes and panoramas, and each is near.
+#[test]
+fn quick_lookups_add_up() {
+    let folder = Folder::new();
+    let spotted = |d: Vec3, c: usize| sky(d, c) + if d.normalize().dot(Vec3::X) > 0.9 { 4.0 } else { 0.0 };
+    cube_of(&folder, 64, &options(Mode::EnvCube), spotted);
+    latlong_of(&folder, (128, 64), spotted);
+    for name in ["cube.env", "ll.env"] {
+        let (cache, id) = folder.open(name);
+        for angle in [0.02, 0.1, 0.4] {
+            let (mut sums, mut far) = ([0.0_f64; 2], 0.0_f32);
+            for i in 0..20000 {
+                let exact = EnvLookup { angle: Some(angle), ..toward(any_direction(i)) };
+                let quick = EnvLookup { quick: true, ..exact };
+                let values = [exact, quick].map(|lookup| look(&cache, id, &lookup)[1]);
+                sums.iter_mut().zip(values).for_each(|(sum, v)| *sum += f64::from(v));
+                if exact.r.x < 0.0 {
+                    far = far.max((values[0] - values[1]).abs());
+                }
+            }
+            assert!((sums[1] / sums[0] - 1.0).abs() < 0.01, "{name} {angle}: {sums:?}");
+            assert!(far < 0.01 + 0.2 * angle, "{name} {angle}: {far}");
+        }
+    }
+}
+
 /// Largest change of any channel over a small step.
 fn jump(cache: &TextureCache, id: TextureId, a: Vec3, b: Vec3, width: f32) -> f32 {
     let footprint = |r: Vec3| EnvLookup { angle: Some(0.5 * width), ..toward(r) };

@@ -79,7 +79,7 @@ impl Services for Surroundings<'_> {
 
     fn environment(&mut self, query: &EnvironmentQuery<'_>, out: &mut LookupResult) {
         // All spaces are the same here.
-        lookups::environment(self.textures, query, None, out);
+        lookups::environment(self.textures, query, None, false, out);
     }
 
     fn shadow(&mut self, query: &ShadowQuery<'_>, out: &mut Lanes3) {

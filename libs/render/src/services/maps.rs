@@ -1,7 +1,7 @@
 //! Lookups in texture, environment and shadow files.
 
 use super::{count, option};
-use crate::directions::Directions;
+use crate::directions::{Directions, Drawn};
 use granita_base::{Transform, Vec3, sample};
 use granita_shade::{
     Batch, EnvironmentQuery, Lane3, Lanes3, LookupOptions, LookupResult, ShadowQuery, TextureQuery,
@@ -125,10 +125,10 @@ fn each(
 pub(crate) fn directions(textures: &TextureCache, id: TextureId, up: Option<Up>) -> Directions {
     let mut reader = textures.reader();
     Directions::new(|r, angle| {
-        let lookup = EnvLookup { r, angle: Some(0.5 * angle), up, ..EnvLookup::default() };
-        let mut values = [0.0; 3];
+        let lookup = EnvLookup { r, angle: Some(0.5 * angle), up, quick: true, ..EnvLookup::default() };
+        let mut values = [0.0; CHANNELS];
         reader.environment(id, &lookup, &mut values);
-        (values[0] + values[1] + values[2]) / 3.0
+        values
     })
 }
 
@@ -152,17 +152,15 @@ pub(super) fn drawn(
     for &lane in query.batch.active {
         let i = lane as usize;
         let (x, y) = sample::square(option(o.sample, i, 0.0).clamp(0.0, 65536.0) as u32, seed(lane));
-        let (r, chance) = directions.at(x, y);
-        let lookup = EnvLookup {
-            r,
-            angle: Some(0.5 * Directions::cell()),
-            up: o.up.and_then(Up::from_word),
-            first_channel: first_channel(o.firstchannel, i),
-            fill: option(o.fill, i, 0.0),
-            ..EnvLookup::default()
-        };
-        let mut values = [0.0; CHANNELS];
-        reader.environment(id, &lookup, &mut values[..wanted]);
+        let Drawn { dir: r, chance, seen } = directions.at(x, y);
+        let mut values = seen;
+        let (first_channel, fill) = (first_channel(o.firstchannel, i), option(o.fill, i, 0.0));
+        if first_channel != 0 || fill != 0.0 {
+            let angle = Some(0.5 * Directions::cell());
+            let up = o.up.and_then(Up::from_word);
+            let lookup = EnvLookup { r, angle, up, first_channel, fill, ..EnvLookup::default() };
+            reader.environment(id, &lookup, &mut values[..wanted]);
+        }
         let share = 1.0 / (chance * count(o.samples, i) as f32);
         values[..query.channels].iter_mut().for_each(|v| *v *= share);
         store(out, i, &values[..wanted]);
@@ -176,6 +174,7 @@ pub fn environment(
     textures: &TextureCache,
     query: &EnvironmentQuery<'_>,
     space: Option<Transform>,
+    quick: bool,
     out: &mut LookupResult,
 ) {
     prepare(query.batch, query.channels, out);
@@ -208,6 +207,7 @@ pub fn environment(
                     swidth: option(o.swidth, i, 1.0),
                     twidth: option(o.twidth, i, 1.0),
                     up,
+                    quick,
                     first_channel: first_channel(o.firstchannel, i),
                     fill,
                 };
