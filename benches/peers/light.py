@@ -119,21 +119,21 @@ def measure(words, place, ours, mitsuba, cycles, scene, kind, title):
     mask = where > 0
     own = ours.render(scene, files, side, "direct", "")[0] if kind == "bounce" else 0
     # What is gathered by cones, between few points; a panorama also by directions drawn by its light, at every point.
-    gathered = [(f"samples {n}, maxerror {e}", kind, f'"float samples", {n}, "float maxerror", {e}')
-                for n in (16, 64, 256, 1024, 2048) for e in (0.1, 0.25, 1.0)]
-    drawn = [(f"envsamples {n}", "drawn", f'"float envsamples", {n}') for n in (4, 16, 64, 256, 1024)]
+    # A list of settings ends at its first picture that takes too long.
+    lists = [[(f"samples {n}, maxerror {e}", kind, f'"float samples", {n}, "float maxerror", {e}') for n in (16, 64, 256, 1024, 2048, 4096)]
+             for e in (0.1, 0.25, 0.5, 1.0)]
+    if kind == "panorama":
+        lists.append([(f"envsamples {n}", "drawn", f'"float envsamples", {n}') for n in (4, 16, 64, 256, 1024)])
     rows = []
-    for settings in [gathered, drawn] if kind == "panorama" else [gathered]:
-        longest = 0
+    for settings in lists:
         for setting, how, options in settings:
-            if longest > words.limit:
-                break
             image, seconds = ours.render(scene, files, side, how, options)
-            longest = max(longest, seconds)
             rows.append((setting, seconds, error(image - own, reference, mask)))
             if words.keep:
                 np.save(f"{words.keep}/{title} {setting}.npy".replace(" ", "_").replace(",", ""),
                         np.stack([image - own, 0.5 * (reference[0] + reference[1]), np.repeat(mask[..., None], 3, 2)]))
+            if seconds > words.limit:
+                break
     tables = [("gelato", rows)]
     if words.walls and kind == "bounce":
         image, _ = ours.render(scene, files, side, kind, '"float samples", 2048, "float maxerror", 0.1')
