@@ -378,7 +378,8 @@ impl Gatherer<'_, '_, '_, '_> {
                 let bound = ADAPTIVE_ERROR * option(options.adaptive, asks[k].lane as usize, 1.0);
                 let scale =
                     if self.question.kind == Kind::Occlusion { 1.0 } else { record.mean(Kind::Irradiance) };
-                if spread <= asks[k].samples as f32 * bound * bound * scale * scale {
+                // Rays that found no light at all agree on nothing: they may have missed the only window.
+                if spread < asks[k].samples as f32 * bound * bound * scale * scale {
                     out[k] = record;
                 } else {
                     again.push((k, Some(record)));
