@@ -56,6 +56,8 @@ impl Compiler {
         let mut command = Command::new(self.out.join("threads"));
         command.current_dir(&self.out).env("GELATOHOME", &self.out);
         command.env("TSAN_OPTIONS", format!("exitcode={REPORTED}"));
+        // Cargo names folders there that may hold a library without the sanitizer.
+        command.env_remove("LD_LIBRARY_PATH");
         let output = command.output().map_err(|e| e.to_string())?;
         if aloud {
             print!("{}", String::from_utf8_lossy(&output.stdout));
