@@ -1,12 +1,8 @@
 // Images through MakeImageOutput and MakeImageInput: a plugin's and bundled ones, in scanlines, tiles and levels.
-#include <stdio.h>
-#include <stdlib.h>
-
+#include "check.h"
 #include "imageio.h"
 
 using namespace Gelato;
-
-#define CHECK(what) do { if (! (what)) { fprintf (stderr, "line %d: %s\n", __LINE__, #what); exit (1); } } while (0)
 
 static ImageIOFormatSpec spec (int width, int height, int tile, ParamBaseType format)
 {

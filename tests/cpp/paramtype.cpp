@@ -1,8 +1,7 @@
 // Types, matrices, boxes, conversions of pixels: what the headers do by themselves.
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
+#include "check.h"
 #include "color.h"
 #include "imageio.h"
 #include "noise.h"
@@ -11,8 +10,6 @@
 #include "vecmat.h"
 
 using namespace Gelato;
-
-#define CHECK(what) do { if (! (what)) { fprintf (stderr, "line %d: %s\n", __LINE__, #what); exit (1); } } while (0)
 
 // A file of a few bytes, read through the conversions that every reader inherits.
 class Bytes : public ImageInput {

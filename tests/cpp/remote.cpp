@@ -1,51 +1,11 @@
 // A renderer in another process: images, messages, attributes, an early end; and what is left when it dies.
 #include <dirent.h>
 #include <signal.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string>
 #include <unistd.h>
 
-#include "gelatoapi.h"
-#include "imageio.h"
+#include "kept.h"
 
 using namespace Gelato;
-
-#define CHECK(what) do { if (! (what)) { fprintf (stderr, "line %d: %s\n", __LINE__, #what); exit (1); } } while (0)
-
-class Kept : public ErrorHandler {
-public:
-    std::string all;
-    int count, last;
-    Kept () : count (0), last (0) {}
-    void operator() (ErrCode code, const char *msg) {
-        ++count;
-        last = code;
-        all += std::string (msg) + "\n";
-    }
-    bool has (const char *text) const { return all.find (text) != std::string::npos; }
-};
-
-class Pixels : public ImageOutput {
-public:
-    int rows, width, closed;
-    float sum;
-    Pixels () : rows (0), width (0), closed (0), sum (0) {}
-    bool open (const char *, const ImageIOFormatSpec &spec, int nparams, const ImageIOParameter *param, bool) {
-        int index;
-        CHECK (IOParamFindValue ("worldtocamera", PT_FLOAT, 16, index, nparams, param));
-        CHECK (spec.nchannels == 3 && spec.channelnames[2][0] == 'B');
-        width = spec.width;
-        return true;
-    }
-    bool write_scanline (int y, int, const float *data, int xstride) {
-        CHECK (y == rows++);
-        for (int x = 0; x < width; ++x)
-            sum += data[x * xstride];
-        return true;
-    }
-    bool close () { ++closed; return true; }
-};
 
 // The processes that this one started.
 static int children (int *first)
@@ -71,13 +31,11 @@ static int children (int *first)
 
 static void scene (GelatoAPI *r, Pixels *image, int width, float quality)
 {
-    char address[30];
     int res[2] = { width, width * 3 / 4 };
     float spatialquality[2] = { quality, quality };
-    snprintf (address, sizeof(address), "%p", (void *) image);
     r->Attribute ("resolution", res);
     r->Attribute ("spatialquality", spatialquality);
-    r->Output ("image", address, "rgb", "camera");
+    output (r, "image", image);
     r->World ();
     r->Translate (0, 0, 3);
     r->Shader ("surface", "defaultsurface");

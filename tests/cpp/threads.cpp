@@ -2,62 +2,11 @@
 // lock, so that whatever order there is comes from the library.
 #include <atomic>
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string>
 #include <thread>
 
-#include "gelatoapi.h"
-#include "imageio.h"
+#include "kept.h"
 
 using namespace Gelato;
-
-#define CHECK(what) do { if (! (what)) { fprintf (stderr, "line %d: %s\n", __LINE__, #what); exit (1); } } while (0)
-
-// Gets messages "one at a time, from whatever thread".
-class Kept : public ErrorHandler {
-public:
-    std::string all;
-    int count;
-    Kept () : count (0) {}
-    void operator() (ErrCode, const char *msg) {
-        ++count;
-        all += std::string (msg) + "\n";
-    }
-    bool has (const char *text) const { return all.find (text) != std::string::npos; }
-};
-
-// Gets rows "in order, from one thread at a time".
-class Pixels : public ImageOutput {
-public:
-    int rows, width, closed;
-    double sum;
-    Pixels () : rows (0), width (0), closed (0), sum (0) {}
-    bool open (const char *, const ImageIOFormatSpec &spec, int, const ImageIOParameter *, bool) {
-        width = spec.width;
-        rows = 0;
-        sum = 0;
-        return true;
-    }
-    bool write_scanline (int y, int, const float *data, int xstride) {
-        CHECK (y == rows++);
-        for (int x = 0; x < width; ++x)
-            sum += data[x * xstride];
-        return true;
-    }
-    bool close () { ++closed; return true; }
-};
-
-static void output (GelatoAPI *r, Pixels *image)
-{
-    char address[30];
-    int res[2] = { 48, 36 }, bucket[2] = { 8, 8 };
-    snprintf (address, sizeof(address), "%p", (void *) image);
-    r->Attribute ("resolution", res);
-    r->Attribute ("int[2] limits:bucketsize", bucket);
-    r->Attribute ("limits:threads", 4);
-    r->Output ("image", address, "rgb", "camera");
-}
 
 // Shadows by rays, a shader that says things, a displaced and a moving thing, a shadeop that is not safe for threads.
 static void things (GelatoAPI *r)
@@ -91,7 +40,35 @@ static void things (GelatoAPI *r)
     r->Patch ("linear", 2, 2);
 }
 
-// A renderer of its own in each thread.
+// A frame of them in small buckets, by several threads.
+static void frame (GelatoAPI *r, Pixels *image)
+{
+    int res[2] = { 48, 36 }, bucket[2] = { 8, 8 };
+    r->Attribute ("resolution", res);
+    r->Attribute ("int[2] limits:bucketsize", bucket);
+    r->Attribute ("limits:threads", 4);
+    output (r, "image", image);
+    things (r);
+}
+
+// A renderer with a handler of its own, and the frame that it is about to render.
+class Alone {
+public:
+    Kept kept;
+    Pixels image;
+    ErrorManager *errors;
+    GelatoAPI *renderer;
+    Alone () : errors (ErrorManager::Create (&kept)), renderer (GelatoAPI::CreateRenderer (NULL, errors)) {
+        CHECK (renderer);
+        frame (renderer, &image);
+    }
+    ~Alone () {
+        delete renderer;
+        delete errors;
+    }
+};
+
+// Several frames under one manager, in a thread of their own.
 static void alone (int rounds)
 {
     Kept kept;
@@ -100,8 +77,7 @@ static void alone (int rounds)
         Pixels image;
         GelatoAPI *r = GelatoAPI::CreateRenderer (NULL, errors);
         CHECK (r);
-        output (r, &image);
-        things (r);
+        frame (r, &image);
         r->Patch ("nonsense", 2, 2);
         r->Render ();
         CHECK (image.rows == 36 && image.closed == 1 && image.sum > 0);
@@ -117,8 +93,7 @@ static void shared (ErrorManager *errors, int number)
 {
     Pixels image;
     GelatoAPI *r = GelatoAPI::CreateRenderer ("", errors);
-    output (r, &image);
-    things (r);
+    frame (r, &image);
     r->Err ().Warning ("a warning of %d", number);
     r->Render ();
     CHECK (image.rows == 36);
@@ -128,16 +103,13 @@ static void shared (ErrorManager *errors, int number)
 // Asks while another renders.
 static void asks (GelatoAPI *r, std::atomic<bool> *over)
 {
-    float done = 0, before = 0;
+    float done = 0;
     while (! *over) {
-        if (r->GetAttribute ("render:progress", done)) {
+        if (r->GetAttribute ("render:progress", done))
             CHECK (done >= 0 && done <= 1);
-            before = done;
-        }
         r->Err ().Verbosity ();
         std::this_thread::yield ();
     }
-    (void) before;
 }
 
 int main ()
@@ -164,36 +136,26 @@ int main ()
     }
     // A renderer that is asked, and one that is called by two at once: who comes second is refused.
     {
-        Kept kept;
-        ErrorManager *errors = ErrorManager::Create (&kept);
-        Pixels image;
-        GelatoAPI *r = GelatoAPI::CreateRenderer (NULL, errors);
-        output (r, &image);
-        things (r);
+        Alone one;
+        GelatoAPI *r = one.renderer;
         std::atomic<bool> over (false);
         std::thread a (asks, r, &over);
         r->Render ();
         over = true;
         a.join ();
-        CHECK (image.rows == 36);
+        CHECK (one.image.rows == 36);
         std::thread c ([&] { for (int i = 0; i < 2000; ++i) { r->Translate (0, 0, 1); r->Attribute ("float mine", i); } });
         for (int i = 0; i < 2000; ++i) {
             r->PushTransform ();
             r->PopTransform ();
         }
         c.join ();
-        delete r;
-        delete errors;
         puts ("asked");
     }
     // A frame that is ended by another thread.
     {
-        Kept kept;
-        ErrorManager *errors = ErrorManager::Create (&kept);
-        Pixels image;
-        GelatoAPI *r = GelatoAPI::CreateRenderer (NULL, errors);
-        output (r, &image);
-        things (r);
+        Alone one;
+        GelatoAPI *r = one.renderer;
         std::atomic<bool> over (false);
         std::thread a ([&] {
             float done = 0;
@@ -205,8 +167,6 @@ int main ()
         r->Render ();
         over = true;
         a.join ();
-        delete r;
-        delete errors;
         puts ("ended");
     }
     return 0;

@@ -1,47 +1,9 @@
 // Two renderers whose calls come by turns, each with its own handler; then one that works on its own.
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-#include <string>
 
-#include "gelatoapi.h"
-#include "imageio.h"
+#include "kept.h"
 
 using namespace Gelato;
-
-#define CHECK(what) do { if (! (what)) { fprintf (stderr, "line %d: %s\n", __LINE__, #what); exit (1); } } while (0)
-
-class Kept : public ErrorHandler {
-public:
-    std::string all;
-    int last;
-    void operator() (ErrCode code, const char *msg) {
-        last = code;
-        all += std::string (msg) + "\n";
-    }
-};
-
-class Pixels : public ImageOutput {
-public:
-    int rows, width;
-    float sum;
-    Pixels () : rows (0), width (0), sum (0) {}
-    bool open (const char *, const ImageIOFormatSpec &spec, int nparams, const ImageIOParameter *param, bool) {
-        width = spec.width;
-        int index;
-        CHECK (IOParamFindValue ("quantize", PT_INT, 4, index, nparams, param));
-        CHECK (IOParamFindValue ("worldtocamera", PT_FLOAT, 16, index, nparams, param));
-        CHECK (spec.nchannels == 3 && spec.channelnames.size () == 3 && spec.channelnames[0][0] == 'R');
-        return true;
-    }
-    bool write_scanline (int y, int, const float *data, int xstride) {
-        CHECK (y == rows++);
-        for (int x = 0; x < width; ++x)
-            sum += data[x * xstride];
-        return true;
-    }
-    bool close () { return true; }
-};
 
 // Takes rectangles as they come: each pixel once.
 class Live : public ImageOutput {
@@ -83,11 +45,9 @@ private:
 
 static void output (GelatoAPI *r, ImageOutput *image, int width)
 {
-    char address[30];
     int res[2] = { width, 24 };
-    snprintf (address, sizeof(address), "%p", (void *) image);
     r->Attribute ("resolution", res);
-    r->Output ("image", address, "rgb", "camera");
+    output (r, "image", image);
 }
 
 int main ()
@@ -144,10 +104,8 @@ int main ()
     r = GelatoAPI::CreateRenderer (NULL, a);
     output (r, &late, 32);
     int bucket[2] = { 16, 16 };
-    char address[30];
-    snprintf (address, sizeof(address), "%p", (void *) &live);
     r->Attribute ("int[2] limits:bucketsize", bucket);
-    r->Output ("live", address, "rgb", "camera");
+    output (r, "live", &live);
     r->World ();
     const float seen[6] = { -1, 1, -1, 1, 2, 4 }, unseen[6] = { -1, 1, -1, 1, -4, -2 };
     int runs = 0, lost = 0;

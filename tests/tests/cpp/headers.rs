@@ -107,6 +107,8 @@ fn types_of_parameters_read_and_write() {
             .args(sanitize)
             .arg("-I")
             .arg(headers())
+            .arg("-I")
+            .arg(crate::support::own_folder())
             .arg(&source)
             .arg("-o")
             .arg(&program)

@@ -27,12 +27,18 @@ fn checked(mut command: Command) {
     assert!(output.status.success(), "{command:?}: {said}");
 }
 
+/// The tests' own programs, and their headers.
+pub(crate) fn own_folder() -> PathBuf {
+    repository().join("tests/cpp")
+}
+
 /// Compiles a program against a library of the suite.
 pub(crate) fn program(compiler: &str, source: &Path, library: &str) -> PathBuf {
     let program = source.with_extension(compiler);
     let folder = BUILT.folder().to_str().unwrap().to_owned();
     let mut command = Command::new(compiler);
-    command.arg("-w").arg(source).arg("-o").arg(&program).arg("-I").arg(headers()).args([
+    command.arg("-w").arg(source).arg("-o").arg(&program);
+    command.arg("-I").arg(headers()).arg("-I").arg(own_folder()).args([
         &format!("-L{folder}"),
         &format!("-l{library}"),
         &format!("-Wl,-rpath,{folder}"),
@@ -69,7 +75,7 @@ pub(crate) fn tool(name: &str, folder: &Path, arguments: &[&str]) -> (i32, Strin
 /// A source of the tests' own, copied into a folder.
 pub(crate) fn own(folder: &Path, name: &str) -> PathBuf {
     let to = folder.join(name);
-    std::fs::copy(repository().join("tests/cpp").join(name), &to).unwrap();
+    std::fs::copy(own_folder().join(name), &to).unwrap();
     to
 }
 

@@ -8,7 +8,6 @@ use granita_image::{
 use granita_pyg::frames::{Frame, put_text, put_value};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
 
 const TYPES: [PixelType; 5] =
     [PixelType::U8, PixelType::U16, PixelType::U32, PixelType::Half, PixelType::Float];
@@ -18,9 +17,6 @@ pub(super) struct Forwarded {
     told: Told,
     address: usize,
 }
-
-/// Images in transit are told apart by a number.
-static NUMBER: AtomicU32 = AtomicU32::new(0);
 
 impl Forwarded {
     pub(super) fn new(told: &Told, address: usize) -> Self {
@@ -63,7 +59,7 @@ impl Format for Forwarded {
     }
 
     fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
-        let number = NUMBER.fetch_add(1, Ordering::Relaxed).to_le_bytes();
+        let number = self.told.image_number().to_le_bytes();
         let mut out = Vec::new();
         put_text(&format!("{:#x}", self.address), &mut out);
         put_text(&path.to_string_lossy(), &mut out);

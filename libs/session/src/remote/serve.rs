@@ -9,7 +9,7 @@ use granita_pyg::frames::{receive, send};
 use granita_render::Progress;
 use granita_scene::{Call, SceneSink, State, Stop};
 use std::io::{Read, Write};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -30,6 +30,8 @@ struct Inner {
     ends: AtomicBool,
     /// Set by [`Session::obey`].
     stop: Mutex<Option<Arc<AtomicBool>>>,
+    /// Images that were sent: they are told apart by their numbers.
+    images: AtomicU32,
 }
 
 impl std::fmt::Debug for Told {
@@ -47,9 +49,15 @@ impl Told {
             share: AtomicU64::new(0),
             ends: AtomicBool::new(false),
             stop: Mutex::default(),
+            images: AtomicU32::new(0),
         }));
         told.say(b'H', &[GREETING.as_bytes()]);
         told
+    }
+
+    /// The number of the next image that is sent.
+    pub(super) fn image_number(&self) -> u32 {
+        self.0.images.fetch_add(1, Ordering::Relaxed)
     }
 
     /// For the session's messages. All of them go: the program's own verbosity counts.
