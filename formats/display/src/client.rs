@@ -7,7 +7,6 @@ use granita_image::{
     CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelRect, Pixels,
     Request, Result, Wishes,
 };
-use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
@@ -182,14 +181,6 @@ fn is_same(a: &[f32], b: &[f32]) -> bool {
     a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
 }
 
-/// Values as floats, which most of them are.
-fn floats(pixels: &Pixels) -> Cow<'_, [f32]> {
-    match pixels {
-        Pixels::Float(values) => Cow::Borrowed(values),
-        other => Cow::Owned(other.to_floats()),
-    }
-}
-
 impl ImageOutput for IvOutput {
     fn write_rows(&mut self, pixels: &Pixels) -> Result<()> {
         let line = self.spec.width as usize * self.spec.nchannels();
@@ -209,7 +200,7 @@ impl ImageOutput for IvOutput {
         }
         let whole = PixelRect::at((tx * width) as i32, (ty * height) as i32, width, height);
         let inside = whole.intersection(&self.window());
-        let values = floats(pixels);
+        let values = pixels.floats();
         let lines = values.chunks_exact(width as usize * n).take(inside.height());
         let values: Vec<f32> = lines.flat_map(|line| &line[..inside.width() * n]).copied().collect();
         self.send(&inside, &values)
@@ -229,7 +220,7 @@ impl ImageOutput for IvOutput {
         if values == 0 {
             return Ok(());
         }
-        self.send(rect, &floats(pixels))
+        self.send(rect, &pixels.floats())
     }
 
     fn begin_rectangle(&mut self, rect: &PixelRect) {

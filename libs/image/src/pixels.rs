@@ -2,6 +2,9 @@
 
 use crate::PixelType;
 use half::f16;
+use half::slice::HalfFloatSliceExt;
+use std::borrow::Cow;
+use std::ops::Range;
 
 /// Pixel values of a block: rows from the top, pixels from the left, channels interleaved.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,13 +81,46 @@ impl Pixels {
 
     /// All values as floats, as [`Pixels::get`] gives them.
     pub fn to_floats(&self) -> Vec<f32> {
+        let mut room = Vec::new();
         match self {
-            Self::U8(v) => v.iter().map(|&v| f32::from(v) / 255.0).collect(),
-            Self::U16(v) => v.iter().map(|&v| f32::from(v) / 65535.0).collect(),
-            Self::U32(v) => v.iter().map(|&v| v as f32).collect(),
-            Self::Half(v) => v.iter().map(|v| v.to_f32()).collect(),
             Self::Float(v) => v.clone(),
+            other => {
+                other.floats_of(0..other.len(), &mut room);
+                room
+            }
         }
+    }
+
+    /// All values as floats, as [`Pixels::get`] gives them: without a copy where they are floats already.
+    pub fn floats(&self) -> Cow<'_, [f32]> {
+        match self {
+            Self::Float(v) => Cow::Borrowed(v),
+            other => Cow::Owned(other.to_floats()),
+        }
+    }
+
+    /// The values in `range` as floats, as [`Pixels::get`] gives them. They are made in `room`, whose memory is used again,
+    /// unless they are floats already.
+    ///
+    /// # Panics
+    /// When the range is outside, a mistake of the caller's code.
+    pub fn floats_of<'a>(&'a self, range: Range<usize>, room: &'a mut Vec<f32>) -> &'a [f32] {
+        /// Replaces what is in `room`.
+        fn fill<T: Copy>(room: &mut Vec<f32>, values: &[T], float: impl Fn(T) -> f32) {
+            room.clear();
+            room.extend(values.iter().map(|v| float(*v)));
+        }
+        match self {
+            Self::U8(v) => fill(room, &v[range], |v| f32::from(v) / 255.0),
+            Self::U16(v) => fill(room, &v[range], |v| f32::from(v) / 65535.0),
+            Self::U32(v) => fill(room, &v[range], |v| v as f32),
+            Self::Half(v) => {
+                room.resize(range.len(), 0.0);
+                v[range].convert_to_f32_slice(room);
+            }
+            Self::Float(v) => return &v[range],
+        }
+        room
     }
 
     /// From floats, the inverse of [`Pixels::to_floats`]: integers are rounded (halves away from 0) and
@@ -95,7 +131,11 @@ impl Pixels {
             PixelType::U8 => Self::U8(values.iter().map(|v| (v * 255.0).round() as u8).collect()),
             PixelType::U16 => Self::U16(values.iter().map(|v| (v * 65535.0).round() as u16).collect()),
             PixelType::U32 => Self::U32(values.iter().map(|v| v.round() as u32).collect()),
-            PixelType::Half => Self::Half(values.iter().map(|v| f16::from_f32(*v)).collect()),
+            PixelType::Half => {
+                let mut halves = vec![f16::ZERO; values.len()];
+                halves.convert_from_f32_slice(values);
+                Self::Half(halves)
+            }
             PixelType::Float => Self::Float(values.to_vec()),
         }
     }
@@ -212,6 +252,35 @@ mod tests {
         assert!(wide.iter().enumerate().all(|(i, v)| usize::from(*v) == i * 257));
         let top = Pixels::U16(vec![65535, 65534]).to_floats();
         assert!(top[0] == 1.0 && top[1] < 1.0);
+    }
+
+    #[test]
+    fn ranges_as_floats_are_those_of_single_values() {
+        let values: Vec<f32> = (0..=65535_u16).map(|bits| f16::from_bits(bits).to_f32()).collect();
+        let mut room = vec![f32::NAN; 3];
+        for t in [PixelType::U8, PixelType::U16, PixelType::U32, PixelType::Half, PixelType::Float] {
+            let pixels = Pixels::from_floats(t, &values);
+            for range in [0..0, 5..6, 3..20, 31_700..31_800, 64_000..65_536, 0..65_536] {
+                let single: Vec<u32> = range.clone().map(|i| pixels.get(i).to_bits()).collect();
+                let bits = |v: &[f32]| v.iter().map(|v| v.to_bits()).collect::<Vec<u32>>();
+                assert_eq!(bits(pixels.floats_of(range.clone(), &mut room)), single, "{t:?} {range:?}");
+                if range.len() == pixels.len() {
+                    assert_eq!((bits(&pixels.floats()), bits(&pixels.to_floats())), (single.clone(), single));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn halves_are_rounded_one_like_all() {
+        // Values between halves, ties among them, down to those that are no halves any more, and up to infinite ones.
+        let values: Vec<f32> =
+            (0..1 << 17).map(|i: u32| f32::from_bits(i.wrapping_mul(0x7fff_0011))).collect();
+        let Pixels::Half(all) = Pixels::from_floats(PixelType::Half, &values) else { panic!() };
+        for (half, value) in all.iter().zip(&values) {
+            let one = f16::from_f32(*value);
+            assert!(half.to_bits() == one.to_bits() || half.is_nan() && one.is_nan(), "{value}");
+        }
     }
 
     #[test]

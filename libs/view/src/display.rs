@@ -6,7 +6,7 @@ use crate::maps::ColorMap;
 use crate::tile::Pick;
 use granita_base::hash;
 use granita_texture::make::ColorSpace;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// Which channels of a layer are seen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -173,7 +173,24 @@ impl<T: Copy> Table<T> {
 type TableKey = (u32, u32, bool, bool);
 
 /// Tables that were made last: frames that follow each other use the same.
-static TABLES: Mutex<Vec<(TableKey, Arc<Table<u8>>)>> = Mutex::new(Vec::new());
+#[derive(Clone, Debug, Default)]
+pub struct Tables(Vec<(TableKey, Arc<Table<u8>>)>);
+
+impl Tables {
+    /// Tables that are kept.
+    const KEPT: usize = 4;
+
+    /// The one for `key`, made if it is not there.
+    fn get(&mut self, key: TableKey, make: impl FnOnce() -> Table<u8>) -> Arc<Table<u8>> {
+        if let Some((_, table)) = self.0.iter().find(|(k, _)| *k == key) {
+            return table.clone();
+        }
+        let table = Arc::new(make());
+        self.0.truncate(Self::KEPT - 1);
+        self.0.insert(0, (key, table.clone()));
+        table
+    }
+}
 
 /// A [`Display`] made ready for many pixels of one kind.
 #[derive(Clone, Debug)]
@@ -205,8 +222,15 @@ fn byte(v: f32) -> u8 {
 }
 
 impl Prepared {
-    /// For a layer whose integers are `encoded`; alpha is not in the colours yet if `unassociated`.
-    pub fn new(display: &Display, meaning: Meaning, encoded: bool, unassociated: bool) -> Self {
+    /// For a layer whose integers are `encoded`; alpha is not in the colours yet if `unassociated`. Of `tables` those are
+    /// used that are there, and new ones are added.
+    pub fn new(
+        display: &Display,
+        meaning: Meaning,
+        encoded: bool,
+        unassociated: bool,
+        tables: &mut Tables,
+    ) -> Self {
         let mut ready = Self {
             display: *display,
             shown: Arc::new(Table(Vec::new())),
@@ -221,15 +245,7 @@ impl Prepared {
             gain: display.exposure.exp2(),
         };
         let key = (display.exposure.to_bits(), display.gamma.to_bits(), display.srgb, encoded);
-        let tables = || TABLES.lock().unwrap_or_else(PoisonError::into_inner);
-        let made = tables().iter().find(|(k, _)| *k == key).map(|(_, table)| table.clone());
-        ready.shown = made.unwrap_or_else(|| {
-            let table = Arc::new(Table::new(|v| ready.screen(ready.exposed(v))));
-            let mut tables = tables();
-            tables.truncate(3);
-            tables.insert(0, (key, table.clone()));
-            table
-        });
+        ready.shown = tables.get(key, || Table::new(|v| ready.screen(ready.exposed(v))));
         ready
     }
 
@@ -375,14 +391,14 @@ impl Prepared {
     }
 
     /// The same for values that are linear and have alpha in them.
-    pub(crate) fn for_linear(&self) -> Self {
+    pub(crate) fn for_linear(&self, tables: &mut Tables) -> Self {
         let meaning = if self.depth { Meaning::Depth } else { Meaning::Color };
-        Self::new(&self.display, meaning, false, false)
+        Self::new(&self.display, meaning, false, false, tables)
     }
 
     /// The same for differences of encoded values, which are no colours: they are shown in proportion.
-    pub(crate) fn for_differences(&self) -> Self {
-        Self::new(&Display { srgb: false, ..self.display }, Meaning::Color, false, false)
+    pub(crate) fn for_differences(&self, tables: &mut Tables) -> Self {
+        Self::new(&Display { srgb: false, ..self.display }, Meaning::Color, false, false, tables)
     }
 
     /// Whether stored values are encoded.
@@ -394,9 +410,10 @@ impl Prepared {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     fn ready(display: Display, encoded: bool) -> Prepared {
-        Prepared::new(&display, Meaning::Color, encoded, false)
+        Prepared::new(&display, Meaning::Color, encoded, false, &mut Tables::default())
     }
 
     #[test]
@@ -446,10 +463,119 @@ mod tests {
     }
 
     #[test]
+    fn tables_are_made_once() {
+        let mut tables = Tables::default();
+        let mut shown = |exposure: f32| {
+            let display = Display { exposure, ..Display::default() };
+            Prepared::new(&display, Meaning::Color, false, false, &mut tables).shown
+        };
+        let first = shown(0.0);
+        assert!(Arc::ptr_eq(&first, &shown(0.0)) && !Arc::ptr_eq(&first, &shown(1.0)));
+        (2..9).for_each(|e| drop(shown(e as f32)));
+        assert!(!Arc::ptr_eq(&first, &shown(0.0)), "the last few are kept");
+        assert_eq!(tables.0.len(), Tables::KEPT);
+    }
+
+    /// Values of every kind: those that are no ordinary numbers, those at the ends of tables, any others.
+    fn any_value() -> impl Strategy<Value = f32> {
+        let odd = vec![
+            f32::NAN,
+            -f32::NAN,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            0.0,
+            -0.0,
+            f32::MIN_POSITIVE,
+            -f32::MIN_POSITIVE,
+            f32::from_bits(1),
+            -f32::from_bits(1),
+            f32::from_bits(0x007f_ffff),
+            LEAST,
+            LEAST.next_down(),
+            f32::from_bits(BELOW),
+            f32::from_bits(BELOW - 1),
+            MOST,
+            MOST.next_down(),
+            MOST.next_up(),
+            f32::MAX,
+            f32::MIN,
+            1.0,
+            1.0_f32.next_down(),
+            1e29,
+            1e30,
+            -0.25,
+        ];
+        prop_oneof![
+            2 => proptest::sample::select(odd),
+            3 => 0.0_f32..1.5,
+            1 => -2.0_f32..0.0,
+            1 => any::<u32>().prop_map(f32::from_bits),
+        ]
+    }
+
+    fn any_display() -> impl Strategy<Value = Display> {
+        use proptest::sample::select;
+        let colors = select(ColorMap::ALL.to_vec()).prop_flat_map(|map| {
+            (-2.0_f32..1.0, 0.5_f32..9.0, any::<bool>()).prop_map(move |(low, high, log)| FalseColor {
+                map,
+                low,
+                high,
+                log,
+            })
+        });
+        let channels = select(vec![Channels::Color, Channels::Red, Channels::Luminance, Channels::One(0)]);
+        let marks = select(vec![Marks::Off, Marks::Broken, Marks::Negative]);
+        let background = select(vec![Background::Ignored, Background::Grey, Background::Checker]);
+        (
+            (select(vec![0.0_f32, 1.0, -3.5, 20.0]), select(vec![1.0_f32, 2.2]), any::<bool>()),
+            (channels, marks, background),
+            prop_oneof![2 => Just(None), 1 => colors.prop_map(Some)],
+            prop_oneof![3 => Just(None), 1 => Just(Some((0.25, 4.0))), 1 => Just(Some((1e3, 0.0)))],
+        )
+            .prop_map(
+                |((exposure, gamma, srgb), (channels, marks, background), false_color, range)| Display {
+                    exposure,
+                    gamma,
+                    srgb,
+                    channels,
+                    false_color,
+                    range,
+                    marks,
+                    background,
+                },
+            )
+    }
+
+    proptest! {
+        /// The quick way through a row is the way through each of its pixels.
+        #[test]
+        fn rows_are_their_pixels(
+            display in any_display(),
+            meaning in proptest::sample::select(vec![Meaning::Color, Meaning::Depth, Meaning::Number]),
+            (encoded, unassociated) in any::<(bool, bool)>(),
+            alpha in prop_oneof![Just(None), Just(Some(1.0_f32)), Just(Some(0.5))],
+            pixels in prop::collection::vec((prop::array::uniform4(any_value()), prop::bool::weighted(0.9)), 0..70),
+            y in 0..40_u32,
+        ) {
+            let ready = Prepared::new(&display, meaning, encoded, unassociated, &mut Tables::default());
+            let (mut pixels, covered): (Vec<[f32; 4]>, Vec<bool>) = pixels.into_iter().unzip();
+            if let Some(alpha) = alpha {
+                pixels.iter_mut().for_each(|p| p[3] = alpha);
+            }
+            let mut out = vec![7; 4 * pixels.len()];
+            ready.show_row(&pixels, &covered, y, &mut out);
+            for (x, ((pixel, covered), out)) in (0..).zip(pixels.iter().zip(&covered).zip(out.chunks(4))) {
+                let one = if *covered { ready.show(*pixel, x, y) } else { BESIDE };
+                prop_assert_eq!(out, one, "{:?} at {}", pixel, x);
+            }
+        }
+    }
+
+    #[test]
     fn over_backgrounds() {
         let p = |background, unassociated| {
             let d = Display { background, srgb: false, ..Display::default() };
-            Prepared::new(&d, Meaning::Color, false, unassociated)
+            Prepared::new(&d, Meaning::Color, false, unassociated, &mut Tables::default())
         };
         assert_eq!(p(Background::White, false).show([0.25, 0.0, 0.0, 0.5], 0, 0)[..2], [191, 128]);
         assert_eq!(p(Background::White, true).show([0.5, 0.0, 0.0, 0.5], 0, 0)[..2], [191, 128]);
@@ -461,7 +587,7 @@ mod tests {
     #[test]
     fn depths_near_is_bright() {
         let d = Display { range: Some((10.0, 2.0)), ..Display::default() };
-        let p = Prepared::new(&d, Meaning::Depth, false, false);
+        let p = Prepared::new(&d, Meaning::Depth, false, false, &mut Tables::default());
         let grey = |z: f32| p.show([z, z, z, 1.0], 0, 0)[0];
         assert_eq!([grey(2.0), grey(6.0), grey(10.0), grey(1e30), grey(f32::INFINITY)], [255, 128, 0, 0, 0]);
     }

@@ -1,6 +1,6 @@
 //! Drawing: a view of one page, or of two against each other, as bytes for a screen.
 
-use crate::display::{Display, Prepared};
+use crate::display::{Display, Prepared, Tables};
 use crate::grid::{Eye, Grid, Needs, Scratch, needs};
 use crate::picture::Page;
 use crate::sheet::Sheet;
@@ -50,7 +50,7 @@ pub enum Mix {
 }
 
 /// A picture for a screen: rows from the top, 4 bytes a pixel, red, green, blue and alpha, which is 255.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default)]
 pub struct Canvas {
     /// Pixels across.
     pub width: u32,
@@ -60,9 +60,33 @@ pub struct Canvas {
     pub bytes: Vec<u8>,
     /// Whether all tiles were there.
     pub complete: bool,
+    /// What was computed for drawing on it, of use when it is drawn again.
+    tables: Tables,
 }
 
+/// Two are equal when they look the same.
+impl PartialEq for Canvas {
+    fn eq(&self, other: &Self) -> bool {
+        let seen = |c: &Self| (c.width, c.height, c.complete);
+        seen(self) == seen(other) && self.bytes == other.bytes
+    }
+}
+
+impl Eq for Canvas {}
+
 impl Canvas {
+    /// One that is complete; `bytes` are `4 * width * height`.
+    pub fn new(width: u32, height: u32, bytes: Vec<u8>) -> Self {
+        Self { width, height, bytes, complete: true, tables: Tables::default() }
+    }
+
+    /// Empties it: all of it is beside a picture.
+    pub fn clear(&mut self, width: u32, height: u32) {
+        (self.width, self.height, self.complete) = (width, height, true);
+        self.bytes.resize(4 * width as usize * height as usize, 0);
+        self.bytes.as_chunks_mut::<4>().0.fill(BESIDE);
+    }
+
     /// Red, green and blue of a pixel.
     pub fn at(&self, x: u32, y: u32) -> [u8; 3] {
         let at = 4 * (y as usize * self.width as usize + x as usize);
@@ -90,11 +114,11 @@ impl Shown<'_> {
         load_tiles(self.page, &self.needs(view))
     }
 
-    fn prepared(&self) -> Prepared {
+    fn prepared(&self, tables: &mut Tables) -> Prepared {
         let spec = self.page.spec();
         let unassociated = spec.attributes.int("unassociatedalpha") == Some(1);
         let layer = &self.page.layers[self.layer.min(self.page.layers.len() - 1)];
-        Prepared::new(self.display, layer.meaning, self.page.encoded, unassociated)
+        Prepared::new(self.display, layer.meaning, self.page.encoded, unassociated, tables)
     }
 }
 
@@ -147,13 +171,13 @@ struct Row {
 }
 
 impl<'a> Side<'a> {
-    fn new(shown: Shown<'a>, view: &View) -> Self {
+    fn new(shown: Shown<'a>, view: &View, tables: &mut Tables) -> Self {
         let needs = shown.needs(view);
         let layer = &shown.page.layers[shown.layer.min(shown.page.layers.len() - 1)];
         let grid = Grid::collect(&shown.page.pyramid, &needs, shown.display.pick(layer));
         let around = view.around.filter(|_| shown.page.is_panorama());
         let eye = around.map(|a| Eye::new(shown.page, shown.sheet, view, &a));
-        Self { shown, grid, eye, ready: shown.prepared() }
+        Self { shown, grid, eye, ready: shown.prepared(tables) }
     }
 
     /// Samples one row of the screen.
@@ -299,7 +323,7 @@ fn mix(a: [f32; 4], b: [f32; 4], f: f32) -> [f32; 4] {
 /// # Errors
 /// When the screen has too many pixels.
 pub fn draw(first: Shown<'_>, second: Option<Shown<'_>>, how: Mix, view: &View) -> Result<Canvas> {
-    let mut canvas = Canvas { width: view.width, height: view.height, bytes: Vec::new(), complete: true };
+    let mut canvas = Canvas::default();
     draw_into(first, second, how, view, &mut canvas)?;
     Ok(canvas)
 }
@@ -325,17 +349,18 @@ pub fn draw_into(
         (Mix::Second, Some(second)) => (second, None),
         (_, second) => (first, second),
     };
-    let a = Side::new(first, view);
-    let b = second.map(|shown| Side::new(shown, view));
+    let tables = &mut canvas.tables;
+    let a = Side::new(first, view, tables);
+    let b = second.map(|shown| Side::new(shown, view, tables));
+    let alike = b.as_ref().is_none_or(|b| a.ready.is_encoded() == b.ready.is_encoded());
+    let mixed = match how {
+        Mix::Difference { .. } if alike && a.ready.is_encoded() => Some(a.ready.for_differences(tables)),
+        _ if !alike || how == Mix::Over => Some(a.ready.for_linear(tables)),
+        _ => None,
+    };
     canvas.complete = a.grid.complete && b.as_ref().is_none_or(|b| b.grid.complete);
     (canvas.width, canvas.height) = (view.width, view.height);
     canvas.bytes.resize(4 * pixels as usize, 0);
-    let alike = b.as_ref().is_none_or(|b| a.ready.is_encoded() == b.ready.is_encoded());
-    let mixed = match how {
-        Mix::Difference { .. } if alike && a.ready.is_encoded() => Some(a.ready.for_differences()),
-        _ if !alike || how == Mix::Over => Some(a.ready.for_linear()),
-        _ => None,
-    };
     let row_bytes = 4 * view.width as usize;
     if row_bytes == 0 {
         return Ok(());

@@ -186,7 +186,7 @@ mod tests {
     fn black(side: u32) -> (Canvas, View) {
         let bytes = [0, 0, 0, 255].repeat((side * side) as usize);
         let view = View::fit(side, side, [0.0, 0.0, f64::from(side), f64::from(side)]);
-        (Canvas { width: side, height: side, bytes, complete: true }, view)
+        (Canvas::new(side, side, bytes), view)
     }
 
     fn path(points: &[Point]) -> Vec<Draw> {
@@ -231,14 +231,31 @@ mod tests {
 
     #[test]
     fn a_drawing_costs_no_more_than_it_may() {
-        let (mut canvas, view) = black(64);
+        let white = |canvas: &Canvas| canvas.at(60, 60) == [255; 3];
+        let square = path(&[[55.0, 55.0], [63.0, 55.0], [63.0, 63.0], [55.0, 63.0]]);
+        // Long edges, all across the screen, that end where the square is not.
         let zigzag: Vec<Point> =
-            (0..30_000).map(|i| [(i % 60) as f32, if i % 2 == 0 { -1e9 } else { 1e9 }]).collect();
-        let mut steps = path(&zigzag);
-        steps.extend(vec![Draw::Fill; 30_000]);
-        let begin = std::time::Instant::now();
-        paint(&mut canvas, &view, (0.0, 0.0), &steps);
-        assert!(begin.elapsed().as_secs() < 20);
-        assert_eq!(canvas.bytes.len(), 64 * 64 * 4);
+            (0..2000).map(|i| [(i % 30) as f32, if i % 2 == 0 { -1e9 } else { 1e9 }]).collect();
+        let (lines, edges) = (64 * LINES as u64, zigzag.len() as u64);
+        let may = MOST_STEPS / ((lines + 2) * edges);
+        for (times, expected) in [(may - 1, true), (may + 2, false)] {
+            let (mut canvas, view) = black(64);
+            let mut steps = path(&zigzag);
+            steps.extend(vec![Draw::Fill; times as usize]);
+            steps.extend(square.clone());
+            steps.push(Draw::Fill);
+            paint(&mut canvas, &view, (0.0, 0.0), &steps);
+            assert_eq!(white(&canvas), expected, "after {times} times {edges} edges");
+        }
+        // Points cost something wherever they are, and what is dear all at once is not begun.
+        for y in [1e9, 63.0] {
+            let (mut canvas, view) = black(64);
+            let mut steps = path(&vec![[3.0, y]; 1 << 16]);
+            steps.extend(vec![Draw::Stroke; 1 << 7]);
+            steps.extend(square.clone());
+            steps.push(Draw::Fill);
+            paint(&mut canvas, &view, (0.0, 0.0), &steps);
+            assert!(!white(&canvas));
+        }
     }
 }

@@ -8,8 +8,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// A level stored in rows is read as a whole up to this many bytes, else in bands.
 const WHOLE_BYTES: u64 = 512 << 20;
 
-/// Rows of tiles that are read at once of a file whose blocks are found by their place.
-const GROUP: u32 = 4;
+/// Rows that are read at once of a file in blocks that are packed by themselves: a few of its blocks.
+const GROUP: u32 = 4 * TILE;
 
 /// How pieces of a source are had.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,12 +57,26 @@ pub(crate) struct FilePage {
     image: usize,
     levels: Vec<ImageSpec>,
     access: Access,
+    rows: Rows,
     fault: Mutex<Option<String>>,
 }
 
-/// Whether any rows of such files are found by their place.
-fn by_position(format: &str) -> bool {
-    matches!(format, "tiff" | "shadow" | "exr" | "sgi" | "iff" | "dds" | "pfm" | "pnm")
+/// What can be said of the rows of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Rows {
+    /// Whether any of them are found by their place, without those above.
+    by_position: bool,
+    /// How many are read at once, where all are kept: while the next are read, smaller levels are made of these.
+    at_once: u32,
+}
+
+impl Rows {
+    fn of(format: &str) -> Self {
+        Self {
+            by_position: matches!(format, "tiff" | "shadow" | "exr" | "sgi" | "iff" | "dds" | "pfm" | "pnm"),
+            at_once: if format == "exr" { GROUP } else { u32::MAX },
+        }
+    }
 }
 
 impl FilePage {
@@ -85,7 +99,11 @@ impl FilePage {
             Some(bytes) if bytes <= WHOLE_BYTES => Access::Whole,
             _ => Access::Bands,
         };
-        Some(Self { input, image, levels, access, fault: Mutex::default() })
+        let mut rows = Rows::of(input.format_name());
+        if access == Access::Bands {
+            rows.at_once = TILE;
+        }
+        Some(Self { input, image, levels, access, rows, fault: Mutex::default() })
     }
 
     pub(crate) fn spec(&self, level: usize) -> Option<&ImageSpec> {
@@ -98,7 +116,7 @@ impl FilePage {
     }
 
     /// Rows `y0..y1`; those that cannot be read are 0. Also whether all could be.
-    fn rows(&self, level: usize, y0: u32, y1: u32) -> Result<(Pixels, bool)> {
+    fn read_rows(&self, level: usize, y0: u32, y1: u32) -> Result<(Pixels, bool)> {
         let first = match self.input.read_rows(self.image, level, y0, y1) {
             Ok(pixels) => return Ok((pixels, true)),
             Err(error) => error,
@@ -119,7 +137,7 @@ impl FilePage {
             }
             Err(_) => false,
         };
-        if by_position(self.input.format_name()) {
+        if self.rows.by_position {
             // Anything may be missing: files are written from several threads, or were damaged.
             for a in (y0..y1).step_by(16) {
                 let b = (a + 16).min(y1);
@@ -269,16 +287,9 @@ impl Source for FilePage {
         if spec.is_tiled() {
             return self.read_tiles(level, tx, ty);
         }
-        let (y0, y1) = match self.access {
-            Access::Bands => (ty * TILE, ((ty + 1) * TILE).min(spec.height)),
-            // A few blocks at a time: while the next are read, smaller levels are made of these.
-            Access::Whole if self.input.format_name() == "exr" => {
-                let y0 = ty / GROUP * GROUP * TILE;
-                (y0, y0.saturating_add(GROUP * TILE).min(spec.height))
-            }
-            Access::Tiles | Access::Whole => (0, spec.height),
-        };
-        let (pixels, whole) = self.rows(level, y0, y1)?;
+        let y0 = ty * TILE / self.rows.at_once * self.rows.at_once;
+        let y1 = y0.saturating_add(self.rows.at_once).min(spec.height);
+        let (pixels, whole) = self.read_rows(level, y0, y1)?;
         Ok(self.cut(level, y0, &pixels, whole))
     }
 

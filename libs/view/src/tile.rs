@@ -1,8 +1,6 @@
 //! A square block of a picture: the unit in which pictures are read, kept and drawn.
 
 use granita_image::{PixelType, Pixels};
-use half::f16;
-use half::slice::HalfFloatSliceExt;
 
 /// Width and height of a tile in pixels; tiles at the right and lower edges are cut.
 pub const TILE: u32 = 128;
@@ -65,29 +63,7 @@ impl Tile {
         let n = self.channels;
         let from = (y as usize * self.width as usize + x0 as usize) * n;
         let to = from + (x1 - x0) as usize * n;
-        let values: &[f32] = match &self.pixels {
-            Pixels::Float(v) => &v[from..to],
-            Pixels::Half(v) => {
-                scratch.resize(to - from, 0.0);
-                v[from..to].convert_to_f32_slice(scratch);
-                scratch
-            }
-            Pixels::U8(v) => {
-                scratch.clear();
-                scratch.extend(v[from..to].iter().map(|v| f32::from(*v) / 255.0));
-                scratch
-            }
-            Pixels::U16(v) => {
-                scratch.clear();
-                scratch.extend(v[from..to].iter().map(|v| f32::from(*v) / 65535.0));
-                scratch
-            }
-            Pixels::U32(v) => {
-                scratch.clear();
-                scratch.extend(v[from..to].iter().map(|v| *v as f32));
-                scratch
-            }
-        };
+        let values = self.pixels.floats_of(from..to, scratch);
         if let [Pick::Channel(r), Pick::Channel(g), Pick::Channel(b), a] = *pick {
             match a {
                 Pick::Channel(a) => out.extend(values.chunks_exact(n).map(|p| [p[r], p[g], p[b], p[a]])),
@@ -138,41 +114,14 @@ impl Tile {
             }
         }
         let whole = finer.into_iter().flatten().all(|t| t.whole);
-        let pixels = match pixel_type {
-            PixelType::Half => {
-                let mut halves = vec![f16::ZERO; values.len()];
-                halves.convert_from_f32_slice(&values);
-                Pixels::Half(halves)
-            }
-            _ => Pixels::from_floats(pixel_type, &values),
-        };
+        let pixels = Pixels::from_floats(pixel_type, &values);
         Self { width, height, channels: n, pixels, whole }
     }
 
     /// All values of a row as floats, as [`Pixels::to_floats`] has them; `room` is where they are made, if they are.
     fn row<'a>(&'a self, y: u32, room: &'a mut Vec<f32>) -> &'a [f32] {
         let line = self.width as usize * self.channels;
-        let range = y as usize * line..(y as usize + 1) * line;
-        match &self.pixels {
-            Pixels::Float(v) => return &v[range],
-            Pixels::Half(v) => {
-                room.resize(line, 0.0);
-                v[range].convert_to_f32_slice(room);
-            }
-            Pixels::U8(v) => {
-                room.clear();
-                room.extend(v[range].iter().map(|v| f32::from(*v) / 255.0));
-            }
-            Pixels::U16(v) => {
-                room.clear();
-                room.extend(v[range].iter().map(|v| f32::from(*v) / 65535.0));
-            }
-            Pixels::U32(v) => {
-                room.clear();
-                room.extend(v[range].iter().map(|v| *v as f32));
-            }
-        }
-        room
+        self.pixels.floats_of(y as usize * line..(y as usize + 1) * line, room)
     }
 }
 

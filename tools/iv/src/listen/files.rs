@@ -40,7 +40,7 @@ pub(crate) fn read(live: &Live, formats: &FormatRegistry, path: &Path) -> Result
             let end = (y + ROWS).min(spec.height);
             let pixels = input.read_rows(image, 0, y, end).map_err(|e| e.to_string())?;
             let rect = PixelRect::at(0, y as i32, spec.width, end - y);
-            live.update(&name, &places, rect, &pixels.to_floats()).map_err(|e| format!("{name}: {e}"))?;
+            live.update(&name, &places, rect, &pixels.floats()).map_err(|e| format!("{name}: {e}"))?;
         }
     }
     Ok(())

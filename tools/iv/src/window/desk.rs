@@ -126,7 +126,7 @@ impl Desk {
             view: View::fit(1, 1, [0.0, 0.0, 1.0, 1.0]),
             fitted: true,
             mix: Mix::First,
-            canvas: Canvas { width: 0, height: 0, bytes: Vec::new(), complete: false },
+            canvas: Canvas::default(),
             drawn: None,
             list_open: false,
             side_open: false,
@@ -626,10 +626,7 @@ impl Desk {
             [a, b, ..] => draw_into(a, Some(b), self.mix, &self.view, &mut self.canvas).is_ok(),
         };
         if !done {
-            self.canvas = Canvas { width, height, bytes: Vec::new(), complete: true };
-            for _ in 0..u64::from(width) * u64::from(height) {
-                self.canvas.bytes.extend_from_slice(&granita_view::BESIDE);
-            }
+            self.canvas.clear(width, height);
         }
         self.paint_drawing();
         self.complete = self.canvas.complete;

@@ -515,12 +515,9 @@ impl Shell {
         let image = self.shot.lock().unwrap_or_else(PoisonError::into_inner).take();
         let Some(image) = image else { return };
         let Some(path) = self.script.as_mut().and_then(|s| s.screenshot.take()) else { return };
-        let canvas = granita_view::Canvas {
-            width: image.size[0] as u32,
-            height: image.size[1] as u32,
-            bytes: image.pixels.iter().flat_map(|p| p.to_array()).collect(),
-            complete: true,
-        };
+        let [width, height] = image.size.map(|side| side as u32);
+        let bytes = image.pixels.iter().flat_map(|p| p.to_array()).collect();
+        let canvas = granita_view::Canvas::new(width, height, bytes);
         if let Err(error) = save_canvas(&canvas, &path, &self.desk.formats) {
             self.fail(&error.to_string());
         }
