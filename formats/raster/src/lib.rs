@@ -29,6 +29,7 @@
 
 mod dds;
 mod iff;
+mod jpeg;
 mod pfm;
 mod plain;
 mod png;

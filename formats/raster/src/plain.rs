@@ -1,6 +1,7 @@
 //! The formats that the `image` crate reads and writes, one row of a table each.
 
-use crate::whole::{Place, WholeInput, WholeOutput, divide_by_alpha};
+use crate::jpeg::{self, Ending};
+use crate::whole::{Decoded, Place, WholeInput, WholeOutput, divide_by_alpha};
 use granita_base::{BaseType, Param, ParamType};
 use granita_image::{
     AtomicFile, CreateOptions, FileSource, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits,
@@ -249,20 +250,104 @@ fn decoder(place: &Place, format: ImageFormat) -> Result<impl ImageDecoder> {
         .map_err(|e| read_fault(place, e))
 }
 
-fn decode(place: &Place, spec: &ImageSpec) -> Result<Pixels> {
+fn decode(place: &Place, spec: &ImageSpec) -> Result<Decoded> {
     // A plain function, so the row of the table is found again by its title.
     let format = FORMATS.iter().find(|f| f.title == place.format).map_or(ImageFormat::Tga, |f| f.image);
+    let bytes = spec.bytes().unwrap_or(u64::MAX) as usize;
+    let part = match format {
+        ImageFormat::Jpeg => decode_jpeg(place, bytes)?,
+        ImageFormat::Hdr => decode_hdr(place, bytes)?,
+        _ => Part { bytes: decode_into(place, format, vec![0; bytes])?, rest: None },
+    };
+    let row = (bytes / spec.height as usize).max(1);
+    let missing = match part.rest {
+        None => None,
+        Some(Rest { there, .. }) if there < row => {
+            return Err(place.malformed("the file ends before the first row of pixels is complete"));
+        }
+        Some(Rest { passes: true, .. }) => {
+            let what = "the file ends early: passes that make all of it finer are missing";
+            Some((spec.height - 1, what.to_owned()))
+        }
+        Some(Rest { there, .. }) => {
+            let rows = (there / row) as u32;
+            Some((rows, format!("the file ends early: {rows} of {} rows are there", spec.height)))
+        }
+    };
+    // The decoders deliver values in the order of the machine.
+    let pixels = Pixels::from_bytes(spec.pixel_type, part.bytes, cfg!(target_endian = "big"));
+    Ok(Decoded { pixels, missing })
+}
+
+/// Bytes of pixels, of which some may be missing.
+struct Part {
+    bytes: Vec<u8>,
+    rest: Option<Rest>,
+}
+
+/// What is missing.
+struct Rest {
+    /// Bytes of pixels that are there, from the first on.
+    there: usize,
+    /// There may be more in later passes, about all rows.
+    passes: bool,
+}
+
+/// All pixels, in the bytes of `out`.
+fn decode_into(place: &Place, format: ImageFormat, mut out: Vec<u8>) -> Result<Vec<u8>> {
+    decode_some(place, format, &mut out)?;
+    Ok(out)
+}
+
+/// As [`decode_into`]; when it fails, what was decoded before is there.
+fn decode_some(place: &Place, format: ImageFormat, out: &mut [u8]) -> Result<()> {
     let decoder = decoder(place, format)?;
-    let wanted = spec.bytes().unwrap_or(u64::MAX);
-    if decoder.total_bytes() != wanted {
+    if decoder.total_bytes() != out.len() as u64 {
         return Err(place.malformed("the file changed while it was read"));
     }
-    let mut bytes = vec![0; wanted as usize];
-    contained(|| decoder.read_image(&mut bytes))
+    contained(|| decoder.read_image(out))
         .map_err(|fault| place.malformed(fault))?
-        .map_err(|e| read_fault(place, e))?;
-    // The decoders deliver values in the order of the machine.
-    Ok(Pixels::from_bytes(spec.pixel_type, bytes, cfg!(target_endian = "big")))
+        .map_err(|e| read_fault(place, e))
+}
+
+fn decode_jpeg(place: &Place, bytes: usize) -> Result<Part> {
+    let mut file = place.read_all()?;
+    let passes = match jpeg::ending(&file) {
+        Ending::Marked => {
+            let bytes = decode_into(&place.holding(file), ImageFormat::Jpeg, vec![0; bytes])?;
+            return Ok(Part { bytes, rest: None });
+        }
+        Ending::Open { progressive } => progressive,
+    };
+    jpeg::without_half_a_mark(&mut file);
+    let noisy = [false, true].map(|opposite| {
+        let mut out: Vec<u8> = jpeg::noise().take(bytes).collect();
+        // What follows the picture may well be wrong for the decoder.
+        let _ = decode_some(&place.holding(jpeg::with_noise(&file, opposite)), ImageFormat::Jpeg, &mut out);
+        out
+    });
+    let mut bytes = vec![0; bytes];
+    let whole = decode_some(&place.holding(file), ImageFormat::Jpeg, &mut bytes);
+    let same = |other: &Vec<u8>| bytes.iter().zip(other).position(|(a, b)| a != b).unwrap_or(bytes.len());
+    let there = noisy.iter().map(same).min().unwrap_or(0);
+    // What was decoded before it failed is there all the same.
+    whole.or_else(|error| if there > 0 && there < bytes.len() { Ok(()) } else { Err(error) })?;
+    let rest = (passes || there < bytes.len()).then_some(Rest { there, passes });
+    Ok(Part { bytes, rest })
+}
+
+fn decode_hdr(place: &Place, bytes: usize) -> Result<Part> {
+    // Values of this format are finite, and these bytes are NaN: what has not been decoded is known by them.
+    const NOTHING: u8 = 0xff;
+    let mut out = vec![NOTHING; bytes];
+    let Err(error) = decode_some(place, ImageFormat::Hdr, &mut out) else {
+        return Ok(Part { bytes: out, rest: None });
+    };
+    let there = 4 * out.as_chunks::<4>().0.iter().take_while(|v| **v != [NOTHING; 4]).count();
+    if there == 0 || place.io(std::io::ErrorKind::UnexpectedEof.into()).to_string() != error.to_string() {
+        return Err(error);
+    }
+    Ok(Part { bytes: out, rest: Some(Rest { there, passes: false }) })
 }
 
 fn read_fault(place: &Place, error: image::ImageError) -> ImageError {

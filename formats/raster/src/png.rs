@@ -1,6 +1,6 @@
 //! PNG, through the `png` crate.
 
-use crate::whole::{Place, Source, WholeInput, WholeOutput, divide_by_alpha};
+use crate::whole::{Decoded, Place, Source, WholeInput, WholeOutput, divide_by_alpha};
 use granita_base::{BaseType, Param, ParamType};
 use granita_image::{
     AtomicFile, CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType,
@@ -190,14 +190,14 @@ fn read_spec(place: &Place) -> Result<(ImageSpec, bool)> {
     Ok((spec, info.interlaced))
 }
 
-fn decode(place: &Place, spec: &ImageSpec) -> Result<Pixels> {
+fn decode(place: &Place, spec: &ImageSpec) -> Result<Decoded> {
     let mut reader = reader(place)?;
     let wanted = spec.bytes().unwrap_or(u64::MAX);
     let size = reader.output_buffer_size().filter(|s| *s as u64 == wanted);
     let size = size.ok_or_else(|| place.malformed("the file changed while it was read"))?;
     let mut bytes = vec![0; size];
     reader.next_frame(&mut bytes).map_err(|e| fault(place, e))?;
-    Ok(Pixels::from_bytes(spec.pixel_type, bytes, true))
+    Ok(Decoded::whole(Pixels::from_bytes(spec.pixel_type, bytes, true)))
 }
 
 fn encode(spec: &ImageSpec, mut pixels: Pixels, file: &mut AtomicFile) -> Result<()> {

@@ -62,6 +62,18 @@ impl Place {
         Self { bytes: Some(bytes), ..self }
     }
 
+    /// The same place with other bytes in it.
+    pub(crate) fn holding(&self, bytes: Vec<u8>) -> Self {
+        Self::new(&self.path, self.format, &self.limits).with_bytes(bytes.into())
+    }
+
+    /// All bytes of the file.
+    pub(crate) fn read_all(&self) -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        self.source()?.read_to_end(&mut bytes).map_err(|e| self.io(e))?;
+        Ok(bytes)
+    }
+
     /// Opens the file from its beginning.
     pub(crate) fn source(&self) -> Result<Source> {
         let counted = |from| BufReader::new(Counted { from, count: self.count.clone() });
@@ -104,17 +116,31 @@ impl Place {
     }
 }
 
+/// The pixels of a file.
+pub(crate) struct Decoded {
+    pub(crate) pixels: Pixels,
+    /// When not all of them are there: how many rows are, and what is wrong.
+    pub(crate) missing: Option<(u32, String)>,
+}
+
+impl Decoded {
+    /// All of them.
+    pub(crate) fn whole(pixels: Pixels) -> Self {
+        Self { pixels, missing: None }
+    }
+}
+
 /// Decodes all pixels of a file.
-pub(crate) type Decode = fn(&Place, &ImageSpec) -> Result<Pixels>;
+pub(crate) type Decode = fn(&Place, &ImageSpec) -> Result<Decoded>;
 
 /// An open picture. Its pixels are decoded all at once when the first are asked for, and kept; asking for all of
-/// them gives them away instead.
+/// them gives them away instead. Of a file that ends early the rows that are there can be had.
 pub(crate) struct WholeInput {
     name: &'static str,
     place: Place,
     spec: ImageSpec,
     decode: Decode,
-    pixels: OnceLock<Pixels>,
+    decoded: OnceLock<Decoded>,
     /// Held while decoding, so that two threads do not both do it.
     decoding: Mutex<()>,
 }
@@ -123,31 +149,33 @@ impl WholeInput {
     /// Checks the size against the limits.
     pub(crate) fn new(name: &'static str, place: Place, spec: ImageSpec, decode: Decode) -> Result<Self> {
         place.limits.check(&place.path, place.format, &spec)?;
-        Ok(Self { name, place, spec, decode, pixels: OnceLock::new(), decoding: Mutex::new(()) })
+        Ok(Self { name, place, spec, decode, decoded: OnceLock::new(), decoding: Mutex::new(()) })
     }
 
-    fn pixels(&self) -> Result<&Pixels> {
-        if let Some(pixels) = self.pixels.get() {
-            return Ok(pixels);
+    /// The pixels that are kept.
+    fn kept(&self) -> Result<&Decoded> {
+        if let Some(decoded) = self.decoded.get() {
+            return Ok(decoded);
         }
         let _one_at_a_time = self.decoding.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(pixels) = self.pixels.get() {
-            return Ok(pixels);
+        if let Some(decoded) = self.decoded.get() {
+            return Ok(decoded);
         }
-        let pixels = self.decoded()?;
-        Ok(self.pixels.get_or_init(|| pixels))
+        let decoded = self.decode()?;
+        Ok(self.decoded.get_or_init(|| decoded))
     }
 
     /// Decodes the file.
-    fn decoded(&self) -> Result<Pixels> {
+    fn decode(&self) -> Result<Decoded> {
         let spec = &self.spec;
         let bytes = self.place.limits.check_read(&self.place.path, spec, spec.width, spec.height)?;
-        let pixels = (self.decode)(&self.place, spec)?;
+        let decoded = (self.decode)(&self.place, spec)?;
+        let pixels = &decoded.pixels;
         if pixels.pixel_type() != spec.pixel_type || pixels.len() != bytes / spec.pixel_type.bytes() {
             let what = format!("its pixels are {} values, not {bytes} bytes", pixels.len());
             return Err(self.place.malformed(what));
         }
-        Ok(pixels)
+        Ok(decoded)
     }
 }
 
@@ -177,11 +205,19 @@ impl ImageInput for WholeInput {
         if n == 0 {
             return Ok(Pixels::zeros(self.spec.pixel_type, 0));
         }
-        if y1 - y0 == self.spec.height && self.pixels.get().is_none() {
-            return self.decoded();
+        if y1 - y0 == self.spec.height && self.decoded.get().is_none() {
+            let decoded = self.decode()?;
+            if decoded.missing.is_none() {
+                return Ok(decoded.pixels);
+            }
+            // They are asked for again, in parts.
+            let _ = self.decoded.set(decoded);
         }
         // Decoded, and with it checked, before the result is allocated.
-        let pixels = self.pixels()?;
+        let Decoded { pixels, missing } = self.kept()?;
+        if let Some((_, what)) = missing.as_ref().filter(|(rows, _)| y1 > *rows) {
+            return Err(self.place.malformed(what.clone()));
+        }
         let mut out = Pixels::zeros(self.spec.pixel_type, n);
         out.copy_from(0, pixels, y0 as usize * row, n);
         Ok(out)

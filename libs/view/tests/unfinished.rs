@@ -12,7 +12,7 @@ fn formats() -> FormatRegistry {
 
 fn white(path: &Path, format: &str, tiled: bool) {
     let mut spec = ImageSpec::new(256, 256, 3, PixelType::U8);
-    if matches!(format, "exr" | "pfm") {
+    if matches!(format, "exr" | "pfm" | "hdr") {
         spec.pixel_type = PixelType::Float;
     }
     if tiled {
@@ -39,9 +39,16 @@ fn seen(path: &Path) -> Option<(f64, bool)> {
 #[test]
 fn what_is_there_is_shown() {
     let folder = tempfile::tempdir().unwrap();
-    for (format, tiled) in
-        [("exr", false), ("exr", true), ("tiff", true), ("png", false), ("pfm", false), ("pnm", false)]
-    {
+    for (format, tiled) in [
+        ("exr", false),
+        ("exr", true),
+        ("tiff", true),
+        ("png", false),
+        ("pfm", false),
+        ("pnm", false),
+        ("jpeg", false),
+        ("hdr", false),
+    ] {
         let path = folder.path().join(format!("a{tiled}.{format}"));
         white(&path, format, tiled);
         assert_eq!(seen(&path), Some((1.0, false)), "{format}");

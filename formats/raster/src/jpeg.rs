@@ -1,0 +1,86 @@
+//! JPEG files that end early: which of their rows are there.
+//!
+//! The decoder fills what is missing and says nothing. So a file without its mark of the end is decoded again with
+//! bytes after what there is, and with their opposites: rows that come out the same are of the file.
+
+/// How a file ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Ending {
+    /// With the mark of the end.
+    Marked,
+    /// Without.
+    Open {
+        /// All rows come in several passes, each finer than those before.
+        progressive: bool,
+    },
+}
+
+/// Looks for the mark of the end, from segment to segment.
+pub(crate) fn ending(bytes: &[u8]) -> Ending {
+    let mut progressive = false;
+    let mut at = 2;
+    // Between segments, and in packed data, a mark is a byte 255 that is followed by neither 0 nor another one.
+    while let Some(found) = bytes.get(at..).and_then(|rest| rest.iter().position(|b| *b == 0xff)) {
+        at += found + 1;
+        match bytes.get(at) {
+            // A byte of packed data, a filler, a mark of restart: nothing follows that has a length.
+            Some(0 | 0x01 | 0xd0..=0xd8 | 0xff) => {}
+            Some(0xd9) => return Ending::Marked,
+            Some(kind) => {
+                progressive |= matches!(kind, 0xc2 | 0xc6 | 0xca | 0xce);
+                let Some([a, b]) = bytes.get(at + 1..at + 3) else { break };
+                at += 1 + usize::from(u16::from_be_bytes([*a, *b]));
+            }
+            None => break,
+        }
+    }
+    Ending::Open { progressive }
+}
+
+/// Half of a mark at the end is none.
+pub(crate) fn without_half_a_mark(bytes: &mut Vec<u8>) {
+    while bytes.last() == Some(&0xff) {
+        bytes.pop();
+    }
+}
+
+/// The same file, with other bytes after what there is: none of them a mark. Each bit of them is the opposite with
+/// `opposite`, so that one of the two goes on otherwise than the file did.
+pub(crate) fn with_noise(bytes: &[u8], opposite: bool) -> Vec<u8> {
+    const NOISE: usize = 4096;
+    let mut out = bytes.to_vec();
+    let flip = if opposite { 0xff } else { 0 };
+    out.extend(noise().take(NOISE).map(|byte| byte ^ flip));
+    out
+}
+
+/// Any bytes, but 0 and 255.
+pub(crate) fn noise() -> impl Iterator<Item = u8> {
+    let next = |n: &u32| Some(n.wrapping_mul(747_796_405).wrapping_add(2_891_336_453));
+    std::iter::successors(Some(0x5a00_0000), next).map(|n| ((n >> 24) as u8).clamp(1, 254))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn marks_of_the_end() {
+        let begin = [0xff, 0xd8, 0xff, 0xe0, 0, 5, 0xff, 0xd9, 7, 0xff, 0xda, 0, 3, 9, 1, 2, 0xff, 0, 3];
+        let with = |rest: &[u8]| [&begin[..], rest].concat();
+        assert_eq!(ending(&with(&[0xff, 0xd3, 4, 0xff, 0xd9])), Ending::Marked);
+        assert_eq!(ending(&with(&[0xff, 0xff, 0xd9, 0, 0])), Ending::Marked);
+        let open = Ending::Open { progressive: false };
+        for rest in [&[][..], &[0xff], &[0xff, 0xc4], &[0xff, 0xc4, 0, 9, 1, 0xff, 0xd9]] {
+            assert_eq!(ending(&with(rest)), open, "{rest:?}");
+        }
+        assert_eq!(ending(&with(&[0xff, 0xc2, 0, 3, 1])), Ending::Open { progressive: true });
+        assert_eq!(ending(&[]), open);
+        let mut cut = with(&[0xff]);
+        without_half_a_mark(&mut cut);
+        assert_eq!(cut, begin);
+        for opposite in [false, true] {
+            assert!(!with_noise(&cut, opposite)[begin.len()..].contains(&0xff));
+        }
+    }
+}
