@@ -25,9 +25,9 @@ pub(crate) struct Args {
     #[command(flatten)]
     mode: ModeArgs,
 
-    /// Format of the texture; it must store tiles and MIP levels
-    #[arg(long, default_value = "tiff", value_name = "NAME")]
-    format: String,
+    /// Format of the texture; it must store tiles and MIP levels [default: that of the extension of -o if it does, else tiff]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) format: Option<String>,
 
     /// Keep the resolution of the input, do not round it up to powers of two
     #[arg(long)]
@@ -245,7 +245,7 @@ impl Args {
         let black = self.both.unwrap_or_default();
         Ok(MakeOptions {
             mode: self.mode.mode(),
-            format: self.format.clone(),
+            format: self.format.clone().unwrap_or(default.format),
             resize: !self.noresize,
             update: self.update,
             separate: self.separate,

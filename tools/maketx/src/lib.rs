@@ -16,7 +16,7 @@ use granita_image::{FormatRegistry, Limits};
 use granita_texture::make::{Costs, Made, MakeOptions, make_measured};
 use jobs::Job;
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -129,6 +129,29 @@ fn run_job(
     }
 }
 
+/// The format that the extension of a texture names, if it names one that stores textures.
+///
+/// # Errors
+/// When it names one that does not, with what is written under that name.
+fn format_of(output: &Path, registry: &FormatRegistry) -> Result<Option<String>, String> {
+    let extension = output.extension().map(|e| e.to_string_lossy().into_owned());
+    // What textures are called says nothing.
+    let Some(name) = extension.filter(|e| !e.eq_ignore_ascii_case("tx")) else { return Ok(None) };
+    let Some(format) = registry.by_name(&name) else { return Ok(None) };
+    // Shadow maps are TIFF files as well, which maketx makes with more in them.
+    if format.name() == "shadow" {
+        return Ok(None);
+    }
+    if ["write", "tiles", "levels"].iter().all(|feature| format.supports(feature)) {
+        return Ok(Some(format.name().to_owned()));
+    }
+    Err(format!(
+        "{} becomes a TIFF file: format \"{}\" does not store textures, which need tiles and MIP levels",
+        output.display(),
+        format.name()
+    ))
+}
+
 fn run(args: &Args, bar: &Bar, reporter: &Reporter) -> Status {
     let registry = granita_plugin::formats_with_plugins(
         Limits::default(),
@@ -139,7 +162,7 @@ fn run(args: &Args, bar: &Bar, reporter: &Reporter) -> Status {
     if args.debugdso {
         say_formats(&registry, reporter);
     }
-    let options = match args.options(memory::installed_bytes()) {
+    let mut options = match args.options(memory::installed_bytes()) {
         Ok(options) => options,
         Err(what) => {
             reporter.error(what);
@@ -154,6 +177,13 @@ fn run(args: &Args, bar: &Bar, reporter: &Reporter) -> Status {
             return Status::Failed;
         }
     };
+    if let (None, [job]) = (&args.format, &jobs[..]) {
+        match format_of(&job.output, &registry) {
+            Ok(Some(name)) => options.format = name,
+            Ok(None) => {}
+            Err(warning) => reporter.warning(warning),
+        }
+    }
     let made = || jobs.iter().filter(|job| run_job(job, args, &options, &registry, bar, reporter)).count();
     let made = match args.threads {
         Some(threads) => match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
@@ -180,4 +210,22 @@ pub fn main(words: Vec<OsString>) -> Status {
     let reporter = console_reporter("maketx", &bar);
     reporter.set_verbosity(verbosity);
     run(&args, &bar, &reporter)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn extensions_name_formats() {
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        let of = |name: &str| format_of(Path::new(name), &registry);
+        assert_eq!(of("a/b.exr"), Ok(Some("exr".to_owned())));
+        assert_eq!(of("b.EXR"), Ok(Some("exr".to_owned())));
+        assert_eq!(of("b.tif"), Ok(Some("tiff".to_owned())));
+        for none in ["b", "b.tx", "b.TX", "b.sm", "b.vsm", "b.unknown", "exr", ".exr"] {
+            assert_eq!(of(none), Ok(None), "{none}");
+        }
+        assert!(of("b.png").unwrap_err().contains("b.png becomes a TIFF file"));
+    }
 }
