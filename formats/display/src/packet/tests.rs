@@ -76,6 +76,13 @@ fn every_form_of_every_packet() {
         decode(&bytes(3, &[b"\0pic\0G\0", &place, &floats(&[1.0, 2.0])])).unwrap(),
         update(vec![channel("G", 0, 1)], &[1.0, 2.0])
     );
+    // A stride of 0 repeats one value, as in tev's own reader: the packet has no more values than are looked at.
+    let same =
+        bytes(6, &[b"\0pic\0", &ints(&[2]), b"G\0R\0", &place, &longs(&[1, 0, 0, 0]), &floats(&[1.0, 2.0])]);
+    assert_eq!(decode(&same).unwrap(), update(vec![channel("G", 1, 0), channel("R", 0, 0)], &[1.0, 2.0]));
+    let less =
+        bytes(6, &[b"\0pic\0", &ints(&[2]), b"G\0R\0", &place, &longs(&[1, 0, 0, 0]), &floats(&[1.0])]);
+    assert!(decode(&less).is_err());
     assert_eq!(
         decode(&bytes(5, &[b"\0pic\0", &ints(&[2]), b"G\0R\0", &place, &floats(&[1.0, 2.0, 3.0, 4.0])]))
             .unwrap(),
