@@ -459,6 +459,11 @@ impl ImageInput for ExrInput {
         Some(&self.parts.get(image)?.levels.get(level)?.spec)
     }
 
+    fn rows_together(&self, image: usize, level: usize) -> Option<u32> {
+        let (part, l) = self.level(image, level).ok()?;
+        (!l.spec.is_tiled()).then_some(part.block_rows)
+    }
+
     fn read_rows(&self, image: usize, level: usize, y0: u32, y1: u32) -> Result<Pixels> {
         let (part, l) = self.level(image, level)?;
         let spec = &l.spec;

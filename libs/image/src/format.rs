@@ -92,6 +92,13 @@ pub trait ImageInput: Send + Sync {
     /// is whatever the file holds. Reads nothing but this tile. An error for a scanline image.
     fn read_tile(&self, image: usize, level: usize, tx: u32, ty: u32) -> Result<Pixels>;
 
+    /// How many rows of a level are packed together, where such blocks are read by themselves: reading one of the rows
+    /// costs what reading all of the block does, and nothing for the rows above. `None` where that is not so.
+    fn rows_together(&self, image: usize, level: usize) -> Option<u32> {
+        let _ = (image, level);
+        None
+    }
+
     /// The whole data window of a level.
     fn read_level(&self, image: usize, level: usize) -> Result<Pixels> {
         let height = self.spec(image, level).map_or(0, |s| s.height);

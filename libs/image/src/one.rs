@@ -66,6 +66,10 @@ impl ImageInput for OneImage {
         if image == 0 { self.input.spec(self.image, level) } else { None }
     }
 
+    fn rows_together(&self, image: usize, level: usize) -> Option<u32> {
+        self.input.rows_together(self.of(image), level)
+    }
+
     fn read_rows(&self, image: usize, level: usize, y0: u32, y1: u32) -> Result<Pixels> {
         self.input.read_rows(self.of(image), level, y0, y1)
     }

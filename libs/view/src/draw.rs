@@ -60,6 +60,8 @@ pub struct Canvas {
     pub bytes: Vec<u8>,
     /// Whether all tiles were there.
     pub complete: bool,
+    /// Whether there was something everywhere, if coarser.
+    pub covered: bool,
     /// What was computed for drawing on it, of use when it is drawn again.
     tables: Tables,
 }
@@ -67,7 +69,7 @@ pub struct Canvas {
 /// Two are equal when they look the same.
 impl PartialEq for Canvas {
     fn eq(&self, other: &Self) -> bool {
-        let seen = |c: &Self| (c.width, c.height, c.complete);
+        let seen = |c: &Self| (c.width, c.height, c.complete, c.covered);
         seen(self) == seen(other) && self.bytes == other.bytes
     }
 }
@@ -77,12 +79,12 @@ impl Eq for Canvas {}
 impl Canvas {
     /// One that is complete; `bytes` are `4 * width * height`.
     pub fn new(width: u32, height: u32, bytes: Vec<u8>) -> Self {
-        Self { width, height, bytes, complete: true, tables: Tables::default() }
+        Self { width, height, bytes, complete: true, covered: true, tables: Tables::default() }
     }
 
     /// Empties it: all of it is beside a picture.
     pub fn clear(&mut self, width: u32, height: u32) {
-        (self.width, self.height, self.complete) = (width, height, true);
+        (self.width, self.height, self.complete, self.covered) = (width, height, true, true);
         self.bytes.resize(4 * width as usize * height as usize, 0);
         self.bytes.as_chunks_mut::<4>().0.fill(BESIDE);
     }
@@ -359,6 +361,7 @@ pub fn draw_into(
         _ => None,
     };
     canvas.complete = a.grid.complete && b.as_ref().is_none_or(|b| b.grid.complete);
+    canvas.covered = a.grid.covered && b.as_ref().is_none_or(|b| b.grid.covered);
     (canvas.width, canvas.height) = (view.width, view.height);
     canvas.bytes.resize(4 * pixels as usize, 0);
     let row_bytes = 4 * view.width as usize;

@@ -190,6 +190,8 @@ pub(crate) struct Grid<'a> {
     pick: [Pick; 4],
     /// Whether everything that is needed is there.
     pub(crate) complete: bool,
+    /// Whether there is something everywhere, if coarser.
+    pub(crate) covered: bool,
 }
 
 /// Room to work in, for one thread.
@@ -221,10 +223,12 @@ impl<'a> Grid<'a> {
                 }
             };
         }
-        Self { pyramid, level, corner: (x.start, y.start), size, cells, pick, complete }
+        let needed = |(tx, ty): &(u32, u32)| &cells[((ty - y.start) * size.0 + tx - x.start) as usize];
+        let covered = !needs.tiles.iter().any(|t| matches!(needed(t), Cell::Nothing));
+        Self { pyramid, level, corner: (x.start, y.start), size, cells, pick, complete, covered }
     }
 
-    /// The finest coarser tile in memory that covers the middle of one that is not.
+    /// The finest coarser tile in memory that covers the middle of one that is not, be it a rough one.
     fn coarser(pyramid: &Pyramid, level: usize, tx: u32, ty: u32) -> Cell {
         let levels = pyramid.levels();
         let fine = &levels[level];
@@ -235,7 +239,7 @@ impl<'a> Grid<'a> {
             };
             let x = place(tx, fine.scale.0, coarse.scale.0, coarse.width);
             let y = place(ty, fine.scale.1, coarse.scale.1, coarse.height);
-            if let Some(tile) = pyramid.held(at, x, y) {
+            if let Some(tile) = pyramid.held(at, x, y).or_else(|| pyramid.sketched(at, x, y)) {
                 return Cell::Coarser(tile, at);
             }
         }

@@ -13,7 +13,8 @@ use std::time::{Duration, Instant};
 struct Job {
     pyramid: Arc<Pyramid>,
     level: usize,
-    tile: (u32, u32),
+    /// Column and row; `None`: the rough picture is to be made.
+    tile: Option<(u32, u32)>,
 }
 
 type Task = Box<dyn FnOnce() + Send>;
@@ -87,11 +88,12 @@ impl Loader {
         for (pyramid, needs) in wanted {
             let failed = |t: &(u32, u32)| state.failed.contains(&(pyramid.number(), needs.level, t.0, t.1));
             let missing = needs.tiles.iter().filter(|t| !pyramid.has(needs.level, t.0, t.1) && !failed(t));
-            jobs.extend(missing.map(|tile| Job {
-                pyramid: pyramid.clone(),
-                level: needs.level,
-                tile: *tile,
-            }));
+            let job = |tile| Job { pyramid: pyramid.clone(), level: needs.level, tile };
+            let first = jobs.len();
+            jobs.extend(missing.map(|tile| job(Some(*tile))));
+            if jobs.len() > first && pyramid.wants_sketch() {
+                jobs.push_front(job(None));
+            }
         }
         state.jobs = jobs;
         drop(state);
@@ -163,8 +165,11 @@ fn work(shared: &Shared) {
         state.busy += 1;
         drop(state);
         let failed = match next {
-            Next::Tile(job) => {
-                let (tx, ty) = job.tile;
+            Next::Tile(Job { pyramid, tile: None, .. }) => {
+                pyramid.make_sketch();
+                None
+            }
+            Next::Tile(job @ Job { tile: Some((tx, ty)), .. }) => {
                 let read = job.pyramid.tile(job.level, tx, ty);
                 read.err().map(|_| (job.pyramid.number(), job.level, tx, ty))
             }

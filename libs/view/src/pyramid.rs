@@ -5,7 +5,8 @@ use crate::source::{Access, Source, tile_size};
 use crate::store::{TileKey, TileStore};
 use crate::tile::{Reduce, TILE, Tile};
 use granita_image::PixelType;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Levels are made down to this many pixels a side.
 const SMALLEST: u32 = 16;
@@ -41,7 +42,14 @@ pub struct Pyramid {
     reduce: Vec<Reduce>,
     /// One reads at a time, where a read gives much more than one tile.
     reading: Mutex<()>,
+    /// A rough picture is to be made before anything is read.
+    sketch_first: AtomicBool,
+    /// The rough picture, with its level.
+    sketch: OnceLock<Option<(usize, Vec<SketchTile>)>>,
 }
+
+/// Column, row and pixels.
+type SketchTile = ((u32, u32), Arc<Tile>);
 
 impl Drop for Pyramid {
     fn drop(&mut self) {
@@ -79,7 +87,17 @@ impl Pyramid {
         }
         let page = store.new_page(source.access() == Access::Whole);
         let upper = (source.access() == Access::Bands).then(|| store.new_page(true));
-        Self { source, store: store.clone(), page, upper, levels, reduce, reading: Mutex::default() }
+        Self {
+            source,
+            store: store.clone(),
+            page,
+            upper,
+            levels,
+            reduce,
+            reading: Mutex::default(),
+            sketch_first: AtomicBool::new(false),
+            sketch: OnceLock::new(),
+        }
     }
 
     /// Where its pixels come from.
@@ -113,6 +131,18 @@ impl Pyramid {
         let made = self.levels.get(level).is_some_and(|l| !l.stored);
         let made = if made { 4 * u64::from(TILE * TILE) * self.pixel_bytes() } else { 0 };
         [Some((self.page, bytes + made)), upper].into_iter().flatten().collect()
+    }
+
+    /// Bytes of tiles that reading `tiles` of them takes, of a picture that is not looked at yet.
+    pub fn cost(&self, tiles: u64) -> u64 {
+        let all = self.levels.first().map_or(0, |l| u64::from(l.width) * u64::from(l.height));
+        let pixels = match self.source.access() {
+            Access::Tiles => tiles * u64::from(TILE * TILE),
+            // Half as much again for smaller levels.
+            Access::Whole => all + all / 2,
+            Access::Bands => u64::MAX / 1024,
+        };
+        pixels.saturating_mul(self.pixel_bytes())
     }
 
     /// Bytes of one pixel.
@@ -241,6 +271,42 @@ impl Pyramid {
         Ok(tile)
     }
 
+    /// Has a rough picture made before the first tile is read, where the source has one.
+    pub fn sketch_first(&self) {
+        self.sketch_first.store(true, Ordering::Release);
+    }
+
+    /// Whether a rough picture is still to be made.
+    pub(crate) fn wants_sketch(&self) -> bool {
+        self.sketch_first.load(Ordering::Acquire)
+    }
+
+    /// Makes the rough picture, if that is wanted and has not been done.
+    pub(crate) fn make_sketch(&self) {
+        let _one = self.reading.lock().unwrap_or_else(PoisonError::into_inner);
+        self.make_sketch_alone();
+    }
+
+    /// The same, while nothing else is read.
+    fn make_sketch_alone(&self) {
+        if !self.sketch_first.swap(false, Ordering::AcqRel) {
+            return;
+        }
+        self.sketch.get_or_init(|| {
+            // Of other things there are no means.
+            let sketch = self.source.sketch().filter(|_| self.reduce.iter().all(|r| *r == Reduce::Mean))?;
+            let level = self.stored_levels() - 1 + sketch.halvings as usize;
+            let tiles = sketch.tiles.into_iter().map(|(at, tile)| (at, Arc::new(tile)));
+            (level < self.levels.len()).then(|| (level, tiles.collect()))
+        });
+    }
+
+    /// A tile of the rough picture.
+    pub(crate) fn sketched(&self, level: usize, tx: u32, ty: u32) -> Option<Arc<Tile>> {
+        let (_, tiles) = self.sketch.get()?.as_ref().filter(|(l, _)| *l == level)?;
+        tiles.iter().find(|(at, _)| *at == (tx, ty)).map(|(_, tile)| tile.clone())
+    }
+
     fn read(&self, level: usize, tx: u32, ty: u32) -> Result<Arc<Tile>> {
         let one = match self.source.access() {
             Access::Tiles => None,
@@ -248,6 +314,9 @@ impl Pyramid {
                 Some(self.reading.lock().unwrap_or_else(PoisonError::into_inner))
             }
         };
+        if one.is_some() {
+            self.make_sketch_alone();
+        }
         // Another thread may have brought it meanwhile.
         if one.is_some()
             && let Some(tile) = self.held(level, tx, ty)

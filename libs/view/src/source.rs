@@ -1,5 +1,6 @@
 //! Where tiles come from: a file, or whatever else has pixels.
 
+use crate::sketch::{self, Sketch};
 use crate::tile::{TILE, Tile};
 use crate::{Result, ViewError};
 use granita_image::{BlockCopy, ImageError, ImageInput, ImageSpec, PixelType, Pixels};
@@ -49,6 +50,11 @@ pub trait Source: Send + Sync {
     fn fault(&self) -> Option<String> {
         None
     }
+
+    /// A rough picture of it that costs a small part of reading all, if there is one.
+    fn sketch(&self) -> Option<Sketch> {
+        None
+    }
 }
 
 /// One image of a file.
@@ -68,13 +74,18 @@ struct Rows {
     by_position: bool,
     /// How many are read at once, where all are kept: while the next are read, smaller levels are made of these.
     at_once: u32,
+    /// How many are packed together.
+    together: Option<u32>,
 }
 
 impl Rows {
-    fn of(format: &str) -> Self {
+    fn of(input: &dyn ImageInput, image: usize) -> Self {
+        let together = input.rows_together(image, 0);
+        let places = ["tiff", "shadow", "exr", "sgi", "iff", "dds", "pfm", "pnm"];
         Self {
-            by_position: matches!(format, "tiff" | "shadow" | "exr" | "sgi" | "iff" | "dds" | "pfm" | "pnm"),
-            at_once: if format == "exr" { GROUP } else { u32::MAX },
+            by_position: together.is_some() || places.contains(&input.format_name()),
+            at_once: if together.is_some_and(|rows| rows <= GROUP) { GROUP } else { u32::MAX },
+            together,
         }
     }
 }
@@ -99,7 +110,7 @@ impl FilePage {
             Some(bytes) if bytes <= WHOLE_BYTES => Access::Whole,
             _ => Access::Bands,
         };
-        let mut rows = Rows::of(input.format_name());
+        let mut rows = Rows::of(&*input, image);
         if access == Access::Bands {
             rows.at_once = TILE;
         }
@@ -160,32 +171,6 @@ impl FilePage {
             }
         }
         if found { Ok((out, false)) } else { Err(first.into()) }
-    }
-
-    /// Cuts rows from `y0` on into tiles.
-    fn cut(&self, level: usize, y0: u32, pixels: &Pixels, whole: bool) -> Vec<((u32, u32), Tile)> {
-        let spec = &self.levels[level];
-        let n = spec.nchannels();
-        let rows = (pixels.len() / (spec.width as usize * n)) as u32;
-        let mut tiles = Vec::new();
-        for ty in y0 / TILE..(y0 + rows).div_ceil(TILE) {
-            for tx in 0..spec.width.div_ceil(TILE) {
-                let (width, height) = tile_size((spec.width, spec.height), tx, ty);
-                let mut tile = Tile::zeros(width, height, n, spec.pixel_type);
-                tile.whole = whole;
-                let copy = BlockCopy {
-                    from_width: spec.width as usize,
-                    from: ((tx * TILE) as usize, (ty * TILE - y0) as usize),
-                    to_width: width as usize,
-                    to: (0, 0),
-                    size: (width as usize, height as usize),
-                    nchannels: n,
-                };
-                copy.run(pixels, &mut tile.pixels);
-                tiles.push(((tx, ty), tile));
-            }
-        }
-        tiles
     }
 
     /// All tiles that the file's own tiles under tile (tx, ty) cover completely.
@@ -250,6 +235,36 @@ impl FilePage {
     }
 }
 
+/// Cuts rows from `y0` on, a multiple of the size of a tile, of a level of this size into tiles of `n` channels.
+pub(crate) fn cut(
+    size: (u32, u32),
+    n: usize,
+    y0: u32,
+    pixels: &Pixels,
+    whole: bool,
+) -> Vec<((u32, u32), Tile)> {
+    let rows = (pixels.len() / (size.0 as usize * n)) as u32;
+    let mut tiles = Vec::new();
+    for ty in y0 / TILE..(y0 + rows).div_ceil(TILE) {
+        for tx in 0..size.0.div_ceil(TILE) {
+            let (width, height) = tile_size(size, tx, ty);
+            let mut tile = Tile::zeros(width, height, n, pixels.pixel_type());
+            tile.whole = whole;
+            let copy = BlockCopy {
+                from_width: size.0 as usize,
+                from: ((tx * TILE) as usize, (ty * TILE - y0) as usize),
+                to_width: width as usize,
+                to: (0, 0),
+                size: (width as usize, height as usize),
+                nchannels: n,
+            };
+            copy.run(pixels, &mut tile.pixels);
+            tiles.push(((tx, ty), tile));
+        }
+    }
+    tiles
+}
+
 /// Width and height of tile (tx, ty) of a level of this size.
 pub(crate) fn tile_size(size: (u32, u32), tx: u32, ty: u32) -> (u32, u32) {
     (size.0.saturating_sub(tx * TILE).min(TILE), size.1.saturating_sub(ty * TILE).min(TILE))
@@ -290,10 +305,16 @@ impl Source for FilePage {
         let y0 = ty * TILE / self.rows.at_once * self.rows.at_once;
         let y1 = y0.saturating_add(self.rows.at_once).min(spec.height);
         let (pixels, whole) = self.read_rows(level, y0, y1)?;
-        Ok(self.cut(level, y0, &pixels, whole))
+        Ok(cut((spec.width, spec.height), spec.nchannels(), y0, &pixels, whole))
     }
 
     fn fault(&self) -> Option<String> {
         self.fault.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn sketch(&self) -> Option<Sketch> {
+        // Where the file has smaller levels these are quick enough.
+        let together = self.rows.together.filter(|_| self.levels.len() == 1)?;
+        sketch::of_rows(&*self.input, self.image, &self.levels[0], together)
     }
 }

@@ -146,6 +146,11 @@ impl TileStore {
         inner.shrink(&self.limits);
     }
 
+    /// How much is kept.
+    pub fn limits(&self) -> &StoreLimits {
+        &self.limits
+    }
+
     /// Bytes of all tiles, now and at most so far.
     pub fn bytes(&self) -> (u64, u64) {
         let inner = self.lock();

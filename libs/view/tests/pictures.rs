@@ -344,3 +344,48 @@ fn large_pictures_in_rows_are_read_in_bands() {
     assert!(most < 140 << 20, "{} MiB of {}", most >> 20, (u64::from(width) * u64::from(height) * 4) >> 20);
     assert_eq!(TILE, 128);
 }
+
+#[test]
+fn a_rough_picture_comes_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.exr");
+    let spec = ImageSpec::new(2048, 1100, 3, PixelType::Half);
+    write(&path, "exr", &spec, |x, y, c| [x as f32 / 2048.0, y as f32 / 1100.0, 0.25][c]);
+    let display = Display { srgb: false, ..Display::default() };
+    let look = |picture: &Picture, all: bool| {
+        let page = &picture.pages[0];
+        let sheet = page.sheet(page.arrangement(), 0);
+        let view = View::fit(512, 275, sheet.bounds);
+        let shown = Shown { page, sheet: &sheet, layer: 0, display: &display };
+        if all {
+            shown.load(&view).unwrap();
+        } else {
+            page.pyramid.tile(2, 0, 0).unwrap();
+        }
+        draw(shown, None, Mix::First, &view).unwrap()
+    };
+    let plain = open(&path);
+    let part = look(&plain, false);
+    assert!(!part.complete && !part.covered);
+    let whole = look(&plain, true);
+    assert!(whole.complete && whole.covered);
+
+    let picture = open(&path);
+    picture.pages[0].pyramid.sketch_first();
+    let rough = look(&picture, false);
+    assert!(rough.covered && !rough.complete);
+    for (i, (a, b)) in rough.bytes.iter().zip(&whole.bytes).enumerate() {
+        let y = i / 4 / 512;
+        // Above the first row that was read, and below the last, there is what is in it.
+        let far = if (18..257).contains(&y) { 4 } else { 20 };
+        assert!(a.abs_diff(*b) <= far, "{} {y}: {a} instead of {b}", i / 4 % 512);
+    }
+    assert!(look(&picture, true) == whole, "nothing of it is left");
+
+    // Where something cannot be read there is none: what is missing is not made up.
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    let cut = open(&path);
+    cut.pages[0].pyramid.sketch_first();
+    assert!(!look(&cut, false).covered);
+}

@@ -94,6 +94,8 @@ pub(crate) struct Desk {
     pub(crate) pending: Option<Errand>,
     /// Whether all that is in sight is there.
     pub(crate) complete: bool,
+    /// The way of the last step through the list: 1 or -1.
+    heading: isize,
 }
 
 impl Desk {
@@ -138,6 +140,7 @@ impl Desk {
             fulfilled: Vec::new(),
             pending: None,
             complete: false,
+            heading: 1,
         }
     }
 
@@ -218,7 +221,10 @@ impl Desk {
         let count = self.entries.len();
         let current = self.entries.current;
         match action {
-            Action::Next(by) => self.show(Self::step(current, by, count)),
+            Action::Next(by) => {
+                self.heading = by.signum();
+                self.show(Self::step(current, by, count));
+            }
             Action::First => self.show(0),
             Action::Last => self.show(count.saturating_sub(1)),
             Action::Other => match self.other.filter(|o| *o < count) {
@@ -595,8 +601,39 @@ impl Desk {
             .flat_map(|(s, n)| s.page.pyramid.in_sight(n.level, n.tiles.len() as u64))
             .collect();
         self.store.look_at(&in_sight);
-        self.loader.want(sides.iter().zip(&wanted).map(|(s, n)| (&s.page.pyramid, n)));
+        // What comes next is read when all of this is there.
+        let ahead = if self.complete && self.loader.arrivals() > 0 { self.ahead() } else { Vec::new() };
+        let (ahead, ahead_wanted): (Vec<Seen>, Vec<Needs>) = ahead.into_iter().unzip();
+        let all = sides.iter().zip(&wanted).chain(ahead.iter().zip(&ahead_wanted));
+        self.loader.want(all.map(|(s, n)| (&s.page.pyramid, n)));
         sides
+    }
+
+    /// The next picture of the list and the one before, with what will be seen of them: those that are kept whole until
+    /// then without others having to go.
+    fn ahead(&mut self) -> Vec<(Seen, Needs)> {
+        let (current, count) = (self.entries.current, self.entries.len());
+        let mut entries = [self.heading, -self.heading].map(|by| Self::step(current, by, count)).to_vec();
+        entries.dedup();
+        entries.retain(|entry| *entry != current && !self.entries.is_live(*entry));
+        let most = self.store.limits().others / 3;
+        let mut out = Vec::new();
+        for entry in entries {
+            // What is wrong with it is said when it is looked at.
+            let _ = self.entries.open(entry, &self.formats, &self.store);
+            let Some(seen) = self.entries.seen(entry, &self.display) else { continue };
+            let same = self
+                .entries
+                .seen(current, &self.display)
+                .is_some_and(|s| s.sheet.bounds == seen.sheet.bounds);
+            let fit = View::fit(self.view.width, self.view.height, seen.sheet.bounds);
+            let view = if same { View { around: None, ..self.view } } else { fit };
+            let wanted = needs(&seen.page, &seen.sheet, &view);
+            if seen.page.pyramid.cost(wanted.tiles.len() as u64) <= most {
+                out.push((seen, wanted));
+            }
+        }
+        out
     }
 
     /// Brings the canvas up to date for a window of this size; whether it changed.
@@ -692,3 +729,7 @@ impl Desk {
         self.tasks.answers(&self.loader, &seen, &asked)
     }
 }
+
+#[cfg(test)]
+#[path = "desk_tests.rs"]
+mod tests;

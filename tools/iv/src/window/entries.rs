@@ -152,7 +152,13 @@ impl Entries {
         }
         let stamp = Stamp::of(&e.path);
         match Picture::open(&e.path, formats, store) {
-            Ok(picture) => e.opened = Opened::File(picture),
+            Ok(picture) => {
+                // Somebody waits for it.
+                if entry == self.current {
+                    picture.pages.iter().for_each(|page| page.pyramid.sketch_first());
+                }
+                e.opened = Opened::File(picture);
+            }
             Err(error) => {
                 let text = error.to_string();
                 e.opened = Opened::Failed(text.clone(), stamp);

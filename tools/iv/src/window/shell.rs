@@ -66,8 +66,8 @@ pub(crate) struct Shell {
     /// What draws the picture instead, and whether it has it.
     blit: Option<Blit>,
     in_blit: bool,
-    /// The last frame had the complete picture for the first time.
-    just_complete: bool,
+    /// The last frame had something everywhere, or the complete picture, for the first time.
+    just_shown: [bool; 2],
     /// Where the picture is, in points.
     pub(crate) area: egui::Rect,
     pub(crate) pointer: Option<Pos2>,
@@ -81,8 +81,10 @@ pub(crate) struct Shell {
     outcome: Outcome,
     shot: Shot,
     shown_title: String,
-    started: Instant,
-    first_picture: Option<Duration>,
+    /// The present entry, and since when; of the first one since the program began to make the window.
+    since: (usize, Instant),
+    /// After how long there was something everywhere of it, and when it was complete.
+    first_picture: [Option<Duration>; 2],
 }
 
 impl Shell {
@@ -110,7 +112,7 @@ impl Shell {
             texture: None,
             blit,
             in_blit: false,
-            just_complete: false,
+            just_shown: [false; 2],
             area: egui::Rect::ZERO,
             pointer: None,
             drag: None,
@@ -122,8 +124,8 @@ impl Shell {
             outcome,
             shot: Shot::default(),
             shown_title: String::new(),
-            started,
-            first_picture: None,
+            since: (0, started),
+            first_picture: [None; 2],
         }
     }
 
@@ -319,8 +321,14 @@ impl Shell {
         let most = ui.input(|i| i.max_texture_side) as u32;
         let (width, height) = (side(self.area.width()).min(most), side(self.area.height()).min(most));
         // By now the frame before is on its way to the screen.
-        if std::mem::take(&mut self.just_complete) {
-            self.first_picture = Some(self.started.elapsed());
+        for (just, time) in self.just_shown.iter_mut().zip(&mut self.first_picture) {
+            if std::mem::take(just) {
+                *time = Some(self.since.1.elapsed());
+            }
+        }
+        if self.since.0 != self.desk.entries.current {
+            self.since = (self.desk.entries.current, Instant::now());
+            self.first_picture = [None; 2];
         }
         let changed = self.desk.frame(width, height);
         let corner = [self.area.left(), self.area.top()].map(|v| (v * ppp).round() as i32);
@@ -330,9 +338,12 @@ impl Shell {
                 self.set_texture(ui.ctx());
             }
         }
-        if self.first_picture.is_none() && self.desk.complete {
-            self.just_complete = true;
-            ui.ctx().request_repaint();
+        let now = [self.desk.canvas.covered, self.desk.complete];
+        for ((just, time), now) in self.just_shown.iter_mut().zip(&self.first_picture).zip(now) {
+            if now && time.is_none() {
+                *just = true;
+                ui.ctx().request_repaint();
+            }
         }
         let size = Vec2::new(width as f32, height as f32) / ppp;
         let place = egui::Rect::from_min_size(self.area.min, size);
@@ -503,11 +514,11 @@ impl Shell {
 
     /// The status line, the side panel and the message as text.
     fn everything_said(&mut self, ppp: f32) -> String {
-        let first = self.first_picture.map_or(0.0, |d| d.as_secs_f64());
+        let [first, complete] = self.first_picture.map(|d| d.map_or(0.0, |d| d.as_secs_f64()));
         let mut lines = vec![panels::status(self, ppp)];
         lines.extend(panels::numbers(&mut self.desk));
         lines.extend(self.desk.message.as_ref().map(|(text, _)| text.clone()));
-        lines.push(format!("first picture after {first:.3} s"));
+        lines.push(format!("first picture after {first:.3} s, complete after {complete:.3} s"));
         lines.join("\n") + "\n"
     }
 

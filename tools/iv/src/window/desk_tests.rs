@@ -1,0 +1,68 @@
+#![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
+
+use super::*;
+use granita_image::{CreateOptions, ImageSpec, Limits, PixelType, Pixels};
+use granita_view::StoreLimits;
+use std::path::Path;
+
+fn write(path: &Path, formats: &FormatRegistry, (width, height): (u32, u32)) {
+    let spec = ImageSpec::new(width, height, 3, PixelType::U8);
+    let mut file = formats.create(path, "png", &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    file.write_rows(&Pixels::U8(vec![100; (width * height * 3) as usize])).unwrap();
+    file.close().unwrap();
+}
+
+/// A desk with files of these sizes, and room for so many bytes of pictures that are not looked at.
+fn desk(folder: &Path, sizes: &[(u32, u32)], others: u64) -> Desk {
+    let formats = granita_plugin::bundled_formats(Limits::default());
+    let files = (0..sizes.len()).map(|i| folder.join(format!("{i}.png"))).collect::<Vec<_>>();
+    files.iter().zip(sizes).for_each(|(file, size)| write(file, &formats, *size));
+    let store = TileStore::new(StoreLimits { others, ..StoreLimits::default() });
+    Desk::new(formats, files, Live::default(), Display::default(), store, || ())
+}
+
+/// Frames until nothing is to be done any more.
+fn settle(desk: &mut Desk) {
+    for _ in 0..4 {
+        desk.frame(200, 150);
+        desk.loader.wait();
+    }
+    desk.frame(200, 150);
+}
+
+#[test]
+fn the_next_picture_is_read_before_it_is_looked_at() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut desk = desk(folder.path(), &[(300, 200); 5], 10 << 20);
+    settle(&mut desk);
+    assert!(desk.complete);
+    let open = |desk: &Desk| (0..5).filter(|i| desk.entries.page(*i).is_some()).collect::<Vec<_>>();
+    assert_eq!(open(&desk), [0, 1, 4]);
+    for (action, expected) in [
+        (Action::Next(1), &[0, 1, 2, 4][..]),
+        (Action::Next(1), &[0, 1, 2, 3, 4]),
+        (Action::Next(-1), &[0, 1, 2, 3, 4]),
+    ] {
+        desk.act(action);
+        // The first frame of it is complete.
+        desk.frame(200, 150);
+        assert!(desk.complete);
+        settle(&mut desk);
+        assert_eq!(open(&desk), expected);
+    }
+}
+
+#[test]
+fn what_would_take_too_much_memory_is_not_read_ahead() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut desk = desk(folder.path(), &[(100, 100), (1000, 1000), (110, 100)], 1 << 20);
+    settle(&mut desk);
+    let before = desk.store.bytes().1;
+    assert!(before < 1 << 20, "{before}");
+    desk.act(Action::Next(-1));
+    desk.frame(200, 150);
+    assert!(desk.complete);
+    desk.act(Action::Next(-1));
+    settle(&mut desk);
+    assert!(desk.complete && desk.store.bytes().1 > 1 << 20);
+}
