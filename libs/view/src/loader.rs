@@ -91,8 +91,11 @@ impl Loader {
             let job = |tile| Job { pyramid: pyramid.clone(), level: needs.level, tile };
             let first = jobs.len();
             jobs.extend(missing.map(|tile| job(Some(*tile))));
-            if jobs.len() > first && pyramid.wants_sketch() {
-                jobs.push_front(job(None));
+            match jobs.len() > first {
+                true if pyramid.wants_sketch() => jobs.push_front(job(None)),
+                true => {}
+                // It is there already.
+                false => pyramid.no_sketch(),
             }
         }
         state.jobs = jobs;

@@ -276,6 +276,11 @@ impl Pyramid {
         self.sketch_first.store(true, Ordering::Release);
     }
 
+    /// Nobody waits any more.
+    pub(crate) fn no_sketch(&self) {
+        self.sketch_first.store(false, Ordering::Release);
+    }
+
     /// Whether a rough picture is still to be made.
     pub(crate) fn wants_sketch(&self) -> bool {
         self.sketch_first.load(Ordering::Acquire)

@@ -43,6 +43,43 @@ fn pictures() -> tempfile::TempDir {
     folder
 }
 
+/// A format that a shared library brings, from the folder where tools look without being told.
+#[cfg(unix)]
+#[test]
+fn info_of_a_format_of_a_plugin() {
+    let folder = tempfile::tempdir().unwrap();
+    let library = folder.path().join("lib");
+    std::fs::create_dir(&library).unwrap();
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let built = Command::new("cc")
+        .args(["-w", "-shared", "-fPIC", "-o"])
+        .arg(library.join("plain.imageio.so"))
+        .arg("-I")
+        .arg(repository.join("bindings/cpp/include"))
+        .arg(repository.join("tests/cpp/plain.c"))
+        .status();
+    assert!(built.unwrap().success(), "a C compiler is needed to build the suite as well");
+    let values: Vec<u8> = (0..3 * 2 * 2).flat_map(|i| (i as f32).to_le_bytes()).collect();
+    let file = [b"PLAIN 3 2 2 Y A\n", &*values, b"pieces 0\n"].concat();
+    std::fs::write(folder.path().join("a.pln"), &file).unwrap();
+    std::fs::write(folder.path().join("cut.pln"), &file[..40]).unwrap();
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_iv"));
+        let out = command.current_dir(folder.path()).env("GELATOHOME", folder.path()).args(arguments).output();
+        let Output { status, stdout, stderr } = out.unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        (status.code(), text(stdout), text(stderr))
+    };
+    let (status, out, error) = run(&["-info", "a.pln"]);
+    assert_eq!((status, &*error), (Some(0), ""));
+    assert!(out.starts_with("a.pln: plain\n  3 x 2, 2 channels (Y A) of float\n"), "{out}");
+    let (status, out, error) = run(&["-stats", "a.pln"]);
+    assert_eq!((status, &*error), (Some(0), ""));
+    assert!(out.contains("10") && out.contains("11"), "{out}");
+    let (status, _, error) = run(&["-stats", "cut.pln"]);
+    assert!(status == Some(2) && error.contains("it is cut short"), "{status:?} {error}");
+}
+
 #[test]
 fn info() {
     let folder = pictures();

@@ -194,6 +194,7 @@ impl Desk {
         self.entries.current = entry;
         self.probe = None;
         let new = self.bounds();
+        self.entries.hurry(entry);
         // Pictures of one size are looked at in one place, so that they can be flipped.
         if old.is_none() || new != old {
             self.fitted = true;
@@ -566,6 +567,9 @@ impl Desk {
 
     /// Begins to read what a window of this size will show.
     pub(crate) fn foresee(&mut self, width: u32, height: u32) {
+        let current = self.entries.current;
+        self.seen(current);
+        self.entries.hurry(current);
         self.ask(width, height);
     }
 
@@ -609,14 +613,14 @@ impl Desk {
         sides
     }
 
-    /// The next picture of the list and the one before, with what will be seen of them: those that are kept whole until
-    /// then without others having to go.
+    /// The next picture of the list and the one before, with what will be seen of them: as far as there is room for both
+    /// among what is kept of pictures that are not looked at.
     fn ahead(&mut self) -> Vec<(Seen, Needs)> {
         let (current, count) = (self.entries.current, self.entries.len());
         let mut entries = [self.heading, -self.heading].map(|by| Self::step(current, by, count)).to_vec();
         entries.dedup();
         entries.retain(|entry| *entry != current && !self.entries.is_live(*entry));
-        let most = self.store.limits().others / 3;
+        let mut room = self.store.limits().others;
         let mut out = Vec::new();
         for entry in entries {
             // What is wrong with it is said when it is looked at.
@@ -629,7 +633,8 @@ impl Desk {
             let fit = View::fit(self.view.width, self.view.height, seen.sheet.bounds);
             let view = if same { View { around: None, ..self.view } } else { fit };
             let wanted = needs(&seen.page, &seen.sheet, &view);
-            if seen.page.pyramid.cost(wanted.tiles.len() as u64) <= most {
+            if let Some(rest) = room.checked_sub(seen.page.pyramid.cost(wanted.tiles.len() as u64)) {
+                room = rest;
                 out.push((seen, wanted));
             }
         }

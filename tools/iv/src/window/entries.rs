@@ -152,13 +152,7 @@ impl Entries {
         }
         let stamp = Stamp::of(&e.path);
         match Picture::open(&e.path, formats, store) {
-            Ok(picture) => {
-                // Somebody waits for it.
-                if entry == self.current {
-                    picture.pages.iter().for_each(|page| page.pyramid.sketch_first());
-                }
-                e.opened = Opened::File(picture);
-            }
+            Ok(picture) => e.opened = Opened::File(picture),
             Err(error) => {
                 let text = error.to_string();
                 e.opened = Opened::Failed(text.clone(), stamp);
@@ -174,6 +168,13 @@ impl Entries {
             }
         }
         Ok(())
+    }
+
+    /// Somebody waits for an open entry: of what has not been read a rough picture comes first.
+    pub(crate) fn hurry(&self, entry: usize) {
+        if let Some(picture) = self.picture(entry) {
+            picture.pages.iter().for_each(|page| page.pyramid.sketch_first());
+        }
     }
 
     /// What is wrong with an entry that cannot be opened.

@@ -406,7 +406,10 @@ fn help_and_prompt(shell: &mut Shell, ui: &mut egui::Ui) {
             |ui| {
                 egui::Frame::popup(ui.style()).show(ui, |ui| {
                     let height = (shell.area.height() - 60.0).max(80.0);
-                    egui::ScrollArea::vertical().max_height(height).show(ui, |ui| {
+                    // As high as the keys are, if the window is; by itself it would scroll in half of the window.
+                    let scrolled =
+                        egui::ScrollArea::vertical().max_height(height).min_scrolled_height(height);
+                    scrolled.show(ui, |ui| {
                         ui.spacing_mut().interact_size.y = 0.0;
                         egui::Grid::new("keys").num_columns(4).spacing([14.0, 2.0]).show(ui, |ui| {
                             let rows = help_rows();
