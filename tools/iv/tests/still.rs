@@ -65,7 +65,8 @@ fn info_of_a_format_of_a_plugin() {
     std::fs::write(folder.path().join("cut.pln"), &file[..40]).unwrap();
     let run = |arguments: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_iv"));
-        let out = command.current_dir(folder.path()).env("GELATOHOME", folder.path()).args(arguments).output();
+        let out =
+            command.current_dir(folder.path()).env("GELATOHOME", folder.path()).args(arguments).output();
         let Output { status, stdout, stderr } = out.unwrap();
         let text = |bytes| String::from_utf8(bytes).unwrap();
         (status.code(), text(stdout), text(stderr))

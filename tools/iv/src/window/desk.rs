@@ -721,7 +721,8 @@ impl Desk {
         let current = self.entries.current;
         let Some(seen) = self.seen(current) else { return Answers::default() };
         let second = match self.mix {
-            Mix::First => None,
+            // What lies over something else is not to be like it.
+            Mix::First | Mix::Over => None,
             _ => self.other.and_then(|other| self.seen(other)),
         };
         let needs = needs(&seen.page, &seen.sheet, &self.view);

@@ -1,3 +1,5 @@
+//! Tests of what is looked at, without a window.
+
 #![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
 
 use super::*;
