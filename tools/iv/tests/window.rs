@@ -212,7 +212,13 @@ fn what_cannot_be_shown_is_said_in_the_window() {
     let Some(screen) = Screen::start() else { return };
     let folder = pictures();
     std::fs::write(folder.path().join("text.txt"), "no picture at all").unwrap();
-    let script = "frames 5\nexpect not an image of a known format\nkey Space\nwait\nexpect b.png\nkey K\nframes 1\nexpect there are no faces\nkey Questionmark\nframes 2\nkey Escape\nkey V\nwait\nexpect helix\nkey O\nframes 2\nexpect no panorama\nquit\n";
+    let cut = folder.path().join("cut.jpg");
+    let spec = ImageSpec::new(400, 300, 3, PixelType::U8);
+    write(cut.clone(), &spec, |x, y, c| ((x * x + y * (3 + c as u32)) % 97) as f32 / 97.0);
+    let bytes = std::fs::read(&cut).unwrap();
+    std::fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
+    let script = "frames 5\nexpect not an image of a known format\nkey Space\nwait\nexpect b.png\nkey K\nframes 1\nexpect there are no faces\nkey Questionmark\nframes 2\nkey Escape\nkey V\nwait\nexpect helix\nkey O\nframes 2\nexpect no panorama\n\
+                  file cut.jpg\nwait\nexpect not all of it could be read\nexpect of 300 rows are there\nquit\n";
     screen.run(folder.path(), &["text.txt", "b.png", "none.exr"], script);
 }
 

@@ -129,6 +129,7 @@ pub(crate) fn numbers(desk: &mut Desk) -> Vec<String> {
     let answers = desk.answers();
     let mut lines = Vec::new();
     let current = desk.entries.current;
+    lines.extend(desk.entries.page(current).and_then(|(_, page)| page.fault()));
     if let (Some(found), Some(part), Some((_, page))) =
         (&answers.probe, desk.probe, desk.entries.page(current))
     {
