@@ -7,18 +7,18 @@ const fn van_der_corput(i: u32) -> u32 {
     i.reverse_bits()
 }
 
-/// Second Sobol dimension, by the recurrence of its direction numbers.
+/// Second Sobol dimension.
+///
+/// Direction number `k` holds the binomials of `k`, modulo 2, from the highest bit down: with its bits turned around, the
+/// result is the polynomial over the field of two whose coefficients are the bits of `i`, taken at `x + 1`. As
+/// `(x + 1)^s = x^s + 1` for powers of two, that is one step for each halving of the polynomial.
 const fn sobol_2(mut i: u32) -> u32 {
-    let mut v = 1_u32 << 31;
-    let mut r = 0;
-    while i != 0 {
-        if i & 1 != 0 {
-            r ^= v;
-        }
-        i >>= 1;
-        v ^= v >> 1;
-    }
-    r
+    i ^= i >> 16;
+    i ^= (i >> 8) & 0x00ff_00ff;
+    i ^= (i >> 4) & 0x0f0f_0f0f;
+    i ^= (i >> 2) & 0x3333_3333;
+    i ^= (i >> 1) & 0x5555_5555;
+    i.reverse_bits()
 }
 
 /// Owen scrambling by hashing (Laine and Karras 2011, with the constants of Burley,
@@ -35,6 +35,7 @@ const fn owen(x: u32, seed: u32) -> u32 {
 
 /// Point `i` of a scrambled (0,2)-sequence in the unit square: every run of 2^k points is stratified
 /// in all elementary intervals. `seed` names pixel and dimension.
+#[inline]
 pub const fn square(i: u32, seed: u32) -> (f32, f32) {
     // Shuffle the order as well, so that different seeds pair independently.
     let i = owen(i, mix32(seed ^ 0x68bc_21eb));
@@ -45,6 +46,7 @@ pub const fn square(i: u32, seed: u32) -> (f32, f32) {
 }
 
 /// Point `i` of a scrambled one-dimensional sequence: every run of 2^k points is stratified.
+#[inline]
 pub const fn line(i: u32, seed: u32) -> f32 {
     crate::hash::unit(owen(van_der_corput(i), mix32(seed)))
 }
@@ -85,6 +87,24 @@ pub const fn permute(mut i: u32, n: u32, seed: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// By the recurrence of the direction numbers.
+    #[test]
+    fn the_second_dimension_is_that_of_its_direction_numbers() {
+        let by_numbers = |mut i: u32| {
+            let (mut v, mut r) = (1_u32 << 31, 0);
+            while i != 0 {
+                r ^= if i & 1 != 0 { v } else { 0 };
+                i >>= 1;
+                v ^= v >> 1;
+            }
+            r
+        };
+        let wide = (0..10_000_u32).map(|i| mix32(i).wrapping_mul(2).wrapping_add(i));
+        for i in (0..1000).chain(wide).chain([u32::MAX, 1 << 31]) {
+            assert_eq!(sobol_2(i), by_numbers(i), "{i}");
+        }
+    }
 
     #[test]
     fn squares_are_stratified() {

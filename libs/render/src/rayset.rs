@@ -21,8 +21,8 @@ use crate::raymesh::{self, Flat, Level, Member, MeshHit, RayMesh, Solid};
 use crate::raytrace::RayRequest;
 use crate::shading::{ShaderThread, ShadingContext};
 use granita_base::{Bound, Vec3};
-use granita_trace::{BoxTree, Hit, Ray, Tracer, TracerBuilder};
-use std::collections::HashMap;
+use granita_trace::{BoxRoom, BoxTree, Hit, Ray, RayRoom, Tracer, TracerBuilder};
+use rustc_hash::FxHashMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -52,7 +52,7 @@ pub(crate) struct RayScene {
     /// Some of its shaders ask the shaders whose rays meet them.
     pub(crate) asks_parents: bool,
     /// Made when the first light shines from it.
-    areas: OnceLock<AreaTable>,
+    areas: OnceLock<Areas>,
 }
 
 /// Where a ray met a set.
@@ -99,9 +99,19 @@ impl SetHit {
 /// Tessellations that a thread has at hand while it traces a batch.
 #[derive(Default)]
 struct AtHand {
-    made: HashMap<(u32, Level), Arc<Tessellation>>,
+    made: FxHashMap<(u32, Level), Arc<Tessellation>>,
     bytes: u64,
 }
+
+/// What light shines from.
+struct Areas {
+    table: AreaTable,
+    /// All of the flat meshes as they are hit, where they are few.
+    flats: Vec<RayMesh>,
+}
+
+/// Facets of flat meshes that are few.
+const FEW_FACETS: usize = 1 << 12;
 
 /// Where hits are: meshes, and the places of the hits in them.
 pub(crate) struct Located<'a> {
@@ -119,7 +129,7 @@ struct HitFacets {
     /// In the order in which they were met first.
     facets: Vec<u32>,
     /// Where they stand in it.
-    known: HashMap<u32, u32>,
+    known: FxHashMap<u32, u32>,
 }
 
 /// Mesh and triangle of one hit.
@@ -128,6 +138,22 @@ enum Place {
     Kept(u32, u32),
     Resident(u32, u32),
     Temporary(u32, u32),
+}
+
+impl Place {
+    /// Where a hit is that follows one at this place, if that is easy to say.
+    fn next_to(self, before: &SetHit, hit: &SetHit) -> Option<Self> {
+        let same = (before.part, before.level) == (hit.part, hit.level);
+        match self {
+            _ if !same => None,
+            Self::Kept(mesh, _) => Some(Self::Kept(mesh, hit.triangle)),
+            Self::Resident(mesh, _) => Some(Self::Resident(mesh, hit.triangle)),
+            Self::Temporary(mesh, triangle) => {
+                let facet = before.triangle / 2 == hit.triangle / 2;
+                facet.then_some(Self::Temporary(mesh, triangle & !1 | hit.triangle & 1))
+            }
+        }
+    }
 }
 
 impl Located<'_> {
@@ -305,14 +331,14 @@ impl RayScene {
     fn along(
         &self,
         thread: &mut ShaderThread<'_>,
-        hand: &mut AtHand,
+        (hand, room): (&mut AtHand, &mut BoxRoom),
         request: &RayRequest,
         reach: f32,
         passed: &mut dyn FnMut(&Tracer, u32, Level) -> f32,
     ) {
         let ray = Ray { tmax: reach.min(request.ray.tmax), ..request.ray };
         let mut known: Option<(u32, Level)> = None;
-        self.boxes.visit(&ray, &mut |passage| {
+        self.boxes.visit(&ray, room, &mut |passage| {
             let (solid, _) = self.parts[passage.index as usize];
             let level = match known {
                 Some((of, level)) if of == solid => level,
@@ -338,13 +364,11 @@ impl RayScene {
         if self.parts.is_empty() {
             return hits;
         }
-        let mut hand = AtHand::default();
+        let (mut hand, mut boxes, mut room) = (AtHand::default(), BoxRoom::default(), RayRoom::default());
         for (request, best) in requests.iter().zip(&mut hits) {
-            self.along(thread, &mut hand, request, best.t, &mut |tracer, part, level| {
+            self.along(thread, (&mut hand, &mut boxes), request, best.t, &mut |tracer, part, level| {
                 let ray = Ray { tmax: best.t.min(request.ray.tmax), ..request.ray };
-                let mut found = [Hit::MISS];
-                tracer.closest(&[ray], &mut found);
-                let [hit] = found;
+                let hit = tracer.closest_of_one(&ray, &mut room);
                 if hit.is_hit() {
                     let hit = SetHit { part, level, ..SetHit::flat(&hit) };
                     if hit.t < best.t || hit.t == best.t && hit.order() < best.order() {
@@ -365,12 +389,10 @@ impl RayScene {
         if self.parts.is_empty() {
             return blocked;
         }
-        let mut hand = AtHand::default();
+        let (mut hand, mut boxes, mut room) = (AtHand::default(), BoxRoom::default(), RayRoom::default());
         for (request, blocked) in requests.iter().zip(&mut blocked).filter(|(_, b)| !**b) {
-            self.along(thread, &mut hand, request, f32::INFINITY, &mut |tracer, _, _| {
-                let mut found = [false];
-                tracer.any(std::slice::from_ref(&request.ray), &mut found);
-                [*blocked] = found;
+            self.along(thread, (&mut hand, &mut boxes), request, f32::INFINITY, &mut |tracer, _, _| {
+                *blocked = tracer.any_of_one(&request.ray, &mut room);
                 if *blocked { -1.0 } else { f32::INFINITY }
             });
         }
@@ -390,8 +412,8 @@ impl RayScene {
         if self.parts.is_empty() {
             return best;
         }
-        let mut hand = AtHand::default();
-        self.along(thread, &mut hand, request, best.t, &mut |tracer, part, level| {
+        let (mut hand, mut boxes) = (AtHand::default(), BoxRoom::default());
+        self.along(thread, (&mut hand, &mut boxes), request, best.t, &mut |tracer, part, level| {
             let ray = Ray { tmax: best.t.min(request.ray.tmax), ..request.ray };
             let of_part = |h: &Hit| SetHit { part, level, ..SetHit::flat(h) };
             let hit = tracer.closest_where(&ray, &mut |h| accept(&of_part(h)));
@@ -411,10 +433,14 @@ impl RayScene {
         let residents = &self.residents[..];
         let mut located =
             Located { residents, meshes: Vec::new(), temporary: Vec::new(), places: Vec::new() };
-        let mut kept: HashMap<(u32, Level), u32> = HashMap::new();
-        let mut flats: HashMap<u32, HitFacets> = HashMap::new();
-        for hit in hits {
-            if self.solid(hit.part).is_some() {
+        let mut kept: FxHashMap<(u32, Level), u32> = FxHashMap::default();
+        let mut flats: FxHashMap<u32, HitFacets> = FxHashMap::default();
+        for (k, hit) in hits.iter().enumerate() {
+            // Hits come in order: mostly they are where the one before was.
+            let before = k.checked_sub(1).map(|k| (&hits[k], located.places[k]));
+            if let Some(place) = before.and_then(|(before, place)| place.next_to(before, hit)) {
+                located.places.push(place);
+            } else if self.solid(hit.part).is_some() {
                 let mesh = *kept.entry((hit.part, hit.level)).or_insert_with(|| {
                     located.meshes.push(self.part(thread, hit.part, hit.level));
                     located.meshes.len() as u32 - 1
@@ -450,27 +476,42 @@ impl RayScene {
         let areas = match self.areas.get() {
             Some(areas) => areas,
             None => {
-                let made = self.area_table(thread);
+                let made = self.areas(thread);
                 self.areas.get_or_init(|| made)
             }
         };
         let hits: Option<Vec<SetHit>> = places
             .iter()
             .map(|&(fraction, b1, b2)| {
-                let (part, triangle) = areas.at(fraction)?;
+                let (part, triangle) = areas.table.at(fraction)?;
                 Some(SetHit { t: 0.0, b1, b2, part, triangle, level: Level::FINEST })
             })
             .collect();
         let hits = hits?;
-        let located = self.locate(thread, &hits);
-        let point = |(k, hit): (usize, &SetHit)| {
-            let (mesh, triangle) = located.get(k)?;
+        let of_mesh = |mesh: &RayMesh, triangle: u32, hit: &SetHit| {
             let [a, b, c] = mesh.corners(triangle);
             let p = a * (1.0 - hit.b1 - hit.b2) + b * hit.b1 + c * hit.b2;
             let place = MeshHit { triangle, b1: hit.b1, b2: hit.b2, p, i: Vec3::ZERO, width: 0.0 };
-            Some((p, mesh.normal(&place)))
+            (p, mesh.normal(&place))
+        };
+        if hits.iter().all(|hit| (hit.part as usize) < areas.flats.len()) {
+            let point = |hit: &SetHit| of_mesh(&areas.flats[hit.part as usize], hit.triangle, hit);
+            return Some(hits.iter().map(point).collect());
+        }
+        let located = self.locate(thread, &hits);
+        let point = |(k, hit): (usize, &SetHit)| {
+            let (mesh, triangle) = located.get(k)?;
+            Some(of_mesh(mesh, triangle, hit))
         };
         hits.iter().enumerate().map(point).collect()
+    }
+
+    fn areas(&self, thread: &mut ShaderThread<'_>) -> Areas {
+        let all = |flat: &Flat| (0..flat.facets() as u32).collect::<Vec<u32>>();
+        let few = self.flats.iter().map(Flat::facets).sum::<usize>() <= FEW_FACETS;
+        let flats = self.flats.iter().filter(|_| few).map(|flat| flat.mesh_of(&all(flat), thread));
+        let flats = flats.collect::<Option<Vec<RayMesh>>>().unwrap_or_default();
+        Areas { table: self.area_table(thread), flats }
     }
 
     /// Areas of all triangles at the finest level.

@@ -152,8 +152,9 @@ impl Renderer {
         }
         match environment.databases.finish(&environment.texture_path) {
             Ok(finished) => report.databases = finished.written,
-            Err(error) => {
-                reporter.error(format!("a spatial database is not written: {error}"));
+            Err(errors) => {
+                let say = |error| reporter.error(format!("a spatial database is not written: {error}"));
+                errors.iter().for_each(say);
                 report.complete = false;
             }
         }

@@ -7,6 +7,7 @@ use crate::{Key, Packed, Schema};
 use granita_base::{Location, Reporter, SearchPath, Severity};
 use granita_image::{CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Pixels};
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -107,6 +108,8 @@ struct Entry {
     picture: PictureOptions,
     /// Records that were left out because they are not finite.
     broken: u64,
+    /// Why some of this frame are not kept.
+    lost: Option<ErrorKind>,
     /// Of earlier frames.
     memory: Option<Arc<Packed>>,
     /// Looked for already; with what was found.
@@ -176,6 +179,9 @@ impl Databases {
             self.tell(name, Severity::Error, text);
             return;
         }
+        if entry.lost.is_some() {
+            return;
+        }
         let mut pushed = Ok(());
         for record in records.chunks_exact(schema.numbers()) {
             if record.iter().all(|x| x.is_finite()) {
@@ -185,6 +191,7 @@ impl Databases {
             }
         }
         if let Err(source) = pushed {
+            entry.lost = Some(source.kind());
             let error = SdbError::Io { path: name.into(), source };
             drop(entries);
             self.tell(name, Severity::Error, format!("records cannot be kept: {error}"));
@@ -236,7 +243,7 @@ impl Databases {
     /// Before a frame: forgets what one that came to no end saved.
     pub fn begin(&self) {
         for entry in lock(&self.entries).values_mut() {
-            (entry.saved, entry.broken, entry.file) = (None, 0, None);
+            (entry.saved, entry.broken, entry.lost, entry.file) = (None, 0, None, None);
         }
     }
 
@@ -244,11 +251,11 @@ impl Databases {
     /// `search`.
     ///
     /// # Errors
-    /// Of the first database that could not be written; the others are written all the same, and the file that was
-    /// there before stays as it was.
-    pub fn finish(&self, search: &SearchPath) -> Result<Finished> {
+    /// Of each database that could not be written, or that records were lost of; the others are written all the same, and the
+    /// files that were there before stay as they were.
+    pub fn finish(&self, search: &SearchPath) -> std::result::Result<Finished, Vec<SdbError>> {
         let mut finished = Finished::default();
-        let mut first_error = None;
+        let mut errors = Vec::new();
         let mut entries = lock(&self.entries);
         for (name, entry) in entries.iter_mut() {
             if entry.broken > 0 {
@@ -268,10 +275,10 @@ impl Databases {
                     finished.records += records;
                 }
                 Ok(None) => {}
-                Err(error) => first_error = first_error.or(Some(error)),
+                Err(error) => errors.push(error),
             }
         }
-        first_error.map_or(Ok(finished), Err)
+        if errors.is_empty() { Ok(finished) } else { Err(errors) }
     }
 
     fn finish_one(
@@ -283,6 +290,10 @@ impl Databases {
     ) -> Result<Option<(PathBuf, u64)>> {
         let io = |source| SdbError::Io { path: name.into(), source };
         let schema = saved.schema();
+        if let Some(why) = entry.lost.take() {
+            (entry.write, entry.adds) = (false, false);
+            return Err(io(std::io::Error::new(why, format!("records are missing: {why}"))));
+        }
         if !std::mem::take(&mut entry.write) {
             let mut records = saved.take().map_err(io)?;
             if let Some(old) = entry.memory.take().filter(|old| old.schema() == schema) {

@@ -135,16 +135,70 @@ fn what_cannot_be_written_leaves_what_was_there() {
     databases.save(&file, POINTS, mode("w"), None, &records(3));
     let other = name(&folder, "other.sdb");
     databases.save(&other, POINTS, mode("w"), None, &records(3));
-    let error = databases.finish(&path(folder.path())).unwrap_err();
-    assert!(error.to_string().contains("folder.sdb"), "{error}");
+    let errors = databases.finish(&path(folder.path())).unwrap_err();
+    assert!(errors.len() == 1 && errors[0].to_string().contains("folder.sdb"), "{errors:?}");
     assert_eq!(read(Path::new(&other)).unwrap().len(), 3, "the others are written all the same");
     #[cfg(target_os = "linux")]
     {
         let (databases, _) = self::databases();
         databases.save("/dev/full", POINTS, mode("w"), None, &records(5000));
-        let error = databases.finish(&path(folder.path())).unwrap_err().to_string();
+        let error = databases.finish(&path(folder.path())).unwrap_err()[0].to_string();
         assert!(error.starts_with("/dev/full: "), "{error}");
     }
+}
+
+/// Names the folder of a process of this test whose files cannot grow.
+const FOLDER: &str = "GRANITA_TEST_OF_A_FULL_DISK";
+
+/// Files that cannot grow stand for a disk that is full: each database is named, and what was there stays.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_leaves_what_was_there() {
+    if let Some(folder) = std::env::var_os(FOLDER) {
+        return on_a_full_disk(Path::new(&folder));
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let (databases, _) = databases();
+    for file in ["a.sdb", "b.sdb", "small.sdb"] {
+        databases.save(&name(&folder, file), POINTS, mode("w"), None, &records(20));
+    }
+    databases.finish(&path(folder.path())).unwrap();
+    let bytes = |file: &str| std::fs::read(folder.path().join(file)).unwrap();
+    let before = ["a.sdb", "b.sdb", "small.sdb"].map(bytes);
+    // Without its default handling the signal becomes an error of the write.
+    let limited =
+        "trap '' XFSZ; ulimit -f 32; exec \"$0\" --exact a_full_disk_leaves_what_was_there --nocapture";
+    let ran = std::process::Command::new("sh")
+        .args(["-c", limited])
+        .arg(std::env::current_exe().unwrap())
+        .env(FOLDER, folder.path())
+        .output()
+        .unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    assert_eq!(["a.sdb", "b.sdb"].map(bytes), before[..2]);
+    assert_ne!(bytes("small.sdb"), before[2]);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3, "nothing half written stays");
+}
+
+#[cfg(target_os = "linux")]
+fn on_a_full_disk(folder: &Path) {
+    let at = |file: &str| folder.join(file).to_string_lossy().into_owned();
+    // One is too large at the end, one already while records wait for it in a file.
+    let (databases, texts) = databases();
+    let databases = databases.with_memory(4096);
+    databases.save(&at("a.sdb"), POINTS, mode("w"), None, &records(680));
+    databases.save(&at("b.sdb"), POINTS, mode("w"), None, &records(5000));
+    databases.save(&at("b.sdb"), POINTS, mode("w"), None, &records(3));
+    databases.save(&at("small.sdb"), POINTS, mode("w"), None, &records(3));
+    assert!(texts().len() == 1 && texts()[0].contains("b.sdb"), "{:?}", texts());
+    let errors = databases.finish(&path(folder)).unwrap_err();
+    let said: Vec<String> = errors.iter().map(ToString::to_string).collect();
+    assert!(said.len() == 2 && said[0].contains("a.sdb") && said[1].contains("b.sdb"), "{said:?}");
+    assert!(said[1].contains("records are missing"), "{said:?}");
+    // The next frame begins anew.
+    databases.save(&at("b.sdb"), POINTS, mode("wo"), None, &[]);
+    databases.begin();
+    assert!(databases.finish(&path(folder)).unwrap().written.is_empty());
 }
 
 #[test]
@@ -224,7 +278,7 @@ fn records_that_do_not_belong_are_told() {
     // No picture of points.
     let picture = name(&folder, "a.tif");
     databases.save(&picture, POINTS, mode("w"), None, &records(3));
-    let error = databases.finish(&path(folder.path())).unwrap_err().to_string();
+    let error = databases.finish(&path(folder.path())).unwrap_err()[0].to_string();
     assert!(error.contains("a.tif") && error.contains("only (s, t) can"), "{error}");
 }
 

@@ -127,6 +127,18 @@ impl<'a> Sampler<'a> {
         (self.held.tile(key, self.shared, self.file), x, y)
     }
 
+    /// Texel (x, y) of a level, the one to its right, and the two below them, if they lie in one tile, as they nearly always
+    /// do; all are inside of the level.
+    #[inline]
+    pub(crate) fn four(&mut self, level: usize, x: u32, y: u32) -> Option<[[f32; 4]; 4]> {
+        let l = &self.file.levels[level];
+        let (width, height) = (l.tile_width as usize, l.tile_height as usize);
+        let (first, n) = (self.first, self.channels);
+        let (tile, x, y) = self.tile_of(level, x, y);
+        (x + 1 < width && y + 1 < height)
+            .then(|| [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| tile.texel(x + dx, y + dy, first, n)))
+    }
+
     /// As [`Sampler::texel`], the numbers as they are stored.
     #[inline]
     pub(crate) fn raw_texel(&mut self, level: usize, x: u32, y: u32) -> [f32; 4] {
@@ -230,17 +242,11 @@ impl<'a> Sampler<'a> {
         let (y, fy) = cell(wrap.1.reduce(t), l.height);
         let xs = [x, x + 1].map(|x| wrap.0.index(x, l.width as i32));
         let ys = [y, y + 1].map(|y| wrap.1.index(y, l.height as i32));
-        // Nearly always all four are side by side in one tile.
         if let ([Some(x0), Some(x1)], [Some(y0), Some(y1)]) = (xs, ys)
             && (x1, y1) == (x0 + 1, y0 + 1)
+            && let Some([a, b, c, d]) = self.four(level, x0 as u32, y0 as u32)
         {
-            let (width, height) = (l.tile_width as usize, l.tile_height as usize);
-            let (first, n) = (self.first, self.channels);
-            let (tile, x, y) = self.tile_of(level, x0 as u32, y0 as u32);
-            if x + 1 < width && y + 1 < height {
-                let at = |dx, dy| tile.texel(x + dx, y + dy, first, n);
-                return mix(mix(at(0, 0), at(1, 0), fx), mix(at(0, 1), at(1, 1), fx), fy);
-            }
+            return mix(mix(a, b, fx), mix(c, d, fx), fy);
         }
         let mut corner = |x: Option<i32>, y: Option<i32>| match (x, y) {
             (Some(x), Some(y)) => self.texel(level, x as u32, y as u32),

@@ -128,12 +128,17 @@ fn occluded(sampler: &mut Sampler<'_>, s: f32, t: f32, z: f32) -> f32 {
         return 0.0;
     }
     let ((x, fx), (y, fy)) = (cell(s, width), cell(t, height));
-    let mut nearer = |x: i32, y: i32| {
-        let inside = (0..width as i32).contains(&x) && (0..height as i32).contains(&y);
-        f32::from(inside && z > sampler.texel(0, x as u32, y as u32)[0])
+    let inside = |x: i32, y: i32| (0..width as i32).contains(&x) && (0..height as i32).contains(&y);
+    let together = if inside(x, y) && inside(x + 1, y + 1) {
+        sampler.four(0, x as u32, y as u32).map(|four| four.map(|texel| f32::from(z > texel[0])))
+    } else {
+        None
     };
-    let top = nearer(x, y) * (1.0 - fx) + nearer(x + 1, y) * fx;
-    let bottom = nearer(x, y + 1) * (1.0 - fx) + nearer(x + 1, y + 1) * fx;
+    let [a, b, c, d] = together.unwrap_or_else(|| {
+        [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)]
+            .map(|(x, y)| f32::from(inside(x, y) && z > sampler.texel(0, x as u32, y as u32)[0]))
+    });
+    let (top, bottom) = (a * (1.0 - fx) + b * fx, c * (1.0 - fx) + d * fx);
     top * (1.0 - fy) + bottom * fy
 }
 

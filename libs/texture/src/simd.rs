@@ -495,7 +495,7 @@ impl Sums {
 
     /// Weights of eight directions under a lobe.
     #[inline]
-    pub(crate) fn weights(&self, dome: &Dome, line: &Line) -> [f32; LANES] {
+    pub(crate) fn weights(&self, dome: &Dome, line: &Line<'_>) -> [f32; LANES] {
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = self.avx2 {
             // SAFETY: an `Avx2` is made where the machine has AVX2.
@@ -539,25 +539,25 @@ pub(crate) struct Dome {
 /// and 2 along its axes) of direction k is `at[q] + x[k] across[0][q] + y[k] across[1][q]`. Their squared lengths are
 /// `squared + x[k]^2` if these are given, else 1; weights count `factor` times, by the solid angle of the texel.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Line {
+pub(crate) struct Line<'a> {
     pub(crate) at: [f32; 3],
     pub(crate) across: [[f32; 3]; 2],
-    pub(crate) x: [f32; LANES],
-    pub(crate) y: [f32; LANES],
+    pub(crate) x: &'a [f32; LANES],
+    pub(crate) y: &'a [f32; LANES],
     pub(crate) squared: Option<f32>,
     pub(crate) factor: f32,
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn dome_avx2(simd: Avx2, dome: &Dome, line: &Line) -> [f32; LANES] {
+fn dome_avx2(simd: Avx2, dome: &Dome, line: &Line<'_>) -> [f32; LANES] {
     dome_any(simd, dome, line)
 }
 
 #[inline(always)]
-fn dome_any<S: Simd>(simd: S, dome: &Dome, line: &Line) -> [f32; LANES] {
+fn dome_any<S: Simd>(simd: S, dome: &Dome, line: &Line<'_>) -> [f32; LANES] {
     let one = simd.splat(1.0);
-    let (x, y) = (simd.load(&line.x), simd.load(&line.y));
+    let (x, y) = (simd.load(line.x), simd.load(line.y));
     let component = |q: usize| {
         let sum = simd.add(simd.splat(line.at[q]), simd.mul(x, simd.splat(line.across[0][q])));
         simd.add(sum, simd.mul(y, simd.splat(line.across[1][q])))
@@ -824,8 +824,8 @@ mod tests {
             let line = Line {
                 at: [r(0), r(1), r(2)],
                 across: [[r(3), r(4), r(5)], [r(6), r(7), r(8)]],
-                x: std::array::from_fn(|k| r(10 + k as u32)),
-                y: std::array::from_fn(|k| r(20 + k as u32)),
+                x: &std::array::from_fn(|k| r(10 + k as u32)),
+                y: &std::array::from_fn(|k| r(20 + k as u32)),
                 squared: (i % 2 == 0).then_some(1.0 + r(9) * r(9)),
                 factor: 0.5,
             };

@@ -170,11 +170,12 @@ impl Sampler<'_> {
                 };
                 for i in columns.clone().step_by(LANES) {
                     let x = |k: usize| ((2.0 * f64::from(i + k as i32) + 1.0) / f64::from(n) - 1.0) as f32;
+                    let x = std::array::from_fn(x);
                     let line = Line {
                         at,
                         across: [right, [0.0; 3]],
-                        x: std::array::from_fn(x),
-                        y: [0.0; LANES],
+                        x: &x,
+                        y: &[0.0; LANES],
                         squared: Some((1.0 + y * y) as f32),
                         factor: 1.0,
                     };
@@ -235,7 +236,7 @@ impl Sampler<'_> {
                 let (east, north) = (direction.cos * sin, direction.sin * sin);
                 direction = direction.then(eight);
                 let across = [lobe.in_frame(east, north, 0.0), lobe.in_frame(-north, east, 0.0)];
-                let line = Line { at, across, x, y, squared: None, factor: sin as f32 };
+                let line = Line { at, across, x: &x, y: &y, squared: None, factor: sin as f32 };
                 let weights = sums.weights(&lobe.dome, &line);
                 if !any(&weights) {
                     continue;

@@ -1,10 +1,10 @@
 //! A tree over boxes: which parts of a scene a ray passes.
 
 use crate::Ray;
-use crate::build::{self, Item, LEVELS, Span, Topology};
+use crate::build::{self, Item, Span, Topology};
 use crate::layout::{Box3, Link, Node};
 use crate::probe::{Probe, Scale, Wide, still_plane};
-use crate::simd::{Portable, WIDE};
+use crate::simd::{self, Simd};
 use granita_base::Bound;
 
 /// Boxes around parts of a scene, to be asked which of them a ray passes.
@@ -26,6 +26,13 @@ pub struct Passage {
     pub index: u32,
     /// Where the ray comes in, or starts, in units of its direction; never behind anything in the box that it hits.
     pub enters: f32,
+}
+
+/// Room for [`BoxTree::visit`]: for many rays, made once.
+#[derive(Clone, Debug, Default)]
+pub struct BoxRoom {
+    stack: Vec<(f32, Link)>,
+    inside: Vec<(f32, u32)>,
 }
 
 impl BoxTree {
@@ -60,15 +67,24 @@ impl BoxTree {
 
     /// Tells `passed` of the boxes that the ray passes, those whose insides it may hit first mostly first. `passed`
     /// answers how far the ray goes from then on: boxes beyond are left out. A negative answer ends it.
-    pub fn visit(&self, ray: &Ray, passed: &mut dyn FnMut(Passage) -> f32) {
+    pub fn visit(&self, ray: &Ray, room: &mut BoxRoom, passed: &mut dyn FnMut(Passage) -> f32) {
+        simd::visit(self, ray, room, passed);
+    }
+
+    #[inline(always)]
+    pub(crate) fn visit_with<S: Simd>(
+        &self,
+        s: S,
+        ray: &Ray,
+        BoxRoom { stack, inside }: &mut BoxRoom,
+        passed: &mut dyn FnMut(Passage) -> f32,
+    ) {
         let Some(probe) = Probe::new(ray, self.scale, &self.bounds).filter(|_| !self.nodes.is_empty()) else {
             return;
         };
-        let s = Portable;
         let wide = Wide::new(s, &probe);
         let mut tmax = probe.tmax;
-        let mut stack = Vec::with_capacity(LEVELS * WIDE);
-        let mut inside: Vec<(f32, u32)> = Vec::new();
+        stack.clear();
         stack.push((f32::NEG_INFINITY, Link::node(0)));
         while let Some((near, link)) = stack.pop() {
             if near > tmax {
@@ -93,7 +109,7 @@ impl BoxTree {
                 }
             }
             inside.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            for &(near, index) in &inside {
+            for &(near, index) in inside.iter() {
                 if near > tmax {
                     break;
                 }
@@ -111,6 +127,7 @@ impl BoxTree {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simd::Portable;
     use granita_base::{Vec3, hash};
 
     fn random(i: u32, d: u32) -> f32 {
@@ -130,17 +147,25 @@ mod tests {
             })
             .collect();
         let tree = BoxTree::new(&boxes);
-        let mut found = 0;
+        let (mut found, mut room) = (0, BoxRoom::default());
         for i in 0..2000 {
             let (origin, to) = (point(i, 10) * 20.0 - 5.0, point(i, 13) * 10.0);
             let dir = if i % 9 == 0 { Vec3::X } else { to - origin };
             let ray = Ray { origin, tmin: 0.0, dir, tmax: f32::INFINITY, time: 0.0 };
             let mut passed = vec![None; boxes.len()];
-            tree.visit(&ray, &mut |p| {
+            let mut list = Vec::new();
+            tree.visit(&ray, &mut room, &mut |p| {
                 assert_eq!(passed[p.index as usize], None);
                 passed[p.index as usize] = Some(p.enters);
+                list.push(p);
                 f32::INFINITY
             });
+            let mut portable = Vec::new();
+            tree.visit_with(Portable, &ray, &mut room, &mut |p| {
+                portable.push(p);
+                f32::INFINITY
+            });
+            assert_eq!(list, portable);
             for (b, passed) in boxes.iter().zip(&passed) {
                 let a = (b.min - origin) / dir;
                 let c = (b.max - origin) / dir;
@@ -175,7 +200,7 @@ mod tests {
         };
         let ask = |answer: &dyn Fn(Passage) -> f32| {
             let mut seen = Vec::new();
-            tree.visit(&ray, &mut |p| {
+            tree.visit(&ray, &mut BoxRoom::default(), &mut |p| {
                 seen.push(p.index);
                 answer(p)
             });
@@ -191,6 +216,6 @@ mod tests {
         );
         assert_eq!(ask(&|_| -1.0).len(), 1);
         let nothing = BoxTree::new(&[]);
-        nothing.visit(&ray, &mut |_| panic!("nothing is passed"));
+        nothing.visit(&ray, &mut BoxRoom::default(), &mut |_| panic!("nothing is passed"));
     }
 }

@@ -54,7 +54,8 @@ mod tracer;
 #[cfg(test)]
 mod tests;
 
-pub use boxes::{BoxTree, Passage};
+pub use boxes::{BoxRoom, BoxTree, Passage};
 pub use mesh::{MeshId, TriangleMesh};
 pub use ray::{Hit, Ray};
+pub use trace::RayRoom;
 pub use tracer::{Tracer, TracerBuilder, Triangles};

@@ -9,7 +9,9 @@
 
 #![allow(unsafe_code, reason = "AVX2; measured by the bench of rays")]
 
-use crate::trace::{Batch, Task};
+use crate::Ray;
+use crate::boxes::{BoxRoom, BoxTree, Passage};
+use crate::trace::{Batch, RayRoom, Task};
 
 /// Numbers that nodes are tested with.
 pub(crate) const WIDE: usize = 8;
@@ -171,11 +173,25 @@ mod avx2 {
 
     /// [`Batch::run`], compiled for AVX2.
     #[target_feature(enable = "avx2")]
-    pub(super) fn run(token: Avx2, batch: &Batch<'_>, task: Task<'_>) {
-        batch.run(token, task);
+    pub(super) fn run(token: Avx2, batch: &Batch<'_>, task: Task<'_>, room: &mut RayRoom) {
+        batch.run(token, task, room);
     }
 
-    use crate::trace::{Batch, Task};
+    /// [`BoxTree::visit`], compiled for AVX2.
+    #[target_feature(enable = "avx2")]
+    pub(super) fn visit(
+        token: Avx2,
+        boxes: &BoxTree,
+        ray: &Ray,
+        room: &mut BoxRoom,
+        passed: &mut dyn FnMut(Passage) -> f32,
+    ) {
+        boxes.visit_with(token, ray, room, passed);
+    }
+
+    use crate::Ray;
+    use crate::boxes::{BoxRoom, BoxTree, Passage};
+    use crate::trace::{Batch, RayRoom, Task};
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -207,11 +223,21 @@ const LARGE: usize = 4 << 20;
 
 /// Traces a batch with the best that the machine has.
 #[inline]
-pub(crate) fn run(batch: &Batch<'_>, task: Task<'_>) {
+pub(crate) fn run(batch: &Batch<'_>, task: Task<'_>, room: &mut RayRoom) {
     #[cfg(target_arch = "x86_64")]
     if let Some(token) = Avx2::new() {
         // SAFETY: the machine has AVX2, which is all that the function asks for.
-        return unsafe { avx2::run(token, batch, task) };
+        return unsafe { avx2::run(token, batch, task, room) };
     }
-    batch.run(Portable, task);
+    batch.run(Portable, task, room);
+}
+
+/// Runs [`BoxTree::visit`] with the widest vectors that the machine has.
+pub(crate) fn visit(boxes: &BoxTree, ray: &Ray, room: &mut BoxRoom, passed: &mut dyn FnMut(Passage) -> f32) {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(token) = Avx2::new() {
+        // SAFETY: the machine has AVX2, which is all that the function asks for.
+        return unsafe { avx2::visit(token, boxes, ray, room, passed) };
+    }
+    boxes.visit_with(Portable, ray, room, passed);
 }

@@ -3,7 +3,7 @@
 use crate::layout::Block;
 use crate::probe::{Met, Probe, Wide};
 use crate::simd::{self, Portable};
-use crate::trace::{Batch, Best, Task, Tree};
+use crate::trace::{Batch, Best, RayRoom, Task, Tree};
 use crate::tracer::Scene;
 use crate::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
 use granita_base::{Vec3, hash};
@@ -150,18 +150,23 @@ fn wide_is_portable_to_the_bit() {
     let rays: Vec<Ray> = (0..20_000).map(|i| odd_ray(99, i)).collect();
     let batch = Batch { scene: &tracer.scene, rays: &rays, order: None };
     let (mut wide, mut plain) = (vec![Hit::MISS; rays.len()], vec![Hit::MISS; rays.len()]);
-    simd::run(&batch, Task::Closest(&mut wide));
-    batch.run(Portable, Task::Closest(&mut plain));
+    let mut room = RayRoom::default();
+    simd::run(&batch, Task::Closest(&mut wide), &mut room);
+    batch.run(Portable, Task::Closest(&mut plain), &mut room);
     let bits = |h: &Hit| (h.t.to_bits(), h.mesh, h.triangle, h.b1.to_bits(), h.b2.to_bits());
     for (a, b) in wide.iter().zip(&plain) {
         assert_eq!(bits(a), bits(b));
     }
+    for (ray, hit) in rays.iter().zip(&plain) {
+        assert_eq!(bits(&tracer.closest_of_one(ray, &mut room)), bits(hit));
+        assert_eq!(tracer.any_of_one(ray, &mut room), hit.is_hit());
+    }
     let (mut wide, mut plain) = (vec![false; rays.len()], vec![false; rays.len()]);
-    simd::run(&batch, Task::Any(&mut wide));
-    batch.run(Portable, Task::Any(&mut plain));
+    simd::run(&batch, Task::Any(&mut wide), &mut room);
+    batch.run(Portable, Task::Any(&mut plain), &mut room);
     assert_eq!(wide, plain);
     for (ray, k) in rays.iter().zip(0..500) {
-        let asked = |wide: bool| {
+        let mut asked = |wide: bool| {
             let (mut hit, mut list) = (Hit::MISS, Vec::new());
             let batch = Batch { scene: &tracer.scene, rays: std::slice::from_ref(ray), order: None };
             let mut accept = |h: &Hit| {
@@ -170,9 +175,9 @@ fn wide_is_portable_to_the_bit() {
             };
             let task = Task::Where(&mut hit, &mut accept);
             if wide {
-                simd::run(&batch, task)
+                simd::run(&batch, task, &mut room)
             } else {
-                batch.run(Portable, task)
+                batch.run(Portable, task, &mut room)
             }
             (bits(&hit), list)
         };

@@ -63,8 +63,17 @@ pub(crate) enum Verdict {
     Stop,
 }
 
+/// Room for going through trees: for many rays that are traced one by one, made once.
+///
 /// Children waiting, as the bits of where they are entered above their link.
-pub(crate) struct Stack([u64; LEVELS * (WIDE - 1) + WIDE]);
+#[derive(Clone, Debug)]
+pub struct RayRoom([u64; LEVELS * (WIDE - 1) + WIDE]);
+
+impl Default for RayRoom {
+    fn default() -> Self {
+        Self([0; _])
+    }
+}
 
 /// The best hit so far.
 #[derive(Clone, Copy, Debug)]
@@ -76,8 +85,7 @@ pub(crate) struct Best {
 
 impl Batch<'_> {
     #[inline(always)]
-    pub(crate) fn run<S: Simd>(&self, s: S, task: Task<'_>) {
-        let mut stack = Stack([0; _]);
+    pub(crate) fn run<S: Simd>(&self, s: S, task: Task<'_>, stack: &mut RayRoom) {
         match task {
             Task::Closest(hits) => {
                 for k in 0..self.rays.len() {
@@ -85,13 +93,13 @@ impl Batch<'_> {
                     if let Some(hit) = hits.get(soon) {
                         s.prefetch(hit);
                     }
-                    hits[i] = self.one(s, &self.rays[i], &mut stack, &mut |_, _, _| Verdict::Take);
+                    hits[i] = self.one(s, &self.rays[i], stack, &mut |_, _, _| Verdict::Take);
                 }
             }
             Task::Any(blocked) => {
                 for k in 0..self.rays.len() {
                     let (i, _) = self.at(s, k);
-                    let hit = self.one(s, &self.rays[i], &mut stack, &mut |_, _, _| Verdict::Stop);
+                    let hit = self.one(s, &self.rays[i], stack, &mut |_, _, _| Verdict::Stop);
                     blocked[i] = hit.is_hit();
                 }
             }
@@ -100,7 +108,7 @@ impl Batch<'_> {
                 let mut judge = |probe: &Probe, met: &Met, id: u32| {
                     if accept(&self.scene.hit(probe, met, id)) { Verdict::Take } else { Verdict::Pass }
                 };
-                *hit = self.one(s, ray, &mut stack, &mut judge);
+                *hit = self.one(s, ray, stack, &mut judge);
             }
         }
     }
@@ -119,7 +127,7 @@ impl Batch<'_> {
         &self,
         s: S,
         ray: &Ray,
-        stack: &mut Stack,
+        stack: &mut RayRoom,
         judge: &mut impl FnMut(&Probe, &Met, u32) -> Verdict,
     ) -> Hit {
         let Some(probe) = Probe::new(ray, self.scene.scale, &self.scene.bounds) else { return Hit::MISS };
@@ -141,7 +149,7 @@ fn through<S: Simd>(
     s: S,
     tree: &impl Tree,
     (probe, wide): (&Probe, &Wide<S>),
-    stack: &mut Stack,
+    stack: &mut RayRoom,
     best: &mut Best,
     judge: &mut impl FnMut(&Probe, &Met, u32) -> Verdict,
 ) -> bool {

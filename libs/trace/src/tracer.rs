@@ -6,7 +6,7 @@ use crate::moving::MovingTree;
 use crate::order::{self, Sorter};
 use crate::probe::{Met, Probe, Scale, Wide, still_plane};
 use crate::simd::{self, NARROW, Simd, WIDE};
-use crate::trace::{Batch, Task, Tree};
+use crate::trace::{Batch, RayRoom, Task, Tree};
 use crate::{Hit, MeshId, Ray, TriangleMesh};
 use granita_base::{Bound, Vec3};
 
@@ -166,7 +166,8 @@ impl Tracer {
         assert_eq!(rays.len(), hits.len(), "as many hits as rays");
         for (rays, hits) in rays.chunks(order::MANY).zip(hits.chunks_mut(order::MANY)) {
             let order = self.sorter.order(rays);
-            simd::run(&Batch { scene: &self.scene, rays, order: order.as_deref() }, Task::Closest(hits));
+            let batch = Batch { scene: &self.scene, rays, order: order.as_deref() };
+            simd::run(&batch, Task::Closest(hits), &mut RayRoom::default());
         }
     }
 
@@ -179,8 +180,27 @@ impl Tracer {
         assert_eq!(rays.len(), blocked.len(), "as many answers as rays");
         for (rays, blocked) in rays.chunks(order::MANY).zip(blocked.chunks_mut(order::MANY)) {
             let order = self.sorter.order(rays);
-            simd::run(&Batch { scene: &self.scene, rays, order: order.as_deref() }, Task::Any(blocked));
+            let batch = Batch { scene: &self.scene, rays, order: order.as_deref() };
+            simd::run(&batch, Task::Any(blocked), &mut RayRoom::default());
         }
+    }
+
+    /// The closest hit of one ray, as [`Tracer::closest`] finds it.
+    pub fn closest_of_one(&self, ray: &Ray, room: &mut RayRoom) -> Hit {
+        let mut hit = [Hit::MISS];
+        simd::run(&self.only(ray), Task::Closest(&mut hit), room);
+        hit[0]
+    }
+
+    /// Whether one ray hits anything, as [`Tracer::any`] finds it.
+    pub fn any_of_one(&self, ray: &Ray, room: &mut RayRoom) -> bool {
+        let mut blocked = [false];
+        simd::run(&self.only(ray), Task::Any(&mut blocked), room);
+        blocked[0]
+    }
+
+    fn only<'a>(&'a self, ray: &'a Ray) -> Batch<'a> {
+        Batch { scene: &self.scene, rays: std::slice::from_ref(ray), order: None }
     }
 
     /// The closest hit that `accept` lets pass.
@@ -189,8 +209,7 @@ impl Tracer {
     /// depend on the hit alone.
     pub fn closest_where(&self, ray: &Ray, accept: &mut dyn FnMut(&Hit) -> bool) -> Hit {
         let mut hit = Hit::MISS;
-        let batch = Batch { scene: &self.scene, rays: std::slice::from_ref(ray), order: None };
-        simd::run(&batch, Task::Where(&mut hit, accept));
+        simd::run(&self.only(ray), Task::Where(&mut hit, accept), &mut RayRoom::default());
         hit
     }
 }

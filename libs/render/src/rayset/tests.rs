@@ -108,7 +108,7 @@ fn sides_of_parts_meet_in_the_same_points() {
         let solid = &set.solids[0];
         for level in Level::ALL {
             // Every edge of the whole surface belongs to two triangles, whichever parts these are of.
-            let mut edges: HashMap<[[u32; 3]; 2], i32> = HashMap::new();
+            let mut edges: FxHashMap<[[u32; 3]; 2], i32> = FxHashMap::default();
             for part in 0..solid.parts.len() {
                 let (_, mesh) = solid.tessellate(part as u32, level, &mut thread).unwrap();
                 for t in mesh.triangles.iter().filter(|t| t[0] != u32::MAX) {

@@ -101,7 +101,8 @@ pub(super) struct TracingLanes {
 impl TracingLanes {
     pub(super) fn new(run: &Run<'_, '_>, active: &[u32]) -> Self {
         let Some(n) = run.centres else { return Self { traced: active.to_vec(), copied: Vec::new() } };
-        let (mut traced, mut copied) = (Vec::new(), Vec::new());
+        let (mut traced, mut copied) =
+            (Vec::with_capacity(n as usize), Vec::with_capacity(active.len().saturating_sub(n as usize)));
         for &lane in active {
             let centre = lane % n;
             if lane != centre && active.binary_search(&centre).is_ok() {
@@ -228,8 +229,9 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
     let o = &query.options;
     let traces = run.may_trace();
     let call = run.next_call(query.batch.active);
-    let mut spread_over: Vec<(u32, u32)> = Vec::new();
-    let mut rays = Vec::new();
+    let all = query.batch.active.iter().map(|lane| count(o.samples, *lane as usize) as usize);
+    let mut spread_over: Vec<(u32, u32)> = Vec::with_capacity(query.batch.active.len());
+    let mut rays = Vec::with_capacity(if traces { all.sum() } else { 0 });
     let asks = traces && !query.batch.active.is_empty();
     let scene = if asks { run.frame.rays.scene(query.name, run.frame) } else { None };
     for &lane in query.batch.active {
@@ -242,6 +244,12 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
         let samples = count(o.samples, i);
         let per_ray = 1.0 / (samples as f32).sqrt();
         let seed = run.lane_seed(call, lane);
+        let seed_direction = hash::words(&[seed, DIRECTION]);
+        let bias = run.bias(o.bias, i);
+        let footprint = query.dpdx.get(i).length().max(query.dpdy.get(i).length());
+        let (ray_width, spread) = (footprint * per_ray, 2.0 * half_angle.max(0.0) * per_ray);
+        // Not on to the light's own surface.
+        let light_margin = run.frame.ray_margin(query.p.get(i) + to_light);
         for index in 0..samples {
             let (x, y) = in_footprint(index, samples, seed);
             let p = query.p.get(i) + (query.dpdx.get(i) * x + query.dpdy.get(i) * y) * width;
@@ -250,19 +258,13 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
                 (axis, f32::INFINITY)
             } else {
                 let to = query.p.get(i) + to_light - p;
-                // Not on to the light's own surface.
-                let margin = run.frame.ray_margin(query.p.get(i) + to_light);
-                (to.normalize_or(axis), (to.length() - margin).max(0.0))
+                (to.normalize_or(axis), (to.length() - light_margin).max(0.0))
             };
-            let seed_direction = hash::words(&[seed, DIRECTION]);
             let dir = in_cone(axis, half_angle, Distribution::Uniform, index, seed_direction);
-            let bias = run.bias(o.bias, i);
             let margin = scene.map_or(0.0, |scene| run.margin(scene, p));
             let aim = Aim { p, dir, bias, margin, tmax: distance, time: run.ray_time(index, seed) };
-            let footprint = query.dpdx.get(i).length().max(query.dpdy.get(i).length());
-            let (width, spread) = (footprint * per_ray, 2.0 * half_angle.max(0.0) * per_ray);
             let name = hash::words(&[seed, index, HIT]);
-            rays.push(RayRequest { lane, name, ray: aim.ray(), width, spread });
+            rays.push(RayRequest { lane, name, ray: aim.ray(), width: ray_width, spread });
         }
         spread_over.push((lane, samples));
     }
