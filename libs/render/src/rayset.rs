@@ -431,8 +431,12 @@ impl RayScene {
     /// The meshes of some hits.
     pub(crate) fn locate(&self, thread: &mut ShaderThread<'_>, hits: &[SetHit]) -> Located<'_> {
         let residents = &self.residents[..];
-        let mut located =
-            Located { residents, meshes: Vec::new(), temporary: Vec::new(), places: Vec::new() };
+        let mut located = Located {
+            residents,
+            meshes: Vec::new(),
+            temporary: Vec::new(),
+            places: Vec::with_capacity(hits.len()),
+        };
         let mut kept: FxHashMap<(u32, Level), u32> = FxHashMap::default();
         let mut flats: FxHashMap<u32, HitFacets> = FxHashMap::default();
         for (k, hit) in hits.iter().enumerate() {
@@ -480,30 +484,31 @@ impl RayScene {
                 self.areas.get_or_init(|| made)
             }
         };
-        let hits: Option<Vec<SetHit>> = places
-            .iter()
-            .map(|&(fraction, b1, b2)| {
-                let (part, triangle) = areas.table.at(fraction)?;
-                Some(SetHit { t: 0.0, b1, b2, part, triangle, level: Level::FINEST })
-            })
-            .collect();
-        let hits = hits?;
-        let of_mesh = |mesh: &RayMesh, triangle: u32, hit: &SetHit| {
+        let of_mesh = |mesh: &RayMesh, triangle: u32, (b1, b2): (f32, f32)| {
             let [a, b, c] = mesh.corners(triangle);
-            let p = a * (1.0 - hit.b1 - hit.b2) + b * hit.b1 + c * hit.b2;
-            let place = MeshHit { triangle, b1: hit.b1, b2: hit.b2, p, i: Vec3::ZERO, width: 0.0 };
+            let p = a * (1.0 - b1 - b2) + b * b1 + c * b2;
+            let place = MeshHit { triangle, b1, b2, p, i: Vec3::ZERO, width: 0.0 };
             (p, mesh.normal(&place))
         };
-        if hits.iter().all(|hit| (hit.part as usize) < areas.flats.len()) {
-            let point = |hit: &SetHit| of_mesh(&areas.flats[hit.part as usize], hit.triangle, hit);
-            return Some(hits.iter().map(point).collect());
+        let mut out = Vec::with_capacity(places.len());
+        if self.settled() == areas.flats.len() && self.parts.is_empty() {
+            for &(fraction, b1, b2) in places {
+                let (part, triangle) = areas.table.at(fraction)?;
+                out.push(of_mesh(&areas.flats[part as usize], triangle, (b1, b2)));
+            }
+            return Some(out);
+        }
+        let mut hits = Vec::with_capacity(places.len());
+        for &(fraction, b1, b2) in places {
+            let (part, triangle) = areas.table.at(fraction)?;
+            hits.push(SetHit { t: 0.0, b1, b2, part, triangle, level: Level::FINEST });
         }
         let located = self.locate(thread, &hits);
-        let point = |(k, hit): (usize, &SetHit)| {
+        for (k, hit) in hits.iter().enumerate() {
             let (mesh, triangle) = located.get(k)?;
-            Some(of_mesh(mesh, triangle, hit))
-        };
-        hits.iter().enumerate().map(point).collect()
+            out.push(of_mesh(mesh, triangle, (hit.b1, hit.b2)));
+        }
+        Some(out)
     }
 
     fn areas(&self, thread: &mut ShaderThread<'_>) -> Areas {
