@@ -49,6 +49,10 @@ pub(crate) trait Net: Send + Sync {
     }
     /// Whether a piece may be diced over the ends of segments.
     fn dices_over(&self) -> bool;
+    /// Whether some [`Net::seam`] may be there.
+    fn has_seams(&self) -> bool {
+        false
+    }
     /// Replaces `out` by the Bezier vertices of the segment beyond a side of a segment where it is not known to have the
     /// same normals.
     fn seam(&self, _part: usize, _segment: [u32; 2], _side: usize, _out: &mut Vec<f64>) -> Option<Seam> {
@@ -218,6 +222,9 @@ impl NetPiece {
 
     /// Turns the derivatives at seams so that both sides have one normal: the mean of theirs.
     fn close_seams(&self, lattice: &Lattice, du: &mut [Vec3], dv: &mut [Vec3]) {
+        if !self.net.has_seams() {
+            return;
+        }
         let (mut own, mut other) = (Vec::new(), Vec::new());
         for side in (0..4).filter(|side| self.is_outer(*side)) {
             let mut known: Option<([u32; 2], Option<Seam>)> = None;
@@ -273,6 +280,19 @@ impl NetPiece {
         let (nu, width) = (us.len(), wanted.len());
         let mut out = vec![0.0; nu * vs.len() * width];
         let mut net = Vec::new();
+        if self.net.degrees() == [1, 1] && self.net.dim() == 3 && self.net.segments(self.part()) == [1, 1] {
+            self.net.gather(self.part(), [0, 0], &mut net);
+            let segment = self.segment_net(&net);
+            segment.bilinear(us, vs, wanted, &mut out);
+            if let Some((du, dv)) = &mut derivatives {
+                let lengths = [0, 1].map(|axis| self.net.parameter(self.part(), axis, us[0]).1);
+                segment.derivatives(us, vs, |i, j, d| {
+                    du[j * nu + i] = scaled(d[0], lengths[0]);
+                    dv[j * nu + i] = scaled(d[1], lengths[1]);
+                });
+            }
+            return out;
+        }
         for rows in runs(vs) {
             for columns in runs(us) {
                 let segment = [us[columns.start].segment, vs[rows.start].segment];
@@ -375,6 +395,22 @@ impl SegmentNet<'_> {
                     others.iter_mut().for_each(|x| *x /= weight);
                 }
                 sink(i, j, &point);
+            }
+        }
+    }
+
+    /// As [`SegmentNet::values`], to the bit, of a net of four vertices that is not rational: one point after the other.
+    fn bilinear(&self, us: &[Place], vs: &[Place], wanted: std::ops::Range<usize>, out: &mut [f64]) {
+        let c = self.channels;
+        let mut points = out.chunks_exact_mut(wanted.len());
+        for v in vs {
+            for u in us {
+                let Some(point) = points.next() else { return };
+                for (slot, ch) in point.iter_mut().zip(wanted.clone()) {
+                    // As `symmetric_sum`, which begins at 0.
+                    let at = |i: usize| 0.0 + (v.a * self.net[i * c + ch] + v.b * self.net[(2 + i) * c + ch]);
+                    *slot = 0.0 + (u.a * at(0) + u.b * at(1));
+                }
             }
         }
     }

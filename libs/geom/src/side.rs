@@ -156,6 +156,8 @@ impl Lattice {
                     (first..=last).map(|i| run.place(i)).collect()
                 }
                 (None, SidePoints::Even) => continue,
+                // Those of the even lattice.
+                (None, SidePoints::Steps(steps)) if *steps as usize + 1 == size[side / 2] => continue,
                 (None, SidePoints::Steps(steps)) => {
                     let n = *steps as usize + 1;
                     (0..n).map(|i| own.place(i, n)).collect()

@@ -468,10 +468,10 @@ impl Net for Subdivision {
     fn gather(&self, part: usize, segment: [u32; 2], out: &mut Vec<f64>) {
         self.bezier_vertices(self.refined(&self.roots[part], segment), out);
     }
+    fn has_seams(&self) -> bool {
+        !self.regular
+    }
     fn seam(&self, part: usize, segment: [u32; 2], side: usize, out: &mut Vec<f64>) -> Option<Seam> {
-        if self.regular {
-            return None;
-        }
         let cage = &self.cage;
         let face = self.refined(&self.roots[part], segment);
         // The corner that the side goes out from, in winding order.

@@ -23,9 +23,9 @@ pub(crate) type Seen = [f32; 4];
 #[derive(Debug)]
 pub(crate) struct Directions {
     /// Sums of chances up to and with each row.
-    rows: Vec<f64>,
+    rows: Sums,
     /// Of each row, the same for its cells.
-    cells: Vec<f64>,
+    cells: Vec<Sums>,
     /// Heights of the borders between rows.
     heights: Vec<f64>,
     /// What each cell sends, on average.
@@ -79,24 +79,15 @@ impl Directions {
             let even = solid_angle(k / COLUMNS) / (4.0 * PI);
             *chance = if all > 0.0 { *chance / all * (1.0 - EVEN) + even * EVEN } else { even };
         }
-        let sums = |chances: &[f64]| {
-            let mut sum = 0.0;
-            chances
-                .iter()
-                .map(|chance| {
-                    sum += chance;
-                    sum
-                })
-                .collect::<Vec<f64>>()
-        };
-        let rows = sums(&chance.chunks_exact(COLUMNS).map(|row| row.iter().sum()).collect::<Vec<f64>>());
-        Self { rows, cells: chance.chunks_exact(COLUMNS).flat_map(sums).collect(), heights, seen }
+        let rows: Vec<f64> = chance.chunks_exact(COLUMNS).map(|row| row.iter().sum()).collect();
+        let cells = chance.chunks_exact(COLUMNS).map(Sums::new).collect();
+        Self { rows: Sums::new(&rows), cells, heights, seen }
     }
 
     /// The direction for a point of the unit square.
     pub(crate) fn at(&self, x: f32, y: f32) -> Drawn {
-        let (row, down, _) = pick(&self.rows, f64::from(y));
-        let (column, around, chance) = pick(&self.cells[row * COLUMNS..][..COLUMNS], f64::from(x));
+        let (row, down, _) = self.rows.pick(f64::from(y));
+        let (column, around, chance) = self.cells[row].pick(f64::from(x));
         // Even over the cell: by height.
         let (top, bottom) = (self.heights[row], self.heights[row + 1]);
         let z = top + (bottom - top) * down;
@@ -113,14 +104,47 @@ impl Directions {
     }
 }
 
-/// The part of growing sums that a fraction of the whole falls into, how far into it, and how large it is.
-fn pick(sums: &[f64], fraction: f64) -> (usize, f64, f64) {
-    let last = sums.len() - 1;
-    let at = fraction.clamp(0.0, 1.0) * sums[last];
-    let k = sums.partition_point(|sum| *sum <= at).min(last);
-    let before = if k > 0 { sums[k - 1] } else { 0.0 };
-    let size = sums[k] - before;
-    (k, if size > 0.0 { ((at - before) / size).clamp(0.0, 1.0) } else { 0.5 }, size)
+/// Growing sums of chances, and where to look for a fraction of them.
+#[derive(Debug)]
+struct Sums {
+    sums: Vec<f64>,
+    /// For as many equal steps of the whole as there are sums, the first sum that is larger than where the step begins.
+    guide: Vec<u16>,
+}
+
+impl Sums {
+    fn new(chances: &[f64]) -> Self {
+        let mut sum = 0.0;
+        let mut add = |chance: &f64| {
+            sum += chance;
+            sum
+        };
+        let sums: Vec<f64> = chances.iter().map(&mut add).collect();
+        let n = sums.len();
+        let begin = |step: usize| sum * step as f64 / n as f64;
+        let first = |step: usize| sums.partition_point(|sum| *sum <= begin(step)).min(n - 1) as u16;
+        let guide = (0..n).map(first).collect();
+        Self { sums, guide }
+    }
+
+    /// The part that a fraction of the whole falls into, how far into it, and how large it is.
+    fn pick(&self, fraction: f64) -> (usize, f64, f64) {
+        let sums = &self.sums[..];
+        let last = sums.len() - 1;
+        let fraction = fraction.clamp(0.0, 1.0);
+        let at = fraction * sums[last];
+        let mut k = usize::from(self.guide[((fraction * sums.len() as f64) as usize).min(last)]);
+        while k < last && sums[k] <= at {
+            k += 1;
+        }
+        // Rounding may have led one too far.
+        while k > 0 && sums[k - 1] > at {
+            k -= 1;
+        }
+        let before = if k > 0 { sums[k - 1] } else { 0.0 };
+        let size = sums[k] - before;
+        (k, if size > 0.0 { ((at - before) / size).clamp(0.0, 1.0) } else { 0.5 }, size)
+    }
 }
 
 #[cfg(test)]
@@ -141,6 +165,21 @@ mod tests {
         }
         let mean = sum / f64::from(count);
         (mean, (squares / f64::from(count) - mean * mean).max(0.0).sqrt())
+    }
+
+    #[test]
+    fn parts_are_found_as_by_looking_at_all() {
+        let chances: Vec<f64> =
+            (0..97).map(|k| if k % 7 < 3 { 0.0 } else { f64::from(k * k % 31) + 1e-9 }).collect();
+        let sums = Sums::new(&chances);
+        let all = sums.sums[96];
+        for i in 0..=5000 {
+            let fraction = f64::from(i) / 5000.0;
+            let (k, within, size) = sums.pick(fraction);
+            let due = sums.sums.partition_point(|sum| *sum <= fraction * all).min(96);
+            assert_eq!((k, size), (due, sums.sums[due] - if due > 0 { sums.sums[due - 1] } else { 0.0 }));
+            assert!((0.0..=1.0).contains(&within));
+        }
     }
 
     #[test]

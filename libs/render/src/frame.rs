@@ -4,6 +4,7 @@ mod bucket;
 mod cells;
 mod demand;
 mod job;
+mod shade;
 mod spread;
 
 use crate::bucket::Buckets;
@@ -46,6 +47,10 @@ pub(crate) struct ObjectTraits {
     pub(crate) max_displacement_world: f32,
     /// A grid that comes shaded: its vertices are its points.
     pub(crate) preshaded: bool,
+    /// Small grids may be shaded together: nothing shows it.
+    pub(crate) joins: bool,
+    /// Shading leaves something behind: no grid may be shaded that nobody sees.
+    pub(crate) saves: bool,
 }
 
 /// Shades grids. The frame knows no shaders; tests shade with closures of their own.

@@ -258,6 +258,10 @@ pub(crate) struct ObjectState {
     pub(crate) volume: Option<Arc<LinkedShaders>>,
     /// The grids of the primitive come shaded: no shader runs (reference 4.3.7).
     pub(crate) preshaded: bool,
+    /// Its grids may be shaded together: shaders look at points and their neighbours only.
+    pub(crate) joins: bool,
+    /// Shaders may save something.
+    pub(crate) saves: bool,
     /// Known to be opaque without running a shader.
     pub(crate) opaque: bool,
     /// Opaque for shadow rays: `opaque`, or "ray:opaqueshadows".
@@ -320,6 +324,8 @@ impl ObjectState {
         Self {
             name: attributes.name(),
             preshaded: false,
+            joins: false,
+            saves: false,
             opaque,
             opaque_to_shadows: opaque || attributes.int("ray:opaqueshadows") != 0,
             color: triple("C"),

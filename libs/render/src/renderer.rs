@@ -229,6 +229,8 @@ impl FrameShader for ShadingContext {
             displaces: object.displacement.is_some(),
             max_displacement_world: object.max_displacement_world,
             preshaded: object.preshaded,
+            joins: object.joins,
+            saves: object.saves,
         }
     }
 

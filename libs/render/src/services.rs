@@ -19,8 +19,8 @@ use granita_base::{
 use granita_scene::{AttributeSet, LightId, ShaderUsage};
 use granita_shade::{
     Batch, DatabaseQuery, DatabaseSave, EnvironmentQuery, Grid, IlluminateQuery, Lane, Lane3, Lanes3,
-    LightInfo, LightResult, LookupResult, Primvar, RayKind, Services, Shadeop, ShadowQuery, SubsurfaceQuery,
-    TextureQuery, Topology, TraceQuery, TraceResult,
+    LightInfo, LightResult, LookupResult, Primvar, RayKind, Rect, Services, Shadeop, ShadowQuery,
+    SubsurfaceQuery, TextureQuery, Topology, TraceQuery, TraceResult,
 };
 use std::sync::Arc;
 
@@ -41,8 +41,8 @@ pub(crate) struct Run<'r, 'f> {
     object_attributes: &'r AttributeSet,
     /// How the points of the grid neighbour each other.
     topology: Topology,
-    /// Sides of the grid that are borders of its surface: first and last along u, first and last along v.
-    rims: [bool; 4],
+    /// Of each rectangle of the grid, which sides are borders of its surface: first and last along u, first and last along v.
+    rims: Arc<[[bool; 4]]>,
     /// The object being shaded to world.
     object_to_world: &'r MotionTransform,
     /// Name of the object or the light, for messages.
@@ -87,7 +87,7 @@ impl<'r, 'f> Run<'r, 'f> {
             shaders,
             attributes: &object.attributes,
             object_attributes: &object.attributes,
-            topology: grid.topology,
+            topology: grid.topology.clone(),
             rims: rims(grid),
             object_to_world: &object.attributes.to_world,
             owner: object.name.clone(),
@@ -111,17 +111,16 @@ impl<'r, 'f> Run<'r, 'f> {
         }
     }
 
-    /// For a light that shines on the grid of `surface`.
-    fn for_light(surface: &'r mut Run<'_, 'f>, light: &'r LightState) -> Self {
-        let names = surface.names_for(light.seed);
+    /// For a light that shines on the grid of `surface`: `names` name its lanes.
+    fn for_light(surface: &'r mut Run<'_, 'f>, light: &'r LightState, names: Vec<u32>) -> Self {
         Self {
             frame: surface.frame,
             thread: surface.thread,
             shaders: &light.shaders,
             attributes: &light.attributes,
             object_attributes: surface.object_attributes,
-            topology: surface.topology,
-            rims: surface.rims,
+            topology: surface.topology.clone(),
+            rims: surface.rims.clone(),
             object_to_world: surface.object_to_world,
             owner: light.name.clone(),
             shadow_bias: light.shadow_bias,
@@ -141,10 +140,18 @@ impl<'r, 'f> Run<'r, 'f> {
         }
     }
 
-    fn run_light(&mut self, light: &LightState, grid: &Grid, query: &IlluminateQuery<'_>) -> LightResult {
+    /// One run of a light, of several with this number.
+    fn run_light(
+        &mut self,
+        light: &LightState,
+        grid: &Grid,
+        query: &IlluminateQuery<'_>,
+        index: u32,
+    ) -> LightResult {
+        let names = self.names_for(light.seed, query, index);
         let mut executor = self.thread.take_executor();
         let result = {
-            let mut services = Run::for_light(self, light);
+            let mut services = Run::for_light(self, light, names);
             executor.run_light(&light.shaders.group, grid, query, &mut services)
         };
         self.thread.put_executor(executor);
@@ -167,7 +174,7 @@ impl<'r, 'f> Run<'r, 'f> {
             rays::unknown_set(self, &area.set);
             return sum;
         };
-        let (call, names) = (self.calls, self.names_for(light.seed));
+        let (call, names) = (self.calls, self.names_for(light.seed, query, 0));
         let (mut pl, mut nl) = (Lanes3::zeros(grid.len()), Lanes3::zeros(grid.len()));
         let share = 1.0 / area.samples as f32;
         let scale = |lanes: &mut Lanes3| lanes.xyz.iter_mut().flatten().for_each(|v| *v *= share);
@@ -182,7 +189,7 @@ impl<'r, 'f> Run<'r, 'f> {
                 return sum;
             }
             let query = IlluminateQuery { pl: Some(Lane3::over(&pl)), nl: Some(Lane3::over(&nl)), ..*query };
-            let one = self.run_light(light, grid, &query);
+            let one = self.run_light(light, grid, &query, index);
             sum.samples.extend(one.samples.into_iter().map(|mut sample| {
                 scale(&mut sample.cl);
                 sample
@@ -199,7 +206,6 @@ impl<'r, 'f> Run<'r, 'f> {
                 }
             }
             (sum.nondiffuse, sum.nonspecular, sum.params) = (one.nondiffuse, one.nonspecular, one.params);
-            self.next_call(active);
         }
         sum
     }
@@ -221,10 +227,17 @@ impl<'r, 'f> Run<'r, 'f> {
         self.calls
     }
 
-    /// Names of lanes for what a light does.
-    fn names_for(&self, light: u32) -> Vec<u32> {
-        let name = |(name, call): (&u32, &u32)| hash::words(&[*name, light, *call]);
-        self.names.iter().zip(&self.lane_calls).map(name).collect()
+    /// Names of lanes for what a light does when it is asked what arrives at these places: the same whenever it is asked that, so
+    /// that it does not matter whether it is asked again or its answer was kept.
+    fn names_for(&self, light: u32, query: &IlluminateQuery<'_>, index: u32) -> Vec<u32> {
+        let mut names = self.names.clone();
+        for &lane in query.batch.active {
+            if let Some(name) = names.get_mut(lane as usize) {
+                let [x, y, z] = query.ps.get(lane as usize).to_array().map(f32::to_bits);
+                *name = hash::words(&[*name, light, index, x, y, z]);
+            }
+        }
+        names
     }
 
     /// A bias option: below 0 or absent means the attribute.
@@ -246,29 +259,33 @@ impl<'r, 'f> Run<'r, 'f> {
     }
 }
 
-/// Which sides of a grid lie where its surface ends: along u and v, first and last.
-fn rims(grid: &Grid) -> [bool; 4] {
-    let Topology::Rect { nu, nv } = grid.topology else { return [false; 4] };
-    let ends = |parameter: &[f32], first: usize, step: usize, count: usize| {
-        (0..count).all(|k| parameter.get(first + k * step).is_some_and(|x| *x <= 0.0 || *x >= 1.0))
+/// Which sides of each rectangle of a grid lie where its surface ends: along u and v, first and last.
+fn rims(grid: &Grid) -> Arc<[[bool; 4]]> {
+    let of = |(k, rect): (usize, Rect)| {
+        let Rect { first, nu, nv } = rect;
+        let ends = |parameter: &[f32], start: usize, step: usize, count: usize| {
+            let outside = |x: &f32| *x <= 0.0 || *x >= 1.0;
+            (0..count).all(|k| parameter.get(first + start + k * step).is_some_and(outside))
+        };
+        if nu < 2 || nv < 2 {
+            return [false; 4];
+        }
+        let [a, b, c, d] = grid.seams.get(k).copied().unwrap_or_default();
+        [
+            !a && ends(&grid.u, 0, nu, nv),
+            !b && ends(&grid.u, nu - 1, nu, nv),
+            !c && ends(&grid.v, 0, 1, nu),
+            !d && ends(&grid.v, (nv - 1) * nu, 1, nu),
+        ]
     };
-    if nu < 2 || nv < 2 {
-        return [false; 4];
-    }
-    let [a, b, c, d] = grid.seams;
-    [
-        !a && ends(&grid.u, 0, nu, nv),
-        !b && ends(&grid.u, nu - 1, nu, nv),
-        !c && ends(&grid.v, 0, 1, nu),
-        !d && ends(&grid.v, (nv - 1) * nu, 1, nu),
-    ]
+    grid.topology.rects().enumerate().map(of).collect()
 }
 
 /// A copy of a grid without its variables and messages: what a light shader sees of a surface.
 fn without_variables(grid: &Grid) -> Grid {
     Grid {
         uneven: grid.uneven.clone(),
-        topology: grid.topology,
+        topology: grid.topology.clone(),
         p: grid.p.clone(),
         n: grid.n.clone(),
         ng: grid.ng.clone(),
@@ -276,7 +293,7 @@ fn without_variables(grid: &Grid) -> Grid {
         dpdu: grid.dpdu.clone(),
         dpdv: grid.dpdv.clone(),
         dpdtime: grid.dpdtime.clone(),
-        seams: grid.seams,
+        seams: grid.seams.clone(),
         u: grid.u.clone(),
         v: grid.v.clone(),
         time: grid.time,
@@ -319,7 +336,7 @@ impl Services for Run<'_, '_> {
     }
 
     fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult) {
-        maps::texture(&self.frame.textures, query, out);
+        maps::texture(self.thread.textures(), query, out);
     }
 
     fn texture3d(
@@ -329,7 +346,7 @@ impl Services for Run<'_, '_> {
         dp: [Lane3<'_>; 2],
         out: &mut LookupResult,
     ) {
-        maps::texture3d(&self.frame.textures, query, p, dp, out);
+        maps::texture3d(self.thread.textures(), query, p, dp, out);
     }
 
     fn environment(&mut self, query: &EnvironmentQuery<'_>, out: &mut LookupResult) {
@@ -355,7 +372,8 @@ impl Services for Run<'_, '_> {
                 return maps::drawn(&self.frame.textures, query, space, &directions, &seeds, out);
             }
             // What rays of indirect light see is averaged anyway.
-            maps::environment(&self.frame.textures, query, space, self.ray.indirect, out);
+            let quick = self.ray.indirect;
+            maps::environment(self.thread.textures(), query, space, quick, out);
         }
     }
 
@@ -369,12 +387,13 @@ impl Services for Run<'_, '_> {
         }
         let call = self.next_call(query.batch.active);
         let seeds = |lane: u32| self.lane_seed(call, lane);
-        let (textures, maker) = (&self.frame.textures, dynamic::Maker(self.frame));
+        let maker = dynamic::Maker(self.frame);
         // What builds structures that others wait for, and what renders a map, must not wait for maps.
         let may_wait = !self.thread.builds_rays && !self.thread.is_unlit && !self.frame.dynamic.is_empty();
-        let reader = if may_wait { textures.reader_with(&maker) } else { textures.reader() };
+        let textures = &self.frame.textures;
+        let mut reader = if may_wait { textures.reader_with(&maker) } else { textures.reader() };
         let bias = |lane| self.bias(query.options.bias, lane);
-        maps::shadow_with((textures, reader), query, &seeds, &bias, out);
+        maps::shadow(&mut reader, query, &seeds, &bias, out);
     }
 
     fn shadeop(&mut self, text: &str) -> Result<Arc<dyn Shadeop>, String> {
@@ -402,7 +421,7 @@ impl Services for Run<'_, '_> {
         self.calls += 1;
         let result = match &light.area {
             Some(area) => self.area_light(light, area, &grid, query),
-            None => self.run_light(light, &grid, query),
+            None => self.run_light(light, &grid, query, 0),
         };
         self.lit = Some(grid);
         let result = Arc::new(result);

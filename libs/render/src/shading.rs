@@ -17,8 +17,8 @@ use granita_base::{Color, Location, ParamData, Reporter, SearchPath, Severity, V
 use granita_gsl::ir::{Global, ValueType};
 use granita_scene::{LightId, Primitive, Scene, ShaderGroup, ShaderUsage};
 use granita_sdb::{Attributes, Clusters, Databases, Mode, Packed};
-use granita_shade::{Executor, Grid, Group, Lanes3, Primvar, PrimvarData, Services, Topology};
-use granita_texture::{CacheOptions, TextureCache, Up, Use};
+use granita_shade::{Executor, Grid, Group, Lanes3, Primvar, PrimvarData, Rect, Services};
+use granita_texture::{CacheOptions, TextureCache, TextureReader, Up, Use};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -197,9 +197,24 @@ impl ShadingContext {
         state.preshaded = preshaded;
         let shines = |id: &LightId| self.light(*id).is_some();
         state.lights = attributes.lights.iter().copied().filter(shines).collect();
+        let groups = self.groups(&state);
+        let saves = |name: &str| self.database_mode(&attributes.string(name), "").write;
+        let joins = !state.preshaded && groups.iter().all(|group| !group.is_gridwise());
+        let saves = saves("indirect:spatialdb")
+            || saves("occlusion:spatialdb")
+            || groups.iter().any(|group| group.may_save());
+        (state.joins, state.saves) = (joins, saves);
         let state = Arc::new(state);
         states.objects.insert(key, state.clone());
         state
+    }
+
+    /// All that runs when the object is shaded.
+    fn groups<'s>(&'s self, state: &'s ObjectState) -> Vec<&'s Group> {
+        let own = [Some(&state.surface), state.displacement.as_ref(), state.volume.as_ref()];
+        let own = own.into_iter().flatten().map(|shaders| &shaders.group);
+        let lights = state.lights.iter().filter_map(|id| self.light(*id)).map(|light| &light.shaders.group);
+        own.chain(lights).collect()
     }
 
     /// A light that shines.
@@ -283,6 +298,8 @@ pub(crate) struct ShaderThread<'f> {
     /// Executors that are not running: one is in use for each nested shader (surface, its light, the surface
     /// that a ray of the light hits, ...).
     idle: Vec<Executor>,
+    /// Reads texture files, and keeps the tiles that it used last.
+    textures: TextureReader<'f>,
     /// Structures for rays are being built by this thread: its shaders see no rays.
     pub(crate) builds_rays: bool,
     /// Depths are being rendered by this thread: its shaders see no lights, and nothing of dynamic shadow maps.
@@ -292,12 +309,18 @@ pub(crate) struct ShaderThread<'f> {
 impl<'f> ShaderThread<'f> {
     /// With no memory yet.
     pub(crate) fn new(frame: &'f ShadingContext) -> Self {
-        Self { frame, idle: Vec::new(), builds_rays: false, is_unlit: false }
+        let textures = frame.textures.reader();
+        Self { frame, idle: Vec::new(), textures, builds_rays: false, is_unlit: false }
     }
 
     /// The frame.
     pub(crate) fn frame(&self) -> &'f ShadingContext {
         self.frame
+    }
+
+    /// Reads texture files, but maps without files.
+    pub(crate) fn textures(&mut self) -> &mut TextureReader<'f> {
+        &mut self.textures
     }
 
     /// An executor that nobody uses; give it back with [`ShaderThread::put_executor`].
@@ -440,25 +463,31 @@ impl<'f> ShaderThread<'f> {
 /// Tangents gain the change of the displacement across the grid, the geometric normal is their cross
 /// product, and the view direction moves along. Where tangents vanish, the old normal stays.
 fn follow_displacement(grid: &mut Grid, before: &Lanes3) {
-    let Topology::Rect { nu, nv } = grid.topology else { return };
+    let rects: Vec<Rect> = grid.topology.rects().collect();
+    if rects.is_empty() {
+        return;
+    }
     let offset = |g: &Grid, i: usize| g.p.get(i) - before.get(i);
     let sign = if grid.flip_normals { -1.0 } else { 1.0 };
-    for j in 0..nv {
-        for i in 0..nu {
-            let at = j * nu + i;
-            let slope = |g: &Grid, a: usize, b: usize, parameter: &[f32]| {
-                let step = parameter[b] - parameter[a];
-                if step == 0.0 { Vec3::ZERO } else { (offset(g, b) - offset(g, a)) / step }
-            };
-            let (i0, i1) = (i.saturating_sub(1), (i + 1).min(nu - 1));
-            let (j0, j1) = (j.saturating_sub(1), (j + 1).min(nv - 1));
-            let du = grid.dpdu.get(at) + slope(grid, j * nu + i0, j * nu + i1, &grid.u);
-            let dv = grid.dpdv.get(at) + slope(grid, j0 * nu + i, j1 * nu + i, &grid.v);
-            let ng = du.cross(dv) * sign;
-            grid.dpdu.set(at, du);
-            grid.dpdv.set(at, dv);
-            if ng.is_finite() && ng.length_squared() > 1e-30 {
-                grid.ng.set(at, ng);
+    for Rect { first, nu, nv } in rects {
+        for j in 0..nv {
+            for i in 0..nu {
+                let at = |i: usize, j: usize| first + j * nu + i;
+                let slope = |g: &Grid, a: usize, b: usize, parameter: &[f32]| {
+                    let step = parameter[b] - parameter[a];
+                    if step == 0.0 { Vec3::ZERO } else { (offset(g, b) - offset(g, a)) / step }
+                };
+                let (i0, i1) = (i.saturating_sub(1), (i + 1).min(nu - 1));
+                let (j0, j1) = (j.saturating_sub(1), (j + 1).min(nv - 1));
+                let here = at(i, j);
+                let du = grid.dpdu.get(here) + slope(grid, at(i0, j), at(i1, j), &grid.u);
+                let dv = grid.dpdv.get(here) + slope(grid, at(i, j0), at(i, j1), &grid.v);
+                let ng = du.cross(dv) * sign;
+                grid.dpdu.set(here, du);
+                grid.dpdv.set(here, dv);
+                if ng.is_finite() && ng.length_squared() > 1e-30 {
+                    grid.ng.set(here, ng);
+                }
             }
         }
     }
@@ -472,6 +501,7 @@ fn follow_displacement(grid: &mut Grid, before: &Lanes3) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use granita_shade::Topology;
 
     #[test]
     fn normals_follow_a_tilted_displacement() {

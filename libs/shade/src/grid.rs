@@ -27,6 +27,11 @@ impl Lanes3 {
         Self { xyz: std::array::from_fn(|c| points.iter().map(|p| p[c]).collect()) }
     }
 
+    /// Some lanes.
+    pub fn part(&self, lanes: std::ops::Range<usize>) -> Self {
+        Self { xyz: self.xyz.each_ref().map(|c| c[lanes.clone()].to_vec()) }
+    }
+
     /// Value of lane `i`.
     pub fn get(&self, i: usize) -> Vec3 {
         Vec3::new(self.xyz[0][i], self.xyz[1][i], self.xyz[2][i])
@@ -50,8 +55,26 @@ impl Lanes3 {
     }
 }
 
-/// How the points of a grid neighbour each other; derivatives follow from it.
+/// A rectangle of points of a grid, u fastest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rect {
+    /// Lane of its first point.
+    pub first: usize,
+    /// Points along u.
+    pub nu: usize,
+    /// Points along v.
+    pub nv: usize,
+}
+
+impl Rect {
+    /// Its lanes.
+    pub fn lanes(&self) -> std::ops::Range<usize> {
+        self.first..self.first + self.nu * self.nv
+    }
+}
+
+/// How the points of a grid neighbour each other; derivatives follow from it.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Topology {
     /// `nu x nv` points, u fastest.
     Rect {
@@ -60,6 +83,8 @@ pub enum Topology {
         /// Points along v.
         nv: usize,
     },
+    /// Rectangles that have nothing to do with each other, one after the other.
+    Rects(Arc<[Rect]>),
     /// `3 n` points: `n` centres, then their `n` neighbours along u, then along v. Ray hits.
     Triplets {
         /// Number of centres.
@@ -75,10 +100,32 @@ pub enum Topology {
 impl Topology {
     /// Number of points (lanes).
     pub fn points(&self) -> usize {
-        match *self {
+        match self {
             Self::Rect { nu, nv } => nu * nv,
+            Self::Rects(list) => list.last().map_or(0, |rect| rect.lanes().end),
             Self::Triplets { n } => 3 * n,
-            Self::Scattered { n } => n,
+            Self::Scattered { n } => *n,
+        }
+    }
+
+    /// Its rectangles, in order; none where points have no place in one.
+    pub fn rects(&self) -> impl Iterator<Item = Rect> + '_ {
+        let (one, list) = match self {
+            Self::Rect { nu, nv } => (Some(Rect { first: 0, nu: *nu, nv: *nv }), &[][..]),
+            Self::Rects(list) => (None, &list[..]),
+            Self::Triplets { .. } | Self::Scattered { .. } => (None, &[][..]),
+        };
+        one.into_iter().chain(list.iter().copied())
+    }
+
+    /// The rectangle that a lane lies in.
+    pub fn rect_of(&self, lane: usize) -> Option<Rect> {
+        match self {
+            Self::Rects(list) => {
+                let after = list.partition_point(|rect| rect.first <= lane);
+                list.get(after.checked_sub(1)?).copied()
+            }
+            _ => self.rects().next(),
         }
     }
 }
@@ -162,9 +209,9 @@ pub struct Grid {
     pub dpdv: Lanes3,
     /// Change of `p` per unit of time.
     pub dpdtime: Lanes3,
-    /// On which sides of a rectangle the surface goes on smoothly although its parameters end there (a face of a smooth mesh):
-    /// along u and v, first and last.
-    pub seams: [bool; 4],
+    /// Of each rectangle, on which sides the surface goes on smoothly although its parameters end there (a face of a smooth
+    /// mesh): along u and v, first and last. Nowhere on those that are not listed.
+    pub seams: Vec<[bool; 4]>,
     /// Surface parameters.
     pub u: Vec<f32>,
     /// Surface parameters.
@@ -201,7 +248,7 @@ impl Grid {
     /// Finds the points of a rectangular grid that are [`Uneven`]: `places` are those of all points along u and along v,
     /// counted in steps of an even grid.
     pub fn find_uneven(&mut self, places: &[Vec<f32>; 2]) {
-        self.uneven = crate::ops::uneven(self.topology, places);
+        self.uneven = crate::ops::uneven(&self.topology, places);
     }
 
     /// A grid with everything zero, C and opacity one.
@@ -217,7 +264,7 @@ impl Grid {
             dpdu: Lanes3::zeros(n),
             dpdv: Lanes3::zeros(n),
             dpdtime: Lanes3::zeros(n),
-            seams: [false; 4],
+            seams: Vec::new(),
             u: vec![0.0; n],
             v: vec![0.0; n],
             time: 0.0,

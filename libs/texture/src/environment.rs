@@ -95,9 +95,9 @@ pub(crate) fn environment(
         for (x, weight) in probes.iter() {
             let d = r * x.cos() + long * x.sin();
             let value = if cube {
-                cube_probe(&mut sampler, d, probes.exact)
+                cube_probe(&mut sampler, d, probes.exact, q.quick)
             } else {
-                latlong_probe(&mut sampler, d, probes.width, probes.exact)
+                latlong_probe(&mut sampler, d, (probes.width, probes.exact), q.quick)
             };
             mean.add(value, weight);
         }
@@ -146,25 +146,27 @@ fn smooth(
 }
 
 /// Round probe of a cube: direction `d`, of length about 1, full width in radians; at least one texel is covered,
-/// wherever on the face.
-fn cube_probe(sampler: &mut Sampler<'_>, d: Vec3, width: f32) -> [f32; 4] {
+/// wherever on the face. A quick one looks at the nearer level alone.
+fn cube_probe(sampler: &mut Sampler<'_>, d: Vec3, width: f32, quick: bool) -> [f32; 4] {
     let p = cube::project(sampler.file.layout, d);
     // On the face's plane lengths grow by stretch^2 outward and stretch across: their geometric mean.
     let texels = width * 0.5 * sampler.level(0).face_width as f32 * p.stretch * p.stretch.sqrt();
     let texels = texels.max(1.0);
-    let (level, share) = levels(texels.log2(), sampler.last());
+    let lod = texels.log2();
+    let (level, share) = levels(if quick { lod.round() } else { lod }, sampler.last());
     let (s, t) = (p.s.clamp(0.0, 1.0), p.t.clamp(0.0, 1.0));
     let value = sampler.cube_bilinear(level, p.face, s, t);
     if share > 0.0 { mix(value, sampler.cube_bilinear(level + 1, p.face, s, t), share) } else { value }
 }
 
 /// Round probe of a latitude-longitude map: direction in the map's frame; `width` chooses the level,
-/// `exact` is what is to be covered along the rows.
-fn latlong_probe(sampler: &mut Sampler<'_>, d: Vec3, width: f32, exact: f32) -> [f32; 4] {
+/// `exact` is what is to be covered along the rows. A quick one looks at the nearer level alone.
+fn latlong_probe(sampler: &mut Sampler<'_>, d: Vec3, (width, exact): (f32, f32), quick: bool) -> [f32; 4] {
     let around = d.x.hypot(d.y);
     let s = d.y.atan2(d.x) / TAU + 0.5;
     let t = around.atan2(d.z) / PI;
-    let (level, share) = levels((width * sampler.level(0).height as f32 / PI).log2(), sampler.last());
+    let lod = (width * sampler.level(0).height as f32 / PI).log2();
+    let (level, share) = levels(if quick { lod.round() } else { lod }, sampler.last());
     let span = (exact / (TAU * around.max(1e-6))).min(1.0);
     let value = latlong_level(sampler, level, s, t, span);
     if share > 0.0 { mix(value, latlong_level(sampler, level + 1, s, t, span), share) } else { value }

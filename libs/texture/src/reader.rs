@@ -29,6 +29,11 @@ impl<'a> TextureReader<'a> {
         Self { cache, maker, held: Held::new(cache.shared()), lookups: 0, probes: 0 }
     }
 
+    /// The cache it reads.
+    pub fn cache(&self) -> &'a TextureCache {
+        self.cache
+    }
+
     /// See [`TextureCache::texture`].
     pub fn texture(&mut self, id: TextureId, lookup: &Lookup, out: &mut [f32]) {
         self.lookups += 1;

@@ -64,7 +64,7 @@ impl Services for Surroundings<'_> {
     }
 
     fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult) {
-        lookups::texture(self.textures, query, out);
+        lookups::texture(&mut self.textures.reader(), query, out);
     }
 
     fn texture3d(
@@ -74,18 +74,18 @@ impl Services for Surroundings<'_> {
         dp: [Lane3<'_>; 2],
         out: &mut LookupResult,
     ) {
-        lookups::texture3d(self.textures, query, p, dp, out);
+        lookups::texture3d(&mut self.textures.reader(), query, p, dp, out);
     }
 
     fn environment(&mut self, query: &EnvironmentQuery<'_>, out: &mut LookupResult) {
         // All spaces are the same here.
-        lookups::environment(self.textures, query, None, false, out);
+        lookups::environment(&mut self.textures.reader(), query, None, false, out);
     }
 
     fn shadow(&mut self, query: &ShadowQuery<'_>, out: &mut Lanes3) {
         let seed = self.grid.as_ref().map_or(0, |grid| grid.seed);
         let bias = |lane: usize| query.options.bias.map_or(0.0, |b| b.get(lane).max(0.0));
-        lookups::shadow(self.textures, query, &|lane| hash::words(&[seed, lane]), &bias, out);
+        lookups::shadow(&mut self.textures.reader(), query, &|lane| hash::words(&[seed, lane]), &bias, out);
     }
 
     fn shadeop(&mut self, text: &str) -> Result<Arc<dyn Shadeop>, String> {

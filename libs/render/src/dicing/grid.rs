@@ -48,11 +48,22 @@ pub(crate) fn make_grid(
     let to_world = placement.to_world.at(view.time);
     let to_normal = to_world.normal_matrix();
     let p = points_at(&dice.p, key_times, view.time, &to_world);
-    let mut grid = Grid::new(Topology::Rect { nu, nv });
+    let vectors =
+        |list: &[Vec3]| Lanes3::from_points(&list.iter().map(|v| to_world.vector(*v)).collect::<Vec<_>>());
+    let mut grid = Grid {
+        topology: Topology::Rect { nu, nv },
+        p: Lanes3::from_points(&p),
+        dpdu: vectors(&dice.dpdu[..n]),
+        dpdv: vectors(&dice.dpdv[..n]),
+        dpdtime: Lanes3::zeros(n),
+        u: dice.u[..n].to_vec(),
+        v: dice.v[..n].to_vec(),
+        // Nothing yet is there of the rest.
+        ..Grid::new(Topology::Scattered { n: 0 })
+    };
     if let Some(places) = &dice.places {
         grid.find_uneven(places);
     }
-    grid.p = Lanes3::from_points(&p);
     if let [first, .., last] = placement.times() {
         // Over the whole interval: the mean velocity is what blurs.
         let at = |t: f32| points_at(&dice.p, key_times, t, &placement.to_world.at(t));
@@ -60,10 +71,6 @@ pub(crate) fn make_grid(
         for (i, (a, b)) in at(*first).into_iter().zip(at(*last)).enumerate() {
             grid.dpdtime.set(i, (b - a) * rate);
         }
-    }
-    for i in 0..n {
-        grid.dpdu.set(i, to_world.vector(dice.dpdu[i]));
-        grid.dpdv.set(i, to_world.vector(dice.dpdv[i]));
     }
     grid.ng = geometric_normals(&grid, &p, attributes.flip_normals);
     grid.n = match &dice.n {
@@ -73,16 +80,13 @@ pub(crate) fn make_grid(
         }
         None => grid.ng.clone(),
     };
-    grid.seams = seams(&grid, primitive, dice.n.is_some());
-    for (i, point) in p.iter().enumerate() {
-        grid.i.set(
-            i,
-            match view.viewpoint {
-                Viewpoint::From(eye) => *point - eye,
-                Viewpoint::Along(direction) => direction,
-            },
-        );
-    }
+    grid.seams = vec![seams(&grid, primitive, dice.n.is_some())];
+    grid.i = match view.viewpoint {
+        Viewpoint::From(eye) => {
+            Lanes3::from_points(&p.iter().map(|point| *point - eye).collect::<Vec<Vec3>>())
+        }
+        Viewpoint::Along(direction) => Lanes3::splat(direction, n),
+    };
     if view.ray.level == 0 {
         // Baking looks along the normal (reference 4.4.7).
         match &*attributes.string("shading:view") {
@@ -91,8 +95,6 @@ pub(crate) fn make_grid(
             _ => (),
         }
     }
-    grid.u.copy_from_slice(&dice.u[..n]);
-    grid.v.copy_from_slice(&dice.v[..n]);
     grid.time = view.time;
     grid.dtime = view.dtime;
     grid.ray = view.ray;
@@ -108,10 +110,11 @@ pub(crate) fn make_grid(
     ]);
     grid.primvars = dice.primvars.iter().map(|v| to_common(v, n, &to_world, &to_normal)).collect();
     for (name, lanes) in [("C", &mut grid.c), ("opacity", &mut grid.opacity)] {
-        let constant = attributes.floats(name);
-        if let [r, g, b] = constant[..] {
-            *lanes = Lanes3::splat(Vec3::new(r, g, b), n);
-        }
+        let constant = match attributes.floats(name)[..] {
+            [r, g, b] => Vec3::new(r, g, b),
+            _ => Vec3::ONE,
+        };
+        *lanes = Lanes3::splat(constant, n);
         if let Some(variable) = grid.primvars.iter().find(|v| &*v.name == name) {
             override_color(lanes, variable, n);
         }
@@ -122,8 +125,8 @@ pub(crate) fn make_grid(
 /// On which sides a face of a mesh goes on smoothly in the next: on all where the mesh is a limit of subdivision, else where
 /// the normals that it was given are not its own.
 fn seams(grid: &Grid, primitive: &Primitive, given: bool) -> [bool; 4] {
-    let (ShapeDesc::Mesh { subdivide, nverts, .. }, Topology::Rect { nu, nv }) =
-        (&primitive.shape, grid.topology)
+    let (ShapeDesc::Mesh { subdivide, nverts, .. }, &Topology::Rect { nu, nv }) =
+        (&primitive.shape, &grid.topology)
     else {
         return [false; 4];
     };
@@ -166,7 +169,7 @@ fn geometric_normals(grid: &Grid, p: &[Vec3], flip: bool) -> Lanes3 {
             }
         }
     }
-    let known = normals.clone();
+    let known = if missing.is_empty() { Vec::new() } else { normals.clone() };
     for at in missing {
         let (i, j) = ((at % nu) as isize, (at / nu) as isize);
         let distance = |k: usize| ((k % nu) as isize - i).pow(2) + ((k / nu) as isize - j).pow(2);

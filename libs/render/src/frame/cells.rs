@@ -17,8 +17,8 @@ pub(super) struct Cells {
     pub(super) kept: Vec<bool>,
 }
 
-/// What is there: not trimmed away, and not facing away where "twosided" is 0; `None` for all.
-pub(super) fn kept<O>(dice: &Dice, job: &Job<O>, grid: &Grid) -> Option<Cells> {
+/// What is there: not trimmed away, and not facing away where "twosided" is 0; `None` for all. Its points begin at lane `first`.
+pub(super) fn kept<O>(dice: &Dice, job: &Job<O>, grid: &Grid, first: usize) -> Option<Cells> {
     let attributes = &job.primitive.attributes;
     let (mu, mv) = (dice.nu - 1, dice.nv - 1);
     let mut cells = dice.mask.as_ref().map(|mask| {
@@ -35,7 +35,7 @@ pub(super) fn kept<O>(dice: &Dice, job: &Job<O>, grid: &Grid) -> Option<Cells> {
         let k = cells.per_side;
         for (at, kept) in cells.kept.iter_mut().enumerate() {
             let (i, j) = (at % (mu * k) / k, at / (mu * k) / k);
-            let corner = j * dice.nu + i;
+            let corner = first + j * dice.nu + i;
             let corners = [corner, corner + 1, corner + dice.nu, corner + dice.nu + 1];
             *kept &= !corners.into_iter().all(away);
         }

@@ -6,11 +6,11 @@ use crate::dicing::{DiceSettings, Leaf, Placement, Plan, Rates, Viewer, key_at};
 use crate::hider::{NOWHERE, ShadedGrid, pixels_of};
 use crate::statistics::add;
 use crate::{PixelRect, Projection, preshaded};
-use granita_base::{Bound, Severity, Transform, Vec3};
+use granita_base::{Bound, ParamData, Params, Severity, Transform, Vec3};
 use granita_geom::{Piece, ShapeKey, SplitDirection, Surface};
 use granita_scene::Primitive;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
 
 /// A primitive that is in view.
 pub(super) struct Job<O> {
@@ -61,7 +61,7 @@ pub(super) struct LeafSlot {
     again: bool,
 }
 
-enum LeafState {
+pub(super) enum LeafState {
     /// Not diced yet.
     Waiting(Leaf),
     /// Diced and shaded; nothing when nothing is left to see. The leaf as well, where it may be needed again.
@@ -70,19 +70,44 @@ enum LeafState {
     Gone,
 }
 
-impl LeafSlot {
-    /// The grid, made by `make` for the first one who asks; others wait.
-    pub(super) fn grid(&self, make: impl FnOnce(&Leaf) -> Option<ShadedGrid>) -> Option<Arc<ShadedGrid>> {
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        if let LeafState::Waiting(leaf) = &*state {
-            let grid = make(leaf).map(Arc::new);
-            if let LeafState::Waiting(leaf) = std::mem::replace(&mut *state, LeafState::Gone) {
-                *state = LeafState::Ready(grid, self.again.then_some(leaf));
-            }
-        }
-        match &*state {
-            LeafState::Ready(grid, _) => grid.clone(),
+impl LeafState {
+    /// What is to be diced and shaded; nothing when that was done.
+    pub(super) fn leaf(&self) -> Option<&Leaf> {
+        match self {
+            Self::Waiting(leaf) => Some(leaf),
             _ => None,
+        }
+    }
+
+    /// The grid, where one was made and something of it is to be seen.
+    pub(super) fn grid(&self) -> Option<Arc<ShadedGrid>> {
+        match self {
+            Self::Ready(grid, _) => grid.clone(),
+            _ => None,
+        }
+    }
+}
+
+impl LeafSlot {
+    /// For who makes the grid or takes it; others wait.
+    pub(super) fn lock(&self) -> MutexGuard<'_, LeafState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// For who would make the grid before anybody asks for it: nothing where it is made, or somebody is at it. Never waits.
+    pub(super) fn lock_early(&self) -> Option<MutexGuard<'_, LeafState>> {
+        let state = match self.state.try_lock() {
+            Ok(state) => state,
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(TryLockError::WouldBlock) => return None,
+        };
+        state.leaf().is_some().then_some(state)
+    }
+
+    /// Keeps the grid that was made, or that nothing of it is seen.
+    pub(super) fn keep(&self, state: &mut LeafState, grid: Option<ShadedGrid>) {
+        if let LeafState::Waiting(leaf) = std::mem::replace(state, LeafState::Gone) {
+            *state = LeafState::Ready(grid.map(Arc::new), self.again.then_some(leaf));
         }
     }
 
@@ -92,7 +117,7 @@ impl LeafSlot {
         let before = self.uses.fetch_update(Ordering::AcqRel, Ordering::Acquire, one_less).unwrap_or(0);
         debug_assert!(self.again || before > 0, "a grid is released by each of its buckets once");
         if before <= 1 {
-            let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut state = self.lock();
             *state = match std::mem::replace(&mut *state, LeafState::Gone) {
                 LeafState::Ready(_, Some(leaf)) => LeafState::Waiting(leaf),
                 LeafState::Waiting(leaf) if self.again => LeafState::Waiting(leaf),
@@ -147,7 +172,10 @@ impl<S: FrameShader> Frame<'_, S> {
             reporter.once(&text.clone(), severity, &primitive.at, text);
         };
         let object = self.shader.object(primitive);
-        let traits = self.shader.traits(&object);
+        let mut traits = self.shader.traits(&object);
+        // A text that is a primitive variable may name what is saved to.
+        let has_texts = |keys: &Params| keys.iter().any(|p| matches!(p.data, ParamData::String(_)));
+        traits.saves |= self.options.dump.is_some() || primitive.keys.iter().any(|k| has_texts(&k.params));
         let built = match preshaded::lattice(primitive).filter(|_| traits.preshaded) {
             Some(counts) => granita_geom::build_lattice(counts, &keys, &mut report),
             None => {

@@ -63,6 +63,8 @@ impl<F: Fn(&mut Grid) + Sync> FrameShader for Painted<F> {
             displaces: self.displace.is_some(),
             max_displacement_world: attributes.float("displace:maxradius"),
             preshaded: false,
+            joins: false,
+            saves: false,
         })
     }
     fn traits(&self, object: &ObjectTraits) -> ObjectTraits {

@@ -9,6 +9,7 @@
 
 use super::{Kind, Record};
 use granita_base::Vec3;
+use granita_shade::Rect;
 use std::sync::Arc;
 
 /// What suffices.
@@ -26,8 +27,8 @@ pub(crate) struct Tolerance {
 /// Points of a grid, u fastest. Those that are not active may be anywhere.
 #[derive(Debug)]
 pub(crate) struct Points {
-    /// Points along u and v.
-    pub(crate) size: [usize; 2],
+    /// Each is a lattice of its own; all of them together get their records.
+    pub(crate) rects: Vec<Rect>,
     pub(crate) p: Vec<Vec3>,
     /// Of length 1.
     pub(crate) n: Vec<Vec3>,
@@ -60,15 +61,25 @@ pub(crate) struct Lattice<'a> {
     tolerance: Tolerance,
     /// What is known at each point: records, and what lies between those of a side.
     known: Vec<Option<Arc<Record>>>,
-    /// Records so far.
-    records: usize,
+    /// Records so far, of each rectangle.
+    records: Vec<usize>,
 }
 
-/// A rectangle of points, corners included.
+/// Some points of a rectangle, corners included.
 #[derive(Clone, Copy, Debug)]
 struct Cell {
+    /// Number of the rectangle.
+    rect: usize,
     lo: [usize; 2],
     hi: [usize; 2],
+}
+
+impl Cell {
+    /// The lane of a point of its rectangle.
+    fn lane(&self, lattice: &Lattice<'_>, at: [usize; 2]) -> u32 {
+        let rect = &lattice.points.rects[self.rect];
+        (rect.first + at[1] * rect.nu + at[0]) as u32
+    }
 }
 
 /// Part of a side between two of its points, as positions in a list of them.
@@ -87,14 +98,12 @@ impl<'a> Lattice<'a> {
         tolerance: Tolerance,
         source: &mut Source<'_>,
     ) -> (Vec<Option<Arc<Record>>>, usize) {
-        let mut lattice = Self { kind, points, tolerance, known: vec![None; points.p.len()], records: 0 };
-        let [nu, nv] = points.size;
-        if nu > 0 && nv > 0 {
-            lattice.sides(source);
-            let cells = lattice.cells(source);
-            lattice.between(&cells);
-        }
-        (lattice.known, lattice.records)
+        let (known, records) = (vec![None; points.p.len()], vec![0; points.rects.len()]);
+        let mut lattice = Self { kind, points, tolerance, known, records };
+        lattice.sides(source);
+        let cells = lattice.cells(source);
+        lattice.between(&cells);
+        (lattice.known, lattice.records.iter().sum())
     }
 
     /// Gets records for points that have none.
@@ -106,7 +115,13 @@ impl<'a> Lattice<'a> {
         if wanted.is_empty() {
             return;
         }
-        self.records += wanted.len();
+        let mut rect = 0;
+        for w in &wanted {
+            while self.points.rects[rect].lanes().end <= w.lane as usize {
+                rect += 1;
+            }
+            self.records[rect] += 1;
+        }
         for (w, record) in wanted.iter().zip(source(&wanted)) {
             self.known[w.lane as usize] = Some(record);
         }
@@ -115,16 +130,18 @@ impl<'a> Lattice<'a> {
     /// The points of each side that lie in different places, from the same end whatever the grid, and for every point of
     /// the side the one of them that lies where it lies.
     fn side_points(&self) -> Vec<Side> {
-        let [nu, nv] = self.points.size;
-        let at = |i: usize, j: usize| (j * nu + i) as u32;
-        let along_u = |j: usize| (0..nu).map(|i| at(i, j)).collect::<Vec<u32>>();
-        let along_v = |i: usize| (0..nv).map(|j| at(i, j)).collect::<Vec<u32>>();
-        let mut lists = vec![along_u(0)];
-        if nv > 1 {
-            lists.push(along_u(nv - 1));
-            lists.push(along_v(0));
-            if nu > 1 {
-                lists.push(along_v(nu - 1));
+        let mut lists = Vec::with_capacity(4 * self.points.rects.len());
+        for Rect { first, nu, nv } in self.points.rects.iter().copied().filter(|r| !r.lanes().is_empty()) {
+            let at = |i: usize, j: usize| (first + j * nu + i) as u32;
+            let along_u = |j: usize| (0..nu).map(|i| at(i, j)).collect::<Vec<u32>>();
+            let along_v = |i: usize| (0..nv).map(|j| at(i, j)).collect::<Vec<u32>>();
+            lists.push(along_u(0));
+            if nv > 1 {
+                lists.push(along_u(nv - 1));
+                lists.push(along_v(0));
+                if nu > 1 {
+                    lists.push(along_v(nu - 1));
+                }
             }
         }
         lists.into_iter().map(|list| self.side(list)).collect()
@@ -270,8 +287,9 @@ impl<'a> Lattice<'a> {
 
     /// Places records inside; the cells whose corners suffice.
     fn cells(&mut self, source: &mut Source<'_>) -> Vec<Cell> {
-        let [nu, nv] = self.points.size;
-        let mut cells = vec![Cell { lo: [0, 0], hi: [nu - 1, nv - 1] }];
+        let rects = self.points.rects.iter().enumerate().filter(|(_, r)| !r.lanes().is_empty());
+        let whole = |(rect, r): (usize, &Rect)| Cell { rect, lo: [0, 0], hi: [r.nu - 1, r.nv - 1] };
+        let mut cells: Vec<Cell> = rects.map(whole).collect();
         let mut done = Vec::new();
         while !cells.is_empty() {
             let (mut next, mut wanted) = (Vec::new(), Vec::new());
@@ -285,7 +303,7 @@ impl<'a> Lattice<'a> {
                 let middle = (cell.lo[along] + cell.hi[along]) / 2;
                 let (mut one, mut other) = (cell, cell);
                 (one.hi[along], other.lo[along]) = (middle, middle);
-                wanted.extend([self.lane(one.hi), self.lane(other.lo)]);
+                wanted.extend([one.lane(self, one.hi), other.lane(self, other.lo)]);
                 next.extend([one, other]);
             }
             self.make(wanted, false, source);
@@ -294,14 +312,10 @@ impl<'a> Lattice<'a> {
         done
     }
 
-    fn lane(&self, at: [usize; 2]) -> u32 {
-        (at[1] * self.points.size[0] + at[0]) as u32
-    }
-
     /// Corners: lowest, along u, along v, highest.
     fn corners(&self, cell: &Cell) -> [u32; 4] {
-        let Cell { lo, hi } = *cell;
-        [self.lane(lo), self.lane([hi[0], lo[1]]), self.lane([lo[0], hi[1]]), self.lane(hi)]
+        let Cell { lo, hi, .. } = *cell;
+        [lo, [hi[0], lo[1]], [lo[0], hi[1]], hi].map(|at| cell.lane(self, at))
     }
 
     /// The direction to halve a cell in: the longer one.
@@ -323,8 +337,8 @@ impl<'a> Lattice<'a> {
     fn cell_suffices(&self, cell: &Cell) -> bool {
         let points = self.points;
         let rows = || (cell.lo[1]..=cell.hi[1]).flat_map(|j| (cell.lo[0]..=cell.hi[0]).map(move |i| [i, j]));
-        if rows().any(|at| !points.active[self.lane(at) as usize])
-            || self.records < self.tolerance.minsamples.min(points.p.len())
+        if rows().any(|at| !points.active[cell.lane(self, at) as usize])
+            || self.records[cell.rect] < self.tolerance.minsamples.min(points.rects[cell.rect].lanes().len())
         {
             return false;
         }
@@ -344,7 +358,7 @@ impl<'a> Lattice<'a> {
             let s = fraction(at[0], cell.lo[0], cell.hi[0]);
             let t = fraction(at[1], cell.lo[1], cell.hi[1]);
             let mean = n[0].lerp(n[1], s).lerp(n[2].lerp(n[3], s), t);
-            (points.n[self.lane(at) as usize] - mean).length_squared() <= most
+            (points.n[cell.lane(self, at) as usize] - mean).length_squared() <= most
         })
     }
 
@@ -381,7 +395,7 @@ impl<'a> Lattice<'a> {
                 for across in [cell.lo[1 - along], cell.hi[1 - along]] {
                     let at = |k: usize| if along == 0 { [k, across] } else { [across, k] };
                     let line: Vec<u32> =
-                        (cell.lo[along]..=cell.hi[along]).map(|k| self.lane(at(k))).collect();
+                        (cell.lo[along]..=cell.hi[along]).map(|k| cell.lane(self, at(k))).collect();
                     let mut from = 0;
                     for to in 1..line.len() {
                         if node[line[to] as usize] {
@@ -399,13 +413,13 @@ impl<'a> Lattice<'a> {
 
     /// Fills the points inside of a cell from those on its sides.
     fn fill_cell(&mut self, cell: &Cell) {
-        let Cell { lo, hi } = *cell;
+        let Cell { lo, hi, .. } = *cell;
         if hi[0] - lo[0] < 2 || hi[1] - lo[1] < 2 {
             return;
         }
         let line = |along: usize, across: usize| -> Vec<u32> {
             let at = |k: usize| if along == 0 { [k, across] } else { [across, k] };
-            (lo[along]..=hi[along]).map(|k| self.lane(at(k))).collect()
+            (lo[along]..=hi[along]).map(|k| cell.lane(self, at(k))).collect()
         };
         let lines = [line(0, lo[1]), line(0, hi[1]), line(1, lo[0]), line(1, hi[0])];
         let fractions = lines.each_ref().map(|l| self.fractions(l));
@@ -434,7 +448,7 @@ impl<'a> Lattice<'a> {
                     p += self.points.p[lane as usize] * w;
                     n += self.points.n[lane as usize] * w;
                 }
-                let lane = self.lane([lo[0] + i, lo[1] + j]) as usize;
+                let lane = cell.lane(self, [lo[0] + i, lo[1] + j]) as usize;
                 if whole && self.points.active[lane] && self.known[lane].is_none() {
                     self.correct(&mut sum, self.points.p[lane] - p, self.points.n[lane] - n);
                     self.known[lane] = Some(Arc::new(sum));

@@ -11,7 +11,8 @@ use crate::raytrace::{RayPurpose, RayRequest};
 use granita_base::{Color, Vec3, hash};
 use granita_scene::AttributeSet;
 use granita_sdb::{Between, Mode, Packed, Probe};
-use granita_shade::{Lanes3, Topology, TraceQuery};
+use granita_shade::{Batch, Lane, Lanes3, Rect, TraceQuery};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Rays that one call traces at once.
@@ -70,7 +71,7 @@ impl<'q> Question<'q> {
         let mode = run.frame.database_mode(name, word);
         // What rays of indirect light ask for where they hit is not kept: it is many times what is seen.
         let mode = Mode { write: mode.write && !run.thread.builds_rays && !run.ray.indirect, ..mode };
-        let lattice = matches!(run.topology, Topology::Rect { .. }) && run.centres.is_none();
+        let lattice = run.topology.rects().next().is_some();
         let full = !lattice || listens || maxerror.is_nan() || maxerror <= 0.0 || maxpixeldist <= 0.0;
         let mut words = vec![
             kind as u32,
@@ -160,29 +161,30 @@ fn limits(attributes: &AttributeSet, error: &str, distance: &str, least: &str) -
 /// very border (floor and wall), and rays that begin on them would pass through.
 fn places(run: &Run<'_, '_>, query: &TraceQuery<'_>) -> Vec<Vec3> {
     let mut out: Vec<Vec3> = (0..query.batch.lanes).map(|i| query.p.get(i)).collect();
-    let Topology::Rect { nu, nv } = run.topology else { return out };
-    if !run.rims.contains(&true) || nu * nv != out.len() {
+    if run.topology.points() != out.len() || !run.rims.iter().flatten().any(|rim| *rim) {
         return out;
     }
-    for &lane in query.batch.active {
-        let i = lane as usize;
-        let (column, row) = (i % nu, i / nu);
-        let inner = [
-            (run.rims[0] && column == 0).then(|| i + 1),
-            (run.rims[1] && column == nu - 1).then(|| i - 1),
-            (run.rims[2] && row == 0).then(|| i + nu),
-            (run.rims[3] && row == nv - 1).then(|| i - nu),
-        ];
-        let p = query.p.get(i);
-        let reach = 1.5 * run.bias(query.options.bias, i).max(run.frame.ray_margin(p));
-        for inner in inner.into_iter().flatten() {
-            if query.batch.active.binary_search(&(inner as u32)).is_ok() {
-                let way = query.p.get(inner) - p;
-                out[i] += way * (reach / way.length()).min(0.5);
+    let mut active = query.batch.active.iter().map(|lane| *lane as usize).peekable();
+    for (rect, rims) in run.topology.rects().zip(run.rims.iter()) {
+        while let Some(i) = active.next_if(|i| *i < rect.lanes().end) {
+            let (column, row) = ((i - rect.first) % rect.nu, (i - rect.first) / rect.nu);
+            let inner = [
+                (rims[0] && column == 0).then(|| i + 1),
+                (rims[1] && column == rect.nu - 1).then(|| i - 1),
+                (rims[2] && row == 0).then(|| i + rect.nu),
+                (rims[3] && row == rect.nv - 1).then(|| i - rect.nu),
+            ];
+            let p = query.p.get(i);
+            let reach = 1.5 * run.bias(query.options.bias, i).max(run.frame.ray_margin(p));
+            for inner in inner.into_iter().flatten() {
+                if query.batch.active.binary_search(&(inner as u32)).is_ok() {
+                    let way = query.p.get(inner) - p;
+                    out[i] += way * (reach / way.length()).min(0.5);
+                }
             }
-        }
-        if !out[i].is_finite() {
-            out[i] = p;
+            if !out[i].is_finite() {
+                out[i] = p;
+            }
         }
     }
     out
@@ -244,11 +246,58 @@ fn gather(run: &mut Run<'_, '_>, kind: Kind, query: &TraceQuery<'_>) -> Option<V
         Some(name) => name.to_owned(),
         None => run.object_attributes.string(attribute).to_string(),
     };
+    if !varies(query, run) {
+        return gather_alike(run, kind, query, &name, call);
+    }
+    // Each rectangle as if it were alone: what its first point is asked with holds for all of it.
+    let mut out = vec![None; query.batch.lanes];
+    let mut rest = query.batch.active;
+    for rect in run.topology.rects().collect::<Vec<Rect>>() {
+        let (active, later) = rest.split_at(rest.partition_point(|i| (*i as usize) < rect.lanes().end));
+        rest = later;
+        if !active.is_empty() {
+            let query = TraceQuery { batch: Batch { active, ..query.batch }, ..*query };
+            let found = gather_alike(run, kind, &query, &name, call)?;
+            active.iter().for_each(|&i| out[i as usize] = found[i as usize].clone());
+        }
+    }
+    Some(out)
+}
+
+/// Whether points are asked for with different options, on several rectangles.
+fn varies(query: &TraceQuery<'_>, run: &Run<'_, '_>) -> bool {
+    let o = &query.options;
+    let lanes = [
+        Some(query.angle),
+        Some(query.samples),
+        o.maxerror,
+        o.maxpixeldist,
+        o.adaptive,
+        o.bias,
+        o.maxhitdist,
+        o.falloff,
+        o.falloffmode,
+    ];
+    let bits = |lane: &Lane<'_>, i: u32| lane.get(i as usize).to_bits();
+    let changes = |lane: &Lane<'_>| {
+        lane.stride != 0 && query.batch.active.windows(2).any(|w| bits(lane, w[0]) != bits(lane, w[1]))
+    };
+    run.topology.rects().nth(1).is_some() && lanes.iter().flatten().any(changes)
+}
+
+/// As [`gather`], of points that are asked for with the options of the first.
+fn gather_alike(
+    run: &mut Run<'_, '_>,
+    kind: Kind,
+    query: &TraceQuery<'_>,
+    name: &str,
+    call: u32,
+) -> Option<Vec<Option<Arc<Record>>>> {
     let scene = run.frame.rays.scene(query.set, run.frame);
     let listens = kind == Kind::Irradiance && scene.is_some_and(|s| s.asks_parents);
-    let mut question = Question::new(run, kind, query, &name, listens);
+    let mut question = Question::new(run, kind, query, name, listens);
     if question.mode.read && !name.is_empty() {
-        question.known = run.frame.database(&name, question.mode).filter(|records| {
+        question.known = run.frame.database(name, question.mode).filter(|records| {
             let fits = records.schema() == kind.schema();
             if !fits {
                 let text = format!(
@@ -293,17 +342,13 @@ impl Gatherer<'_, '_, '_, '_> {
     fn on_lattice(&mut self) -> Vec<Option<Arc<Record>>> {
         let query = self.question.query;
         let n = query.batch.lanes;
-        let size = match self.run.topology {
-            Topology::Rect { nu, nv } => [nu, nv],
-            other => [other.points(), 1],
-        };
         let mut active = vec![false; n];
         for &lane in query.batch.active {
             let i = lane as usize;
             active[i] = self.question.places[i].is_finite() && self.question.axis(i) != Vec3::ZERO;
         }
         let points = Points {
-            size,
+            rects: self.run.topology.rects().collect(),
             p: self.question.places.clone(),
             n: (0..n).map(|i| self.question.axis(i)).collect(),
             scale: (0..n).map(|i| self.run.pixels_per_unit(query.p.get(i))).collect(),
@@ -326,7 +371,18 @@ impl Gatherer<'_, '_, '_, '_> {
                 filed.or_else(|| cache.find(&self.question.spot(w.lane)).filter(|_| w.shared))
             })
             .collect();
-        let missing: Vec<usize> = (0..wanted.len()).filter(|&k| out[k].is_none()).collect();
+        // One point of several rectangles is sampled once.
+        let mut first_at: HashMap<Spot, usize> = HashMap::new();
+        let mut missing = Vec::new();
+        let mut again = Vec::new();
+        for k in (0..wanted.len()).filter(|&k| out[k].is_none()) {
+            let first = if wanted[k].shared {
+                *first_at.entry(self.question.spot(wanted[k].lane)).or_insert(k)
+            } else {
+                k
+            };
+            if first == k { missing.push(k) } else { again.push((k, first)) }
+        }
         let made = self.sample(&missing.iter().map(|&k| wanted[k].lane).collect::<Vec<u32>>());
         let mut saved = Vec::new();
         for (&k, record) in missing.iter().zip(made) {
@@ -340,6 +396,9 @@ impl Gatherer<'_, '_, '_, '_> {
                 saved.extend(record.to_numbers(self.question.kind));
             }
             out[k] = Some(record);
+        }
+        for (k, first) in again {
+            out[k] = out[first].clone();
         }
         if !saved.is_empty() {
             let Question { kind, database, mode, .. } = self.question;

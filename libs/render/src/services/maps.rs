@@ -40,10 +40,10 @@ fn first_channel(value: Option<granita_shade::Lane<'_>>, lane: usize) -> u32 {
 }
 
 /// `texture ()`: answers a shader's query from a cache of files. A file that cannot be used gives `fill` and alpha 0.
-pub fn texture(textures: &TextureCache, query: &TextureQuery<'_>, out: &mut LookupResult) {
+pub fn texture(reader: &mut TextureReader<'_>, query: &TextureQuery<'_>, out: &mut LookupResult) {
     let o = &query.options;
     let (swrap, twrap) = wraps(o);
-    each(textures, query, out, |reader, id, i, fill, values| {
+    each(reader, query, out, |reader, id, i, fill, values| {
         let lookup = Lookup {
             s: query.s.get(i),
             t: query.t.get(i),
@@ -66,7 +66,7 @@ pub fn texture(textures: &TextureCache, query: &TextureQuery<'_>, out: &mut Look
 
 /// `texture3d ()`: the same at `p`, whose differences between neighbours are `dp`.
 pub fn texture3d(
-    textures: &TextureCache,
+    reader: &mut TextureReader<'_>,
     query: &TextureQuery<'_>,
     p: Lane3<'_>,
     [dpdx, dpdy]: [Lane3<'_>; 2],
@@ -74,7 +74,7 @@ pub fn texture3d(
 ) {
     let o = &query.options;
     let (swrap, twrap) = wraps(o);
-    each(textures, query, out, |reader, id, i, fill, values| {
+    each(reader, query, out, |reader, id, i, fill, values| {
         let lookup = Lookup3d {
             p: p.get(i),
             dpdx: dpdx.get(i),
@@ -100,21 +100,20 @@ fn wraps(options: &LookupOptions<'_>) -> (Option<Wrap>, Option<Wrap>) {
 /// Looks up every point of a query in its file, by the reader, the file, the point's number, what channels that the file does not
 /// have are, and where the values go.
 fn each(
-    textures: &TextureCache,
+    reader: &mut TextureReader<'_>,
     query: &TextureQuery<'_>,
     out: &mut LookupResult,
     mut look: impl FnMut(&mut TextureReader<'_>, TextureId, usize, f32, &mut [f32]),
 ) {
     prepare(query.batch, query.channels, out);
-    let id = textures.find_for(query.name, Use::Texture);
+    let id = reader.cache().find_for(query.name, Use::Texture);
     let wanted = (query.channels + 1).min(CHANNELS);
-    let mut reader = textures.reader();
     for &lane in query.batch.active {
         let i = lane as usize;
         let fill = option(query.options.fill, i, 0.0);
         let mut values = [fill; CHANNELS];
         match id {
-            Some(id) => look(&mut reader, id, i, fill, &mut values[..wanted]),
+            Some(id) => look(reader, id, i, fill, &mut values[..wanted]),
             None => values[wanted - 1] = 0.0,
         }
         store(out, i, &values[..wanted]);
@@ -146,9 +145,9 @@ pub(super) fn drawn(
     out.direction = Lanes3::zeros(query.batch.lanes);
     let o = &query.options;
     let Some(id) = textures.find_for(query.name, Use::Environment) else { return };
+    let mut reader = None;
     let space = space.unwrap_or(Transform::IDENTITY);
     let wanted = (query.channels + 1).min(CHANNELS);
-    let mut reader = textures.reader();
     for &lane in query.batch.active {
         let i = lane as usize;
         let (x, y) = sample::square(option(o.sample, i, 0.0).clamp(0.0, 65536.0) as u32, seed(lane));
@@ -159,6 +158,7 @@ pub(super) fn drawn(
             let angle = Some(0.5 * Directions::cell());
             let up = o.up.and_then(Up::from_word);
             let lookup = EnvLookup { r, angle, up, first_channel, fill, ..EnvLookup::default() };
+            let reader = reader.get_or_insert_with(|| textures.reader());
             reader.environment(id, &lookup, &mut values[..wanted]);
         }
         let share = 1.0 / (chance * count(o.samples, i) as f32);
@@ -171,7 +171,7 @@ pub(super) fn drawn(
 /// `environment ()` in a map; `space` leads from the map's space to "common", `None` when it is that. A file that
 /// cannot be used gives `fill` and alpha 0.
 pub fn environment(
-    textures: &TextureCache,
+    reader: &mut TextureReader<'_>,
     query: &EnvironmentQuery<'_>,
     space: Option<Transform>,
     quick: bool,
@@ -179,11 +179,10 @@ pub fn environment(
 ) {
     prepare(query.batch, query.channels, out);
     let o = &query.options;
-    let id = textures.find_for(query.name, Use::Environment);
+    let id = reader.cache().find_for(query.name, Use::Environment);
     let to_map = space.map_or(Transform::IDENTITY, |m| m.inverse());
     let up = o.up.and_then(Up::from_word);
     let wanted = (query.channels + 1).min(CHANNELS);
-    let mut reader = textures.reader();
     for &lane in query.batch.active {
         let i = lane as usize;
         let fill = option(o.fill, i, 0.0);
@@ -235,25 +234,14 @@ fn on_sphere(p: Vec3, r: Vec3, radius: f32) -> Vec3 {
 /// `shadow ()` in a map: the same in all three channels. `seed` gives each lane the seed of its samples, `bias` what is
 /// added to its distance, in "common" units. A file that cannot be used gives no shadow.
 pub fn shadow(
-    textures: &TextureCache,
-    query: &ShadowQuery<'_>,
-    seed: &dyn Fn(u32) -> u32,
-    bias: &dyn Fn(usize) -> f32,
-    out: &mut Lanes3,
-) {
-    shadow_with((textures, textures.reader()), query, seed, bias, out);
-}
-
-/// As [`shadow`], by a reader of the cache.
-pub(super) fn shadow_with(
-    (textures, mut reader): (&TextureCache, TextureReader<'_>),
+    reader: &mut TextureReader<'_>,
     query: &ShadowQuery<'_>,
     seed: &dyn Fn(u32) -> u32,
     bias: &dyn Fn(usize) -> f32,
     out: &mut Lanes3,
 ) {
     fit(out, query.batch.lanes);
-    let id = textures.find_for(query.name, Use::Shadow);
+    let id = reader.cache().find_for(query.name, Use::Shadow);
     let o = &query.options;
     for &lane in query.batch.active {
         let i = lane as usize;

@@ -26,10 +26,42 @@ pub(crate) struct Facts {
     pub(crate) gathers: bool,
     /// Looks at neighbouring points.
     pub(crate) derivatives: bool,
+    /// Asks for, or does, something once for all points of a grid: what it finds depends on which points are shaded together.
+    pub(crate) gridwise: bool,
+    /// What may make `spatialdbsave`, `indirect` and `occlusion` save.
+    pub(crate) saves: Vec<Saves>,
     /// Sources of `getmessage`, as far as they are constant.
     pub(crate) listens: Vec<ShaderKind>,
     /// Some `getmessage` may ask the shader whose ray sees the point.
     pub(crate) asks_parent: bool,
+}
+
+/// When something may be saved to a spatial database.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Saves {
+    /// When the parameter of this number is not empty.
+    Param(u32),
+    /// Always.
+    Any,
+}
+
+/// Whether a function sees a grid as a whole, or is written to once for it.
+fn is_gridwise(func: Func) -> bool {
+    matches!(
+        func,
+        Func::GridN
+            | Func::GridNU
+            | Func::GridNV
+            | Func::GridIndex
+            | Func::GridAny
+            | Func::GridMin
+            | Func::GridMax
+            | Func::RandomGrid
+            | Func::Printf
+            | Func::Fprintf
+            | Func::Error
+            | Func::Shadeop
+    )
 }
 
 /// Walks a module and checks that it holds together.
@@ -230,6 +262,7 @@ impl Walk<'_> {
         if !is_plain(func) {
             self.imply(&SURROUNDINGS);
         }
+        self.facts.gridwise |= is_gridwise(func);
         match func {
             Func::DeltaU | Func::DeltaV | Func::FilterWidth | Func::SurfaceNormal | Func::SampleArea => {
                 self.facts.derivatives = true;
@@ -247,6 +280,8 @@ impl Walk<'_> {
                 self.facts.derivatives = true;
                 self.facts.writes[Global::N as usize] = true;
             }
+            Func::SpatialDbSave => self.facts.saves.push(Saves::Any),
+            Func::Indirect | Func::Occlusion => self.database(op),
             Func::GetMessage => {
                 let source = op.args.first().and_then(|&s| self.constant(s));
                 let (parent, kind) = (source.is_none_or(|s| s == "parent"), source.and_then(usage_word));
@@ -290,6 +325,26 @@ impl Walk<'_> {
     }
 
     /// The text of a constant string.
+    /// Notes the options of a call that name a database or what is done with it.
+    fn database(&mut self, op: &Op) {
+        let is_text = |sym: &SymbolId| {
+            self.module.symbols.get(sym.0 as usize).is_some_and(|s| s.ty.value == ValueType::String)
+        };
+        // Behind the geometry set no string is asked for: options begin with the first.
+        let options = op.args.iter().skip(1).position(is_text).map_or(&[][..], |first| &op.args[first + 1..]);
+        for pair in options.chunks_exact(2) {
+            let named = self.constant(pair[0]).is_none_or(|name| matches!(name, "filename" | "filemode"));
+            if !named || self.constant(pair[1]) == Some("") {
+                continue;
+            }
+            let kind = self.module.symbols.get(pair[1].0 as usize).map(|s| &s.kind);
+            self.facts.saves.push(match kind {
+                Some(SymbolKind::Param(k)) => Saves::Param(*k),
+                _ => Saves::Any,
+            });
+        }
+    }
+
     fn constant(&self, sym: SymbolId) -> Option<&str> {
         match &self.module.symbols.get(sym.0 as usize)?.kind {
             SymbolKind::Const(ConstValue::Strings(v)) => v.first().map(|s| &**s),

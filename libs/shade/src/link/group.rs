@@ -1,6 +1,6 @@
 //! Layers of shaders, linked.
 
-use super::analyse::{Facts, analyse};
+use super::analyse::{Facts, Saves, analyse};
 use super::given::given;
 use super::optimize::{Known, is_inert, optimize};
 use super::relink::Relink;
@@ -272,6 +272,35 @@ impl Group {
     /// Whether some layer looks at neighbouring points.
     pub fn needs_derivatives(&self) -> bool {
         self.layers.iter().any(|l| l.module.needs_derivatives) || self.facts.iter().any(|f| f.derivatives)
+    }
+
+    /// Whether some layer sees a grid as a whole (`gridmax`, `randomgrid`, shadeops) or says something once for it: grids must
+    /// not be [joined](Grid::joined) for it.
+    pub fn is_gridwise(&self) -> bool {
+        self.facts.iter().any(|f| f.gridwise)
+    }
+
+    /// Whether a run may save something for later ones: by `spatialdbsave`, or what `indirect` and `occlusion` found, where options
+    /// say so. (What attributes say is not known here.)
+    pub fn may_save(&self) -> bool {
+        self.layers.iter().zip(&self.facts).any(|(layer, facts)| {
+            facts.saves.iter().any(|saves| match saves {
+                Saves::Any => true,
+                Saves::Param(k) => !self.is_empty_text(layer, *k as usize),
+            })
+        })
+    }
+
+    /// Whether a string parameter is known to be empty.
+    fn is_empty_text(&self, layer: &Layer, k: usize) -> bool {
+        let Some(plan) = layer.params.get(k).filter(|plan| plan.wires.is_empty()) else { return false };
+        match (&plan.given, &layer.module.params[k].default) {
+            (Some(given), _) => given.iter().all(|id| self.strings.text(*id).is_some_and(|s| s.is_empty())),
+            (None, granita_gsl::ir::DefaultValue::Known { value: ConstValue::Strings(list), .. }) => {
+                list.iter().all(|s| s.is_empty())
+            }
+            _ => false,
+        }
     }
 
     /// Whether some layer or connection writes a global.

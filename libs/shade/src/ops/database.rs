@@ -4,9 +4,7 @@
 use super::lookup::{Parts, for_each_name, split};
 use crate::run::machine::Machine;
 use crate::run::store::Out;
-use crate::{
-    Batch, DatabaseKey, DatabaseQuery, DatabaseSave, Lane, Lane3, Lanes3, SubsurfaceQuery, Topology,
-};
+use crate::{Batch, DatabaseKey, DatabaseQuery, DatabaseSave, Lane, Lane3, Lanes3, Rect, SubsurfaceQuery};
 use granita_gsl::Func;
 use granita_gsl::ir::{Op, SymbolId, ValueType};
 
@@ -152,16 +150,19 @@ fn save(m: &mut Machine<'_>, op: &Op, name: &str, key: Key, data: SymbolId, pair
 
 /// The corners of all facets whose four corners are active; `None` where points have no neighbours.
 fn facets(m: &Machine<'_>) -> Option<Vec<[usize; 4]>> {
-    let Topology::Rect { nu, nv } = m.grid.topology else { return None };
-    if nu < 2 || nv < 2 {
-        return None;
+    let mut all = Vec::new();
+    for Rect { first, nu, nv } in m.grid.topology.rects() {
+        if nu < 2 || nv < 2 {
+            return None;
+        }
+        let corners = |k: usize| {
+            let at = first + k / (nu - 1) * nu + k % (nu - 1);
+            [at, at + 1, at + nu, at + nu + 1]
+        };
+        let facets = (0..(nu - 1) * (nv - 1)).map(corners);
+        all.extend(facets.filter(|c| c.iter().all(|&i| m.mask.on[i])));
     }
-    let corners = |k: usize| {
-        let at = k / (nu - 1) * nu + k % (nu - 1);
-        [at, at + 1, at + nu, at + nu + 1]
-    };
-    let all = (0..(nu - 1) * (nv - 1)).map(corners);
-    Some(all.filter(|c| c.iter().all(|&i| m.mask.on[i])).collect())
+    m.grid.topology.rects().next().map(|_| all)
 }
 
 /// Means of a symbol's components over facets.

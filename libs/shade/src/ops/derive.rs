@@ -7,7 +7,7 @@
 use super::{compute_as, result_type};
 use crate::run::machine::Machine;
 use crate::run::store::Out;
-use crate::{Lane, Topology, Uneven};
+use crate::{Lane, Rect, Topology, Uneven};
 use granita_base::Vec3;
 use granita_gsl::Func;
 use granita_gsl::ir::{Global, Op, SymbolId};
@@ -26,9 +26,10 @@ pub(crate) fn difference(m: &Machine<'_>, x: Lane<'_>, direction: Direction, out
         return;
     }
     let v = x.values;
-    match m.grid.topology {
+    match &m.grid.topology {
         Topology::Scattered { .. } => out.fill(0.0),
         Topology::Triplets { n } => {
+            let n = *n;
             let from = if direction == Direction::U { n } else { 2 * n };
             for i in 0..n {
                 let known = m.mask.on[i] && m.mask.on[from + i];
@@ -38,31 +39,38 @@ pub(crate) fn difference(m: &Machine<'_>, x: Lane<'_>, direction: Direction, out
                 out[2 * n + i] = d;
             }
         }
-        Topology::Rect { nu, nv } => {
-            let (count, stride, lines, line) = match direction {
-                Direction::U => (nu, 1, nv, nu),
-                Direction::V => (nv, nu, nu, 1),
-            };
+        topology => {
             let all = m.mask.count() == m.n;
-            for k in 0..lines {
-                let start = k * line;
-                if all {
-                    line_difference(v, start, stride, count, out);
-                } else {
-                    partial_difference(v, &m.mask.on, start, stride, count, out);
+            let mut uneven = m.grid.uneven.iter().peekable();
+            for rect in topology.rects() {
+                let (count, stride, lines, line) = match direction {
+                    Direction::U => (rect.nu, 1, rect.nv, rect.nu),
+                    Direction::V => (rect.nv, rect.nu, rect.nu, 1),
+                };
+                // Each rectangle as if it were alone.
+                let all = all || m.mask.on[rect.lanes()].iter().all(|on| *on);
+                for k in 0..lines {
+                    let start = rect.first + k * line;
+                    if all {
+                        line_difference(v, start, stride, count, out);
+                    } else {
+                        partial_difference(v, &m.mask.on, start, stride, count, out);
+                    }
                 }
-            }
-            for uneven in m.grid.uneven.iter().filter(|_| all) {
-                let [along_u, along_v] = both_differences(v, [nu, nv], uneven.lane as usize);
-                let of = uneven.of[usize::from(direction == Direction::V)];
-                out[uneven.lane as usize] = of[0] * along_u + of[1] * along_v;
+                while let Some(uneven) = uneven.next_if(|u| (u.lane as usize) < rect.lanes().end) {
+                    if all {
+                        let [along_u, along_v] = both_differences(v, rect, uneven.lane as usize);
+                        let of = uneven.of[usize::from(direction == Direction::V)];
+                        out[uneven.lane as usize] = of[0] * along_u + of[1] * along_v;
+                    }
+                }
             }
         }
     }
 }
 
 /// Differences along u and v at one point, as [`line_difference`] computes them.
-fn both_differences(v: &[f32], [nu, nv]: [usize; 2], lane: usize) -> [f32; 2] {
+fn both_differences(v: &[f32], Rect { first, nu, nv }: Rect, lane: usize) -> [f32; 2] {
     let along = |i: usize, count: usize, stride: usize| {
         let at = |k: usize| v[lane - i * stride + k * stride];
         match (i, count) {
@@ -73,17 +81,18 @@ fn both_differences(v: &[f32], [nu, nv]: [usize; 2], lane: usize) -> [f32; 2] {
             _ => 0.5 * minus(at(i + 1), at(i - 1)),
         }
     };
-    [along(lane % nu, nu, 1), along(lane / nu, nv, nu)]
+    let at = lane - first;
+    [along(at % nu, nu, 1), along(at / nu, nv, nu)]
 }
 
 /// See [`crate::Grid::find_uneven`]: the inverse of how much the places change along the lines of the grid. Where that has none,
 /// a point stays as it is.
-pub(crate) fn uneven(topology: Topology, places: &[Vec<f32>; 2]) -> Vec<Uneven> {
+pub(crate) fn uneven(topology: &Topology, places: &[Vec<f32>; 2]) -> Vec<Uneven> {
     const LEAST: f32 = 0.2;
-    let Topology::Rect { nu, nv } = topology else { return Vec::new() };
+    let Some(rect) = topology.rects().next() else { return Vec::new() };
     let mut list = Vec::new();
-    for lane in 0..nu * nv {
-        let [[uu, uv], [vu, vv]] = places.each_ref().map(|x| both_differences(x, [nu, nv], lane));
+    for lane in rect.lanes() {
+        let [[uu, uv], [vu, vv]] = places.each_ref().map(|x| both_differences(x, rect, lane));
         let even = [uu - 1.0, uv, vu, vv - 1.0].iter().all(|x| x.abs() < 1e-3);
         let det = uu * vv - uv * vu;
         if !even && det.abs() >= LEAST {
@@ -158,27 +167,31 @@ fn partial_difference(v: &[f32], on: &[bool], start: usize, stride: usize, count
 /// Differences towards the next point as they are, backwards at the last one: true sizes of what is
 /// around the point.
 fn true_difference(m: &Machine<'_>, x: Lane<'_>, direction: Direction, out: &mut [f32]) {
-    let Topology::Rect { nu, nv } = m.grid.topology else { return difference(m, x, direction, out) };
+    if m.grid.topology.rects().next().is_none() {
+        return difference(m, x, direction, out);
+    }
     if x.stride == 0 {
         out.fill(0.0);
         return;
     }
     let v = x.values;
     let on = |i: usize| m.mask.on[i];
-    for j in 0..nv {
-        for i in 0..nu {
-            let here = j * nu + i;
-            let (k, count, stride) = match direction {
-                Direction::U => (i, nu, 1),
-                Direction::V => (j, nv, nu),
-            };
-            out[here] = if k + 1 < count && on(here + stride) {
-                minus(v[here + stride], v[here])
-            } else if k > 0 && on(here - stride) {
-                minus(v[here], v[here - stride])
-            } else {
-                0.0
-            };
+    for Rect { first, nu, nv } in m.grid.topology.rects() {
+        for j in 0..nv {
+            for i in 0..nu {
+                let here = first + j * nu + i;
+                let (k, count, stride) = match direction {
+                    Direction::U => (i, nu, 1),
+                    Direction::V => (j, nv, nu),
+                };
+                out[here] = if k + 1 < count && on(here + stride) {
+                    minus(v[here + stride], v[here])
+                } else if k > 0 && on(here - stride) {
+                    minus(v[here], v[here - stride])
+                } else {
+                    0.0
+                };
+            }
         }
     }
 }
@@ -278,10 +291,6 @@ pub(crate) fn normals_of(m: &mut Machine<'_>, p: &Out) -> Out {
     {
         let (du, dv) = (tangents[0].triple(), tangents[1].triple());
         let ng = m.global(Global::Ng).triple();
-        let rect = match m.grid.topology {
-            Topology::Rect { nu, nv } => Some((nu, nv)),
-            _ => None,
-        };
         m.work(true).each(|i| {
             let (a, b) = (du.get(i), dv.get(i));
             let mut normal = a.cross(b);
@@ -293,12 +302,12 @@ pub(crate) fn normals_of(m: &mut Machine<'_>, p: &Out) -> Out {
             };
             if degenerate(normal, a, b) {
                 normal = ng.get(i) * sign;
-                if let Some((nu, nv)) = rect {
-                    let (u, v) = (i % nu, i / nu);
+                if let Some(Rect { first, nu, nv }) = m.grid.topology.rect_of(i) {
+                    let (u, v) = ((i - first) % nu, (i - first) / nu);
                     let inward =
                         |k: usize, count: usize| if 2 * k < count { k + 1 } else { k.wrapping_sub(1) };
-                    let row = (inward(v, nv) < nv).then(|| inward(v, nv) * nu + u);
-                    let column = (inward(u, nu) < nu).then(|| v * nu + inward(u, nu));
+                    let row = (inward(v, nv) < nv).then(|| first + inward(v, nv) * nu + u);
+                    let column = (inward(u, nu) < nu).then(|| first + v * nu + inward(u, nu));
                     // At a pole one tangent vanishes: take it from the next row or column.
                     let candidates = [
                         row.filter(|&k| m.mask.on[k]).map(|k| (du.get(k), b)),
@@ -337,9 +346,9 @@ mod tests {
         places[1][9] = 1.5;
         places[1][14] = 1.5;
         let plane: Vec<f32> = (0..20).map(|i| 3.0 * places[0][i] - 2.0 * places[1][i] + 1.0).collect();
-        let list = uneven(Topology::Rect { nu, nv }, &places);
+        let list = uneven(&Topology::Rect { nu, nv }, &places);
         for lane in 0..20 {
-            let [du, dv] = both_differences(&plane, [nu, nv], lane);
+            let [du, dv] = both_differences(&plane, Rect { first: 0, nu, nv }, lane);
             let one = [[1.0, 0.0], [0.0, 1.0]];
             let of = list.iter().find(|u| u.lane as usize == lane).map_or(one, |u| u.of);
             let even = of.map(|of| of[0] * du + of[1] * dv);

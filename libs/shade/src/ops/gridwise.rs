@@ -12,8 +12,8 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     match func {
         Func::GridN => constant(m, op, m.n as f32),
         Func::GridNU | Func::GridNV => {
-            let (nu, nv) = match m.grid.topology {
-                Topology::Rect { nu, nv } => (nu, nv),
+            let (nu, nv) = match &m.grid.topology {
+                Topology::Rect { nu, nv } => (*nu, *nv),
                 other => (other.points(), 1),
             };
             constant(m, op, if func == Func::GridNU { nu } else { nv } as f32);

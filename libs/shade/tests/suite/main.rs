@@ -7,6 +7,7 @@ mod equivalence;
 mod fixture;
 mod forms;
 mod functions;
+mod joined;
 mod language;
 mod layers;
 mod lights;

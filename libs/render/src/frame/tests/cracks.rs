@@ -42,6 +42,8 @@ impl<F: Fn(&mut Grid) + Sync> FrameShader for Moved<F> {
             displaces: self.displace.is_some(),
             max_displacement_world: primitive.attributes.float("displace:maxradius"),
             preshaded: false,
+            joins: false,
+            saves: false,
         })
     }
     fn traits(&self, object: &ObjectTraits) -> ObjectTraits {

@@ -10,7 +10,7 @@ fn flat(nu: usize, nv: usize, lo: [f32; 2], hi: [f32; 2]) -> Points {
     };
     let n = nu * nv;
     Points {
-        size: [nu, nv],
+        rects: vec![Rect { first: 0, nu, nv }],
         p: (0..n).map(|k| at(k % nu, k / nu)).collect(),
         n: vec![Vec3::Z; n],
         active: vec![true; n],

@@ -1,0 +1,329 @@
+//! Grids of a primitive on their way from leaves to what is hidden: diced, displaced, shaded.
+
+use super::cells::{Cells, finer, kept};
+use super::job::{Job, LeafSlot, Sighting};
+use super::{Eye, Frame, FrameShader, Holdout};
+use crate::Projection;
+use crate::dicing::{GridView, Leaf, Viewer, Viewpoint, key_at, make_grid};
+use crate::griddump::is_identity;
+use crate::hider::{ShadedGrid, ViewedGrid};
+use crate::preshaded::GridTraits;
+use crate::statistics::{add, add_time};
+use granita_base::{Color, Severity, Vec3};
+use granita_geom::Dice;
+use granita_shade::{Grid, Lanes3, RayKind};
+use std::ops::Range;
+use std::time::Instant;
+
+/// How far (pixels) two grids may be apart at their common border. Their points there are the same, but normals that
+/// differ in their last bits, or texture filters, may displace them differently.
+const RIM_PX: f32 = 0.02;
+
+/// A leaf that was diced, and where its points are in the grid that is shaded.
+struct Diced<'a> {
+    /// Which of the leaves.
+    index: usize,
+    slot: &'a LeafSlot,
+    leaf: &'a Leaf,
+    dice: Dice,
+    key_times: &'a [f32],
+    lanes: Range<usize>,
+    kept: Option<Cells>,
+}
+
+/// What was shaded.
+struct Shaded<'a> {
+    /// Of all leaves together.
+    grid: &'a Grid,
+    /// Where its points were before they were displaced.
+    before: Option<&'a Lanes3>,
+    /// The wanted variables, component by component, and how many components each has; `None` where nothing was to be shaded.
+    variables: Option<Vec<(Option<Vec<f32>>, usize)>>,
+}
+
+impl<S: FrameShader> Frame<'_, S> {
+    /// Dices, displaces and shades some leaves together, as if each were alone; `None` for those of which nothing can be seen.
+    /// Several only where the object [joins](super::ObjectTraits::joins).
+    pub(super) fn shade(
+        &self,
+        job: &Job<S::Object>,
+        leaves: &[(&LeafSlot, &Leaf)],
+        thread: &mut S::Thread<'_>,
+    ) -> Vec<Option<ShadedGrid>> {
+        let begin = Instant::now();
+        let mut out: Vec<Option<ShadedGrid>> = leaves.iter().map(|_| None).collect();
+        let (mut diced, grids) = self.dice(job, leaves);
+        add_time(&self.counters.dice_nanos, begin.elapsed());
+        let begin = Instant::now();
+        let small =
+            |(_, leaf): &(&LeafSlot, &Leaf)| leaf.rates.nu * leaf.rates.nv <= super::bucket::SMALL_POINTS;
+        // Small ones also when they are alone: nothing shows how many there are.
+        let joins = job.traits.joins && leaves.iter().all(small);
+        debug_assert!(grids.len() < 2 || joins && grids.iter().all(|grid| grids[0].joins(grid)));
+        let Some(mut grid) =
+            (if joins && !grids.is_empty() { Some(Grid::joined(&grids)) } else { grids.into_iter().next() })
+        else {
+            return out;
+        };
+        let before = job.traits.displaces.then(|| grid.p.clone());
+        if job.traits.displaces {
+            self.shader.displace(thread, &job.object, &mut grid);
+            diced.retain_mut(|diced| diced.keep(job, &grid, diced.lanes.start));
+            if diced.is_empty() {
+                return out;
+            }
+        }
+        let matte = job.traits.holdout == Holdout::Matte;
+        let wants_colors = self.outputs.needs_shading || self.options.dump.is_some();
+        let must_shade = !matte && (wants_colors || !job.traits.opaque);
+        let variables = must_shade.then(|| {
+            let wanted = &self.outputs.variables;
+            let mut found = self.shader.shade(thread, &job.object, &mut grid, wanted).into_iter();
+            let one = |ty: usize| (found.next().flatten().filter(|v| v.len() == ty * grid.len()), ty);
+            wanted.iter().map(|(_, ty)| ty.components()).map(one).collect()
+        });
+        let count = diced.iter().map(|diced| diced.lanes.len()).sum();
+        if must_shade {
+            add(&self.counters.grids_shaded, diced.len());
+            add(&self.counters.points_shaded, count);
+        } else {
+            add(&self.counters.grids_unshaded, diced.len());
+        }
+        add_time(&self.counters.shade_nanos, begin.elapsed());
+        let shaded = Shaded { grid: &grid, before: before.as_ref(), variables };
+        for diced in diced {
+            let index = diced.index;
+            out[index] = Some(self.finished(job, diced, &shaded));
+        }
+        out
+    }
+
+    /// Dices leaves: what was diced of those that are not known to be unseen, and a grid of each.
+    fn dice<'l>(
+        &self,
+        job: &Job<S::Object>,
+        leaves: &[(&'l LeafSlot, &'l Leaf)],
+    ) -> (Vec<Diced<'l>>, Vec<Grid>) {
+        let (primitive, placement) = (&*job.primitive, &job.placement);
+        let dicing_camera = self.options.dicing_camera;
+        let view = GridView {
+            viewpoint: match dicing_camera.projection {
+                Projection::Perspective { .. } => Viewpoint::From(dicing_camera.position_world()),
+                Projection::Orthographic => Viewpoint::Along(dicing_camera.direction_world()),
+            },
+            time: dicing_camera.shading_time(),
+            dtime: self.options.camera.shutter[1] - self.options.camera.shutter[0],
+            ray: RayKind::default(),
+        };
+        let (mut diced, mut grids) = (Vec::with_capacity(leaves.len()), Vec::with_capacity(leaves.len()));
+        let mut lanes = 0..0;
+        for (index, &(slot, leaf)) in leaves.iter().enumerate() {
+            let key_times = leaf.piece.key_times();
+            let dice = leaf.dice(&Viewer::new(dicing_camera, placement, key_times));
+            if dice.nu < 2 || dice.nv < 2 || dice.p.is_empty() {
+                continue;
+            }
+            let grid = make_grid(&dice, key_times, primitive, placement, &view);
+            lanes = lanes.end..lanes.end + grid.len();
+            let mut one = Diced { index, slot, leaf, dice, key_times, lanes: lanes.clone(), kept: None };
+            // What is displaced is looked at when it is where it will be.
+            if job.traits.displaces || one.keep(job, &grid, 0) {
+                diced.push(one);
+                grids.push(grid);
+            } else {
+                lanes.end = lanes.start;
+            }
+        }
+        (diced, grids)
+    }
+
+    /// A leaf of what was shaded, ready to be hidden.
+    fn finished(&self, job: &Job<S::Object>, diced: Diced<'_>, shaded: &Shaded<'_>) -> ShadedGrid {
+        let (n, lanes) = (shaded.grid.len(), &diced.lanes);
+        let (mut color, mut opacity, mut variables) = (Vec::new(), Vec::new(), Vec::new());
+        if let Some(found) = &shaded.variables {
+            color = self.colors(&shaded.grid.c, lanes, job, "colour");
+            opacity = self.colors(&shaded.grid.opacity, lanes, job, "opacity");
+            for (values, components) in found {
+                match values {
+                    Some(values) => {
+                        values.chunks_exact(n).for_each(|c| variables.extend_from_slice(&c[lanes.clone()]));
+                    }
+                    // A shader without the variable shows 0 (reference 7.3.6).
+                    None => variables.resize(variables.len() + components * lanes.len(), 0.0),
+                }
+            }
+        }
+        let opaque = opacity.iter().all(|o| o.cmpge(Color::ONE).all());
+        if opaque {
+            opacity = Vec::new();
+        }
+        let primitive = &job.primitive;
+        // A grid that comes shaded may bring along what the hider knew of it.
+        let given =
+            diced.leaf.piece.lattice().map(|_| GridTraits::new(&primitive.keys[0].params, diced.leaf));
+        let rim_px = given.as_ref().and_then(|g| g.rim_px).unwrap_or(RIM_PX);
+        let views = self.views(job, &diced, shaded, rim_px);
+        let (nu, nv, per_side) = (diced.dice.nu, diced.dice.nv, diced.per_side());
+        if per_side > 1 {
+            for colors in [&mut color, &mut opacity].into_iter().filter(|c| !c.is_empty()) {
+                *colors = finer(colors, nu, per_side);
+            }
+            variables =
+                variables.chunks_exact(lanes.len()).flat_map(|values| finer(values, nu, per_side)).collect();
+        }
+        let grid = ShadedGrid {
+            nu: (nu - 1) * per_side + 1,
+            nv: (nv - 1) * per_side + 1,
+            primitive: given.as_ref().and_then(|g| g.primitive).unwrap_or(primitive.id),
+            views,
+            color,
+            opacity,
+            opaque,
+            holdout: job.traits.holdout,
+            variables,
+            kept: diced.kept.map_or_else(Vec::new, |cells| cells.kept),
+            sides: given.as_ref().map_or([true; 4], |g| g.sides),
+        };
+        if shaded.before.is_some() {
+            self.check_displacement(&grid, job);
+        }
+        grid
+    }
+
+    /// A grid as each eye sees it.
+    fn views(
+        &self,
+        job: &Job<S::Object>,
+        diced: &Diced<'_>,
+        shaded: &Shaded<'_>,
+        rim_px: f32,
+    ) -> Box<[ViewedGrid]> {
+        let (nu, per_side) = (diced.dice.nu, diced.per_side());
+        let times = job.placement.times();
+        let p_world = diced.positions(job, shaded);
+        let view = |(eye, seen): (&Eye<'_>, &Sighting)| {
+            let mut p_cam: Vec<Vec<Vec3>> = Vec::with_capacity(times.len());
+            for (time, points) in times.iter().zip(&p_world) {
+                let to_camera = eye.camera.world_to_camera.at(*time);
+                let to_world = job.placement.to_world.at(*time);
+                p_cam.push(
+                    match job.traits.preshaded && is_identity(&to_world.then(&to_camera), &to_camera) {
+                        true => diced.object_points(*time),
+                        false => points.iter().map(|p| to_camera.point(*p)).collect(),
+                    },
+                );
+            }
+            if per_side > 1 {
+                p_cam.iter_mut().for_each(|p| *p = finer(p, nu, per_side));
+            }
+            // What does not blur is where it is when the shutter opens.
+            let keys = if seen.blurs { times.len() } else { 1 };
+            p_cam.truncate(keys);
+            let defocus = self.pattern.defocus && seen.blurs;
+            let nu = (nu - 1) * per_side + 1;
+            let grid = ViewedGrid::new(eye.camera, nu, times[..keys].to_vec(), p_cam, defocus);
+            ViewedGrid { rect: seen.rect, z_min: seen.z_min, rim_px, ..grid }
+        };
+        self.eyes.iter().zip(&diced.slot.seen).map(view).collect()
+    }
+
+    /// Colours of a grid; what is no number becomes black, with one message per object.
+    fn colors(&self, values: &Lanes3, lanes: &Range<usize>, job: &Job<S::Object>, what: &str) -> Vec<Color> {
+        let mut bad = false;
+        let colors = lanes
+            .clone()
+            .map(|i| {
+                let c = values.get(i);
+                if c.is_finite() {
+                    return c;
+                }
+                bad = true;
+                Color::from_array(c.to_array().map(|v| if v.is_finite() { v } else { 0.0 }))
+            })
+            .collect();
+        if bad {
+            let name = job.primitive.attributes.name();
+            self.options.reporter.once(
+                &format!("not finite {what} {name}"),
+                Severity::Warning,
+                &job.primitive.at,
+                format!("object \"{name}\": its shader gave a {what} that is no finite number; 0 is used"),
+            );
+        }
+        colors
+    }
+
+    /// Warns about points that a displacement moved out of the bound it declared.
+    fn check_displacement(&self, grid: &ShadedGrid, job: &Job<S::Object>) {
+        let region = self.region;
+        let outside = |view: &ViewedGrid| {
+            let ([x0, y0, x1, y1], z) = view.bound(0..grid.nu * grid.nv);
+            let rect = view.rect;
+            // Where nothing is seen nothing is missed.
+            !rect.is_empty()
+                && ((x0 < rect.x0 as f32 && rect.x0 > region.x0)
+                    || (y0 < rect.y0 as f32 && rect.y0 > region.y0)
+                    || (x1 > rect.x1 as f32 && rect.x1 < region.x1)
+                    || (y1 > rect.y1 as f32 && rect.y1 < region.y1)
+                    || z < view.z_min)
+        };
+        if grid.views.iter().any(outside) {
+            let attributes = &job.primitive.attributes;
+            let (name, radius) = (attributes.name(), attributes.float("displace:maxradius"));
+            self.options.reporter.once(
+                &format!("displacement bound {name}"),
+                Severity::Warning,
+                &job.primitive.at,
+                format!(
+                    "object \"{name}\": displaced farther than \"displace:maxradius\" {radius}; it is cut off"
+                ),
+            );
+        }
+    }
+}
+
+impl Diced<'_> {
+    /// Finds what of it is there, when its points begin at this lane of the grid; whether anything is.
+    fn keep<O>(&mut self, job: &Job<O>, grid: &Grid, first: usize) -> bool {
+        self.kept = kept(&self.dice, job, grid, first);
+        self.kept.as_ref().is_none_or(|cells| cells.kept.contains(&true))
+    }
+
+    /// Cells along each side of a micropolygon.
+    fn per_side(&self) -> usize {
+        self.kept.as_ref().map_or(1, |cells| cells.per_side)
+    }
+
+    /// Its points in object space before they were displaced.
+    fn object_points(&self, time: f32) -> Vec<Vec3> {
+        let (a, b, alpha) = key_at(self.key_times, time);
+        let (first, second) = (&self.dice.p[a], &self.dice.p[b]);
+        if alpha == 0.0 {
+            return first.clone();
+        }
+        first.iter().zip(second).map(|(p, q)| p.lerp(*q, alpha)).collect()
+    }
+
+    /// World space positions at all times of the placement.
+    ///
+    /// A displacement is computed once, when the shutter opens, and moves with the surface.
+    fn positions<O>(&self, job: &Job<O>, shaded: &Shaded<'_>) -> Vec<Vec<Vec3>> {
+        let (placement, grid) = (&job.placement, shaded.grid);
+        let back = placement.to_world.at(grid.time).inverse();
+        let offset = |lane: usize| match shaded.before {
+            Some(before) => back.vector(grid.p.get(lane) - before.get(lane)),
+            None => Vec3::ZERO,
+        };
+        let at = |time: f32| {
+            if time == grid.time {
+                // The very points that were shaded.
+                return self.lanes.clone().map(|lane| grid.p.get(lane)).collect();
+            }
+            let to_world = placement.to_world.at(time);
+            let points = self.object_points(time).into_iter().zip(self.lanes.clone());
+            points.map(|(p, lane)| to_world.point(p + offset(lane))).collect()
+        };
+        placement.times().iter().map(|time| at(*time)).collect()
+    }
+}

@@ -1,0 +1,118 @@
+//! Small grids shaded as one: what is done once for a grid is done once for all of them.
+
+use crate::{Grid, Lanes3, Primvar, PrimvarData, Rect, Topology, Uneven};
+use granita_base::hash;
+use std::sync::Arc;
+
+impl Grid {
+    /// Whether this grid and another can be [joined](Self::joined): rectangles of points of one object, seen alike, with the same
+    /// primitive variables, of which strings are the same.
+    pub fn joins(&self, other: &Self) -> bool {
+        let alike = |a: &Primvar, b: &Primvar| {
+            a.name == b.name
+                && a.ty == b.ty
+                && match (&a.data, &b.data) {
+                    (PrimvarData::Strings(a), PrimvarData::Strings(b)) => a == b,
+                    (PrimvarData::Floats { .. }, PrimvarData::Floats { .. }) => true,
+                    _ => false,
+                }
+        };
+        let times = |g: &Self| [g.time, g.dtime].map(f32::to_bits);
+        let is_fresh = |g: &Self| {
+            matches!(g.topology, Topology::Rect { .. })
+                && g.names.is_empty()
+                && g.messages.is_empty()
+                && g.parent.is_empty()
+        };
+        [self, other].into_iter().all(is_fresh)
+            && times(self) == times(other)
+            && (self.ray, self.flip_normals) == (other.ray, other.flip_normals)
+            && self.object == other.object
+            && self.primvars.len() == other.primvars.len()
+            && self.primvars.iter().zip(&other.primvars).all(|(a, b)| alike(a, b))
+    }
+
+    /// Grids that [join](Self::joins) the first of them, as one: their points in turn, rectangle by rectangle.
+    ///
+    /// Nothing shows who was joined with whom, as long as no shader [sees grids as a whole](crate::Group::is_gridwise):
+    /// random numbers follow from [names](Self::names) that come from the seed of each grid, and primitive variables
+    /// have one value for each point, also where a grid had one for all.
+    ///
+    /// # Panics
+    ///
+    /// Without any grid.
+    pub fn joined(grids: &[Self]) -> Self {
+        let first = &grids[0];
+        let mut rects = Vec::with_capacity(grids.len());
+        let mut n = 0;
+        for rect in grids.iter().flat_map(|g| g.topology.rects()) {
+            rects.push(Rect { first: n, ..rect });
+            n += rect.lanes().len();
+        }
+        let floats = |of: &dyn Fn(&Self) -> &Vec<f32>| -> Vec<f32> {
+            let mut all = Vec::with_capacity(n);
+            grids.iter().for_each(|g| all.extend_from_slice(of(g)));
+            all
+        };
+        let lanes = |of: &dyn Fn(&Self) -> &Lanes3| Lanes3 {
+            xyz: std::array::from_fn(|c| floats(&|g: &Self| &of(g).xyz[c])),
+        };
+        let starts = || grids.iter().zip(&rects);
+        let uneven = starts()
+            .flat_map(|(g, rect)| g.uneven.iter().map(|u| Uneven { lane: u.lane + rect.first as u32, ..*u }));
+        let name = |g: &Self, lane: usize| hash::words(&[g.seed, lane as u32]);
+        Self {
+            topology: match rects[..] {
+                [Rect { nu, nv, .. }] => Topology::Rect { nu, nv },
+                _ => Topology::Rects(Arc::from(&rects[..])),
+            },
+            uneven: uneven.collect(),
+            p: lanes(&|g| &g.p),
+            n: lanes(&|g| &g.n),
+            ng: lanes(&|g| &g.ng),
+            i: lanes(&|g| &g.i),
+            dpdu: lanes(&|g| &g.dpdu),
+            dpdv: lanes(&|g| &g.dpdv),
+            dpdtime: lanes(&|g| &g.dpdtime),
+            seams: grids.iter().map(|g| g.seams.first().copied().unwrap_or_default()).collect(),
+            u: floats(&|g| &g.u),
+            v: floats(&|g| &g.v),
+            time: first.time,
+            dtime: first.dtime,
+            c: lanes(&|g| &g.c),
+            opacity: lanes(&|g| &g.opacity),
+            primvars: (0..first.primvars.len()).map(|k| joined_primvar(grids, k, n)).collect(),
+            flip_normals: first.flip_normals,
+            seed: first.seed,
+            names: grids.iter().flat_map(|g| (0..g.len()).map(move |lane| name(g, lane))).collect(),
+            ray: first.ray,
+            object: first.object.clone(),
+            messages: Vec::new(),
+            parent: Vec::new(),
+        }
+    }
+}
+
+/// A primitive variable of all grids, one value for each of their `n` points.
+fn joined_primvar(grids: &[Grid], k: usize, n: usize) -> Primvar {
+    let first = &grids[0].primvars[k];
+    let data = match &first.data {
+        PrimvarData::Strings(list) => PrimvarData::Strings(list.clone()),
+        PrimvarData::Floats { .. } => {
+            let width = first.ty.width();
+            let mut all = Vec::with_capacity(width * n);
+            for c in 0..width {
+                for grid in grids {
+                    let PrimvarData::Floats { values, varying } = &grid.primvars[k].data else { continue };
+                    let points = grid.len();
+                    match varying {
+                        true => all.extend_from_slice(&values[c * points..][..points]),
+                        false => all.extend(std::iter::repeat_n(values[c], points)),
+                    }
+                }
+            }
+            PrimvarData::Floats { values: all, varying: true }
+        }
+    };
+    Primvar { name: first.name.clone(), ty: first.ty, data }
+}
