@@ -145,13 +145,8 @@ fn draw_square(display: &str, name: &str) {
     TcpStream::connect(display).unwrap().write_all(&bytes).unwrap();
 }
 
-#[test]
-fn the_page_shows_what_a_renderer_sends() {
-    let Some(browser) = browser() else {
-        let _ = std::io::stderr().lock().write_all(b"skipped: no browser is installed\n");
-        return;
-    };
-    let folder = tempfile::tempdir().unwrap();
+/// The viewer, where renderers find it, and the address of its page.
+fn serve() -> (Running, String, String) {
     let mut iv = Command::new(env!("CARGO_BIN_EXE_iv"));
     let iv = iv.args(["-serve", "0", "-listen", "0"]).stdout(Stdio::piped()).stdin(Stdio::null());
     let mut iv = Running(iv.spawn().unwrap());
@@ -159,6 +154,17 @@ fn the_page_shows_what_a_renderer_sends() {
     let mut said = |what: &str| lines.find_map(|line| line.strip_prefix(what).map(str::to_owned)).unwrap();
     let display = said("iv: listening on ");
     let url = said("iv: serving ");
+    (iv, display, url)
+}
+
+#[test]
+fn the_page_shows_what_a_renderer_sends() {
+    let Some(browser) = browser() else {
+        let _ = std::io::stderr().lock().write_all(b"skipped: no browser is installed\n");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let (_iv, display, url) = serve();
     // Four colours in a picture of 100 x 80; the last one is brighter than the screen, and no number.
     let mut spec = ImageSpec::new(100, 80, 4, PixelType::Float);
     spec.attributes.set(Param::declared("string display", display.as_str()).unwrap());
@@ -199,4 +205,78 @@ fn the_page_shows_what_a_renderer_sends() {
         assert!(is_near(&shot, [x + 40, y - 30], [0.0, 255.0, 0.0]), "{hash}");
         assert!(is_near(&shot, [x - 40, y + 30], [0.0, 0.0, 188.0]), "{hash}");
     }
+}
+
+/// How much of a row of the screen has one of these colours.
+fn share(shot: &[f32], colors: &[[f32; 3]]) -> f32 {
+    let found = (260..560).filter(|x| colors.iter().any(|color| is_near(shot, [*x, 200], *color))).count();
+    found as f32 / 300.0
+}
+
+#[test]
+fn large_pictures_show_all_their_pixels() {
+    let Some(browser) = browser() else {
+        let _ = std::io::stderr().lock().write_all(b"skipped: no browser is installed\n");
+        return;
+    };
+    const RED: [f32; 3] = [255.0, 0.0, 0.0];
+    const GREEN: [f32; 3] = [0.0, 255.0, 0.0];
+    const BLUE: [f32; 3] = [0.0, 0.0, 255.0];
+    let folder = tempfile::tempdir().unwrap();
+    let (_iv, display, url) = serve();
+    // Columns of red and blue: what is reduced is a mixture.
+    let mut spec = ImageSpec::new(8200, 120, 3, PixelType::Float);
+    spec.attributes.set(Param::declared("string display", display.as_str()).unwrap());
+    let columns: Vec<f32> = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0].repeat(4100 * 120);
+    let mut picture =
+        IvFormat::default().create(Path::new("columns"), &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    picture.write_rectangle(&PixelRect::at(0, 0, 8200, 120), &Pixels::Float(columns)).unwrap();
+    for hash in ["", "#plain"] {
+        let place = folder.path().join(format!("profile{hash}"));
+        std::fs::create_dir(&place).unwrap();
+        let mut page = Page::open(&browser, &place, &format!("{url}{hash}"));
+        let begin = Instant::now();
+        let evaluate = |page: &mut Page, code: &str| {
+            page.call("Runtime.evaluate", json!({"expression": code}))["result"]["value"].clone()
+        };
+        let until = |page: &mut Page, what: &str, holds: &dyn Fn(&[f32], &str) -> bool| loop {
+            let zoom = evaluate(page, "document.getElementById('zoom').textContent");
+            let shot = page.screenshot();
+            if holds(&shot, zoom.as_str().unwrap_or_default()) {
+                return;
+            }
+            assert!(begin.elapsed() < PATIENCE, "{hash} {what}: {zoom}");
+            std::thread::sleep(Duration::from_millis(50));
+        };
+        until(&mut page, "all", &|_, zoom| zoom.ends_with("reduced 3:1"));
+        // Eight pixels of the screen for each.
+        let near = "scaleAt(200, view.clientHeight / 2, 8); 1";
+        assert_eq!(evaluate(&mut page, near), 1);
+        let full = |shot: &[f32], zoom: &str, colors: &[[f32; 3]]| {
+            zoom == "800 %" && colors.iter().all(|c| share(shot, &[*c]) > 0.4) && share(shot, colors) > 0.99
+        };
+        until(&mut page, "columns", &|shot, zoom| full(shot, zoom, &[RED, BLUE]));
+        // A change is seen at once, and elsewhere what was not in sight before.
+        picture
+            .write_rectangle(
+                &PixelRect::at(0, 0, 8200, 120),
+                &Pixels::Float([1.0, 0.0, 0.0, 0.0, 1.0, 0.0].repeat(4100 * 120)),
+            )
+            .unwrap();
+        until(&mut page, "change", &|shot, zoom| full(shot, zoom, &[RED, GREEN]));
+        evaluate(&mut page, "left -= 6000; draw()");
+        std::thread::sleep(Duration::from_millis(300));
+        until(&mut page, "elsewhere", &|shot, zoom| full(shot, zoom, &[RED, GREEN]));
+        let blocks = evaluate(&mut page, "detail.list.length + (former ? 1000 : 0)");
+        assert!((1..=4).contains(&blocks.as_u64().unwrap()), "{blocks}");
+        evaluate(&mut page, "fitted = true; draw()");
+        until(&mut page, "all again", &|_, zoom| zoom.ends_with("reduced 3:1"));
+        picture
+            .write_rectangle(
+                &PixelRect::at(0, 0, 8200, 120),
+                &Pixels::Float([1.0, 0.0, 0.0, 0.0, 0.0, 1.0].repeat(4100 * 120)),
+            )
+            .unwrap();
+    }
+    picture.close().unwrap();
 }

@@ -1,15 +1,18 @@
 //! What a page in a browser is told: text in JSON, pixels in binary.
 //!
-//! From the page: `{"show": ID, "channels": [c ...]}` (at most four), `{"probe": [x, y]}`.
+//! From the page: `{"show": ID, "channels": [c ...]}` (at most four), `{"probe": [x, y]}`, and
+//! `{"detail": ID, "scale": s, "rect": [x, y, width, height]}` for what it has in sight, see [`detail`](super::detail).
 //!
 //! To the page, as text: `{"pictures": [{id, name, width, height, channels, note} ...], "shown": ID}` whenever the list
 //! changes, `{"picture": ID, "scale": s, "width": w, "height": h, "channels": [c ...]}` before its first pixels,
 //! `{"marks": [[x, y, w, h] ...]}`, `{"drawing": [[step, number ...] ...]}` (steps are those of a canvas: "moveTo" ...), `{"probe": [x, y], "values": ["v" ...]}`.
 //!
 //! Pixels are little endian: `u32` id, `u32` 0 for floats or 1 for halves, `u32` x, y, width, height, `u32` number of
-//! channels, then the values row by row, channels side by side. A picture of more than [`MOST_SIDE`] pixels a side is
-//! sent reduced: each of its pixels is the mean of `scale x scale` ones.
+//! channels, `u32` scale, then the values row by row, channels side by side. A picture of more than [`MOST_SIDE`] pixels a
+//! side is sent reduced: each of its pixels is the mean of `scale x scale` ones, and places and sizes count those. Pixels
+//! of a smaller scale than the picture's are detail.
 
+use super::detail::Detail;
 use granita_image::{Draw, PixelRect};
 use granita_view::{Live, LiveInfo};
 use half::f16;
@@ -19,11 +22,13 @@ use std::sync::Arc;
 /// Most pixels across or down that a page is sent.
 pub(super) const MOST_SIDE: u32 = 4096;
 /// Sides of the largest rectangle that is sent at once.
-const BLOCK: usize = 256;
+pub(super) const BLOCK: usize = 256;
 /// Rectangles that are sent one by one; of more, whole blocks that they touch.
-const RECTS: usize = 64;
+pub(super) const RECTS: usize = 64;
 /// Bytes of pixels after which the page's own words are heard again.
 const ROUND_BYTES: usize = 4 << 20;
+/// Bytes before the values of a message of pixels.
+const HEAD: usize = 32;
 
 /// What a page looks at.
 pub(super) struct Page {
@@ -37,6 +42,8 @@ pub(super) struct Page {
     known: Option<(u64, u64)>,
     /// Pixels that it has not got.
     pending: Vec<PixelRect>,
+    /// What it has in sight, where it was sent less than there is.
+    detail: Option<Detail>,
     marks: Vec<PixelRect>,
     drawing: Arc<Vec<Draw>>,
     list: Value,
@@ -58,6 +65,7 @@ impl Page {
             channels: Vec::new(),
             known: None,
             pending: Vec::new(),
+            detail: None,
             marks: Vec::new(),
             drawing: Arc::default(),
             list: Value::Null,
@@ -71,7 +79,12 @@ impl Page {
             let channels = value["channels"].as_array()?;
             let index = |c: &Value| c.as_u64().and_then(|c| usize::try_from(c).ok());
             self.channels = channels.iter().take(4).filter_map(index).collect();
-            (self.chosen, self.known) = (id, None);
+            (self.chosen, self.known, self.detail) = (id, None, None);
+            return None;
+        }
+        if let Some(id) = value["detail"].as_u64() {
+            let (info, before) = (self.chosen().filter(|info| info.id == id), self.detail.take());
+            self.detail = info.and_then(|info| Detail::asked(&value, &info, before));
             return None;
         }
         let [x, y] =
@@ -92,7 +105,7 @@ impl Page {
 
     /// Whether there is more to send at once.
     pub(super) fn is_behind(&self) -> bool {
-        !self.pending.is_empty()
+        !self.pending.is_empty() || self.detail.as_ref().is_some_and(Detail::is_behind)
     }
 
     /// The version that was looked at last.
@@ -114,26 +127,31 @@ impl Page {
         }
         let Some(info) = self.chosen() else {
             self.pending.clear();
+            self.detail = None;
             return messages;
         };
         self.channels.retain(|c| *c < info.channels.len());
         if self.channels.is_empty() {
             self.channels = colors(&info.channels);
         }
-        let scale = info.width.max(info.height).div_ceil(MOST_SIDE);
+        let scale = reduction(&info);
         if self.known.is_none_or(|(id, _)| id != info.id) {
             let text = json!({"picture": info.id, "scale": scale, "channels": self.channels,
                 "width": info.width.div_ceil(scale), "height": info.height.div_ceil(scale)});
             messages.push(Message::Text(text.to_string()));
-            self.pending = blocks(&[PixelRect::at(0, 0, info.width, info.height)], &info);
+            self.pending = blocks(&[PixelRect::at(0, 0, info.width, info.height)], &info, BLOCK);
             self.marks.clear();
             self.drawing = Arc::default();
         } else if let Some((_, generation)) = self.known
             && generation != info.generation
         {
-            self.pending.extend(self.live.changes_since(&info.name, generation));
+            let changes = self.live.changes_since(&info.name, generation);
+            if let Some(detail) = &mut self.detail {
+                detail.change(&changes, &info);
+            }
+            self.pending.extend(changes);
             if self.pending.len() > RECTS {
-                self.pending = blocks(&self.pending, &info);
+                self.pending = blocks(&self.pending, &info, BLOCK);
             }
         }
         self.known = Some((info.id, info.generation));
@@ -152,6 +170,15 @@ impl Page {
             self.drawing = info.drawing.clone();
         }
         let mut bytes = 0;
+        // What is in sight first; the rest has its turn in every round all the same.
+        while bytes < ROUND_BYTES / 2
+            && let Some((part, scale)) = self.detail.as_mut().and_then(Detail::next)
+        {
+            if let Some(pixels) = self.pixels(&info, part, scale) {
+                bytes += pixels.len();
+                messages.push(Message::Pixels(pixels));
+            }
+        }
         while bytes < ROUND_BYTES && !self.pending.is_empty() {
             let rect = self.pending.remove(0);
             for part in parts(&rect, scale, &info) {
@@ -183,8 +210,8 @@ impl Page {
         let halves = colors && values.iter().all(|v| !v.is_finite() || v.abs() <= 65504.0);
         let size = [rect.width(), rect.height()].map(|side| side.div_ceil(scale as usize) as u32);
         let (x, y) = (rect.x0.cast_unsigned() / scale, rect.y0.cast_unsigned() / scale);
-        let mut bytes = Vec::with_capacity(28 + values.len() * 4);
-        for word in [info.id as u32, u32::from(halves), x, y, size[0], size[1], n as u32] {
+        let mut bytes = Vec::with_capacity(HEAD + values.len() * 4);
+        for word in [info.id as u32, u32::from(halves), x, y, size[0], size[1], n as u32, scale] {
             bytes.extend(word.to_le_bytes());
         }
         match halves {
@@ -219,13 +246,17 @@ fn colors(names: &[String]) -> Vec<usize> {
     }
 }
 
-/// The blocks that some rectangles touch, each once.
-fn blocks(rects: &[PixelRect], info: &LiveInfo) -> Vec<PixelRect> {
-    let across = (info.width as usize).div_ceil(BLOCK);
-    let mut touched = vec![false; across * (info.height as usize).div_ceil(BLOCK)];
+/// How many pixels across and down become one that a page is sent.
+pub(super) fn reduction(info: &LiveInfo) -> u32 {
+    info.width.max(info.height).div_ceil(MOST_SIDE)
+}
+
+/// The blocks of `side` pixels that some rectangles touch, each once, row by row.
+pub(super) fn blocks(rects: &[PixelRect], info: &LiveInfo, side: usize) -> Vec<PixelRect> {
+    let across = (info.width as usize).div_ceil(side);
+    let mut touched = vec![false; across * (info.height as usize).div_ceil(side)];
     for rect in rects {
-        let [x0, y0, x1, y1] =
-            [rect.x0, rect.y0, rect.x1 - 1, rect.y1 - 1].map(|v| v.max(0) as usize / BLOCK);
+        let [x0, y0, x1, y1] = [rect.x0, rect.y0, rect.x1 - 1, rect.y1 - 1].map(|v| v.max(0) as usize / side);
         for by in y0..=y1 {
             for bx in x0..=x1 {
                 if let Some(block) = touched.get_mut(by * across + bx) {
@@ -236,14 +267,14 @@ fn blocks(rects: &[PixelRect], info: &LiveInfo) -> Vec<PixelRect> {
     }
     let window = PixelRect::at(0, 0, info.width, info.height);
     let at = |k: usize| {
-        let (x, y) = ((k % across * BLOCK) as i32, (k / across * BLOCK) as i32);
-        PixelRect::at(x, y, BLOCK as u32, BLOCK as u32).intersection(&window)
+        let (x, y) = ((k % across * side) as i32, (k / across * side) as i32);
+        PixelRect::at(x, y, side as u32, side as u32).intersection(&window)
     };
     touched.iter().enumerate().filter(|(_, t)| **t).map(|(k, _)| at(k)).collect()
 }
 
 /// A rectangle in parts that are sent at once, grown to whole pixels of the reduced picture.
-fn parts(rect: &PixelRect, scale: u32, info: &LiveInfo) -> Vec<PixelRect> {
+pub(super) fn parts(rect: &PixelRect, scale: u32, info: &LiveInfo) -> Vec<PixelRect> {
     let scale = scale as i32;
     let window = PixelRect::at(0, 0, info.width, info.height);
     let grown = PixelRect {
@@ -312,8 +343,8 @@ mod tests {
                         let word = |i: usize| u32::from_le_bytes(*bytes[i * 4..].first_chunk().unwrap());
                         let [x, y, w, h, n] = [2, 3, 4, 5, 6].map(|i| word(i) as usize);
                         let values: Vec<f32> = match word(1) {
-                            0 => bytes[28..].as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect(),
-                            _ => bytes[28..]
+                            0 => bytes[HEAD..].as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect(),
+                            _ => bytes[HEAD..]
                                 .as_chunks()
                                 .0
                                 .iter()
@@ -411,6 +442,63 @@ mod tests {
         live.update("a", &[(0, 0, 0)], PixelRect::at(4, 4, 1, 1), &[400.0]).unwrap();
         assert_eq!(painted(&mut page, &mut painting), 1);
         assert_eq!(painting.2[3001 + 1], (3.0 + 5.0 + 400.0 + 12.0) / 6.0);
+    }
+
+    #[test]
+    fn what_is_in_sight_comes_in_full() {
+        let live = Live::default();
+        live.create("a", 9001, 40, &names(&["Y"])).unwrap();
+        let all: Vec<f32> = (0..9001 * 40).map(|v| (v % 9001) as f32 / 8.0).collect();
+        live.update("a", &[(0, 0, 1)], PixelRect::at(0, 0, 9001, 40), &all).unwrap();
+        let mut page = Page::new(live.clone());
+        let id = live.info("a").unwrap().id;
+        let ask =
+            |scale: u32, rect: [i32; 4]| json!({"detail": id, "scale": scale, "rect": rect}).to_string();
+        // The heads of the pixels of a smaller scale, and their first value.
+        let details = |page: &mut Page| {
+            let mut found = Vec::new();
+            loop {
+                for message in page.news() {
+                    if let Message::Pixels(bytes) = message {
+                        let word = |i: usize| u32::from_le_bytes(*bytes[i * 4..].first_chunk().unwrap());
+                        let value = match word(1) {
+                            0 => f32::from_bits(word(8)),
+                            _ => f16::from_le_bytes([bytes[HEAD], bytes[HEAD + 1]]).to_f32(),
+                        };
+                        if word(7) != 3 {
+                            found.push(([word(7), word(2), word(3), word(4), word(5)], value));
+                        }
+                    }
+                }
+                if !page.is_behind() {
+                    return found;
+                }
+            }
+        };
+        page.hear(&format!("{{\"show\": {id}, \"channels\": [0]}}"));
+        assert_eq!(page.hear(&ask(1, [8900, 0, 500, 40])), None);
+        assert_eq!(details(&mut page), [([1, 8704, 0, 256, 40], 1088.0), ([1, 8960, 0, 41, 40], 1120.0)]);
+        // A change comes alone, and only where it is in sight.
+        live.update("a", &[(0, 0, 0)], PixelRect::at(9000, 39, 1, 1), &[-2.0]).unwrap();
+        live.update("a", &[(0, 0, 0)], PixelRect::at(0, 0, 90, 40), &[-3.0]).unwrap();
+        assert_eq!(details(&mut page), [([1, 9000, 39, 1, 1], -2.0)]);
+        // Means of four pixels, counted in those.
+        page.hear(&ask(2, [513, 1, 3, 3]));
+        assert_eq!(details(&mut page), [([2, 256, 0, 256, 20], 64.0625)]);
+        // Another picture, nothing, or other channels: no more of it.
+        for other in
+            [json!({"detail": id + 1, "scale": 1, "rect": [0, 0, 9, 9]}).to_string(), ask(0, [0, 0, 9, 9])]
+        {
+            page.hear(&ask(1, [0, 0, 9, 9]));
+            page.hear(&other);
+            assert_eq!(details(&mut page), []);
+        }
+        page.hear(&ask(1, [0, 0, 9, 9]));
+        page.hear(&format!("{{\"show\": {id}, \"channels\": [0]}}"));
+        assert_eq!(details(&mut page), []);
+        live.close("a");
+        page.hear(&ask(1, [0, 0, 9, 9]));
+        assert_eq!((details(&mut page), page.is_behind()), (Vec::new(), false));
     }
 
     #[test]

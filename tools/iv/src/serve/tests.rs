@@ -86,16 +86,18 @@ fn a_browser_is_told_what_comes() {
     let id = live.info("a").unwrap().id;
     web.send(tungstenite::Message::text(format!("{{\"show\":{id},\"channels\":[0,1,2]}}"))).unwrap();
     assert!(text(web.read().unwrap()).contains("\"picture\":"));
-    assert_eq!(web.read().unwrap().into_data().len(), 28 + 40 * 30 * 3 * 2);
+    assert_eq!(web.read().unwrap().into_data().len(), 32 + 40 * 30 * 3 * 2);
     live.mark("a", PixelRect::at(8, 8, 8, 8));
     assert_eq!(text(web.read().unwrap()), "{\"marks\":[[8,8,8,8]]}");
     live.update("a", &[(0, 0, 0), (1, 0, 0), (2, 0, 0)], PixelRect::at(8, 8, 8, 8), &[0.5]).unwrap();
     assert_eq!(text(web.read().unwrap()), "{\"marks\":[]}");
     let pixels = web.read().unwrap().into_data();
-    assert_eq!((pixels.len(), &pixels[28..30]), (28 + 64 * 6, &[0x00, 0x38][..]));
+    assert_eq!((pixels.len(), &pixels[32..34]), (32 + 64 * 6, &[0x00, 0x38][..]));
     // Nonsense is borne; too much of it is not.
     web.send(tungstenite::Message::text("{\"show\":")).unwrap();
     web.send(tungstenite::Message::binary(vec![0; 100])).unwrap();
+    let detail = format!("{{\"detail\":{id},\"scale\":1,\"rect\":[0,0,9,9]}}");
+    web.send(tungstenite::Message::text(detail)).unwrap();
     web.send(tungstenite::Message::text("{\"probe\":[8,8]}")).unwrap();
     assert_eq!(text(web.read().unwrap()), "{\"probe\":[8,8],\"values\":[\"0.5\",\"0.5\",\"0.5\"]}");
     live.close("a");
