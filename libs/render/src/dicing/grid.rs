@@ -80,6 +80,12 @@ pub(crate) fn make_grid(
         }
         None => grid.ng.clone(),
     };
+    grid.flip_normals = attributes.flip_normals;
+    // Files have faces that are wound against their own normals: these say which side is which.
+    if dice.n.is_some() && (0..n).all(|i| grid.n.get(i).dot(grid.ng.get(i)) < 0.0) {
+        grid.ng = negated(&grid.ng);
+        grid.flip_normals = !grid.flip_normals;
+    }
     grid.seams = vec![seams(&grid, primitive, dice.n.is_some())];
     grid.i = match view.viewpoint {
         Viewpoint::From(eye) => {
@@ -98,7 +104,6 @@ pub(crate) fn make_grid(
     grid.time = view.time;
     grid.dtime = view.dtime;
     grid.ray = view.ray;
-    grid.flip_normals = attributes.flip_normals;
     grid.object = attributes.name();
     grid.seed = hash::words(&[
         primitive.id,

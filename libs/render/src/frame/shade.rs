@@ -52,25 +52,46 @@ impl<S: FrameShader> Frame<'_, S> {
     ) -> Vec<Option<ShadedGrid>> {
         let begin = Instant::now();
         let mut out: Vec<Option<ShadedGrid>> = leaves.iter().map(|_| None).collect();
-        let (mut diced, grids) = self.dice(job, leaves);
+        let all = self.dice(job, leaves);
         add_time(&self.counters.dice_nanos, begin.elapsed());
         let begin = Instant::now();
+        // Small ones are joined also when they are alone: nothing shows how many there are.
         let small =
             |(_, leaf): &(&LeafSlot, &Leaf)| leaf.rates.nu * leaf.rates.nv <= super::bucket::SMALL_POINTS;
-        // Small ones also when they are alone: nothing shows how many there are.
         let joins = job.traits.joins && leaves.iter().all(small);
+        // Faces that are wound against their normals are a kind of their own.
+        let (one, other): (Vec<_>, Vec<_>) = all.into_iter().partition(|(_, grid)| grid.flip_normals);
+        for some in [one, other] {
+            self.shade_alike(job, some, joins, &mut out, thread);
+        }
+        add_time(&self.counters.shade_nanos, begin.elapsed());
+        out
+    }
+
+    /// Displaces and shades what was diced, several grids only where they are joined, and puts it in its place.
+    fn shade_alike(
+        &self,
+        job: &Job<S::Object>,
+        all: Vec<(Diced<'_>, Grid)>,
+        joins: bool,
+        out: &mut [Option<ShadedGrid>],
+        thread: &mut S::Thread<'_>,
+    ) {
+        let (mut diced, grids): (Vec<Diced<'_>>, Vec<Grid>) = all.into_iter().unzip();
         debug_assert!(grids.len() < 2 || joins && grids.iter().all(|grid| grids[0].joins(grid)));
-        let Some(mut grid) =
-            (if joins && !grids.is_empty() { Some(Grid::joined(&grids)) } else { grids.into_iter().next() })
-        else {
-            return out;
-        };
+        let mut end = 0;
+        for (diced, grid) in diced.iter_mut().zip(&grids) {
+            diced.lanes = end..end + grid.len();
+            end += grid.len();
+        }
+        let joined = (joins && !grids.is_empty()).then(|| Grid::joined(&grids));
+        let Some(mut grid) = joined.or_else(|| grids.into_iter().next()) else { return };
         let before = job.traits.displaces.then(|| grid.p.clone());
         if job.traits.displaces {
             self.shader.displace(thread, &job.object, &mut grid);
             diced.retain_mut(|diced| diced.keep(job, &grid, diced.lanes.start));
             if diced.is_empty() {
-                return out;
+                return;
             }
         }
         let matte = job.traits.holdout == Holdout::Matte;
@@ -82,28 +103,21 @@ impl<S: FrameShader> Frame<'_, S> {
             let one = |ty: usize| (found.next().flatten().filter(|v| v.len() == ty * grid.len()), ty);
             wanted.iter().map(|(_, ty)| ty.components()).map(one).collect()
         });
-        let count = diced.iter().map(|diced| diced.lanes.len()).sum();
         if must_shade {
             add(&self.counters.grids_shaded, diced.len());
-            add(&self.counters.points_shaded, count);
+            add(&self.counters.points_shaded, diced.iter().map(|diced| diced.lanes.len()).sum());
         } else {
             add(&self.counters.grids_unshaded, diced.len());
         }
-        add_time(&self.counters.shade_nanos, begin.elapsed());
         let shaded = Shaded { grid: &grid, before: before.as_ref(), variables };
         for diced in diced {
             let index = diced.index;
             out[index] = Some(self.finished(job, diced, &shaded));
         }
-        out
     }
 
-    /// Dices leaves: what was diced of those that are not known to be unseen, and a grid of each.
-    fn dice<'l>(
-        &self,
-        job: &Job<S::Object>,
-        leaves: &[(&'l LeafSlot, &'l Leaf)],
-    ) -> (Vec<Diced<'l>>, Vec<Grid>) {
+    /// Dices leaves, but those that are known to be unseen; a grid of each.
+    fn dice<'l>(&self, job: &Job<S::Object>, leaves: &[(&'l LeafSlot, &'l Leaf)]) -> Vec<(Diced<'l>, Grid)> {
         let (primitive, placement) = (&*job.primitive, &job.placement);
         let dicing_camera = self.options.dicing_camera;
         let view = GridView {
@@ -115,8 +129,7 @@ impl<S: FrameShader> Frame<'_, S> {
             dtime: self.options.camera.shutter[1] - self.options.camera.shutter[0],
             ray: RayKind::default(),
         };
-        let (mut diced, mut grids) = (Vec::with_capacity(leaves.len()), Vec::with_capacity(leaves.len()));
-        let mut lanes = 0..0;
+        let mut all = Vec::with_capacity(leaves.len());
         for (index, &(slot, leaf)) in leaves.iter().enumerate() {
             let key_times = leaf.piece.key_times();
             let dice = leaf.dice(&Viewer::new(dicing_camera, placement, key_times));
@@ -124,17 +137,13 @@ impl<S: FrameShader> Frame<'_, S> {
                 continue;
             }
             let grid = make_grid(&dice, key_times, primitive, placement, &view);
-            lanes = lanes.end..lanes.end + grid.len();
-            let mut one = Diced { index, slot, leaf, dice, key_times, lanes: lanes.clone(), kept: None };
+            let mut one = Diced { index, slot, leaf, dice, key_times, lanes: 0..grid.len(), kept: None };
             // What is displaced is looked at when it is where it will be.
             if job.traits.displaces || one.keep(job, &grid, 0) {
-                diced.push(one);
-                grids.push(grid);
-            } else {
-                lanes.end = lanes.start;
+                all.push((one, grid));
             }
         }
-        (diced, grids)
+        all
     }
 
     /// A leaf of what was shaded, ready to be hidden.
