@@ -48,6 +48,9 @@ pub(crate) struct GridTraits {
 }
 
 impl GridTraits {
+    /// Of a grid that does not come shaded: its primitive and the width of its rim are as everywhere.
+    pub(crate) const NOTHING: Self = Self { primitive: None, rim_px: None, sides: [true; 4] };
+
     /// Of a part of a primitive.
     pub(crate) fn new(params: &Params, leaf: &Leaf) -> Self {
         let [u0, u1, v0, v1] = leaf.piece.domain();

@@ -503,7 +503,7 @@ pub const TABLE: &[AttributeRow] = &[
         "4.4.4",
         "orientation",
         &["outside", "inside", "lh", "rh", "reverse"],
-        "which way normals point",
+        "which way normals point; faces whose own normals are all on the other side follow these",
     ),
     row(Object, "4.4.4", (INT, "twosided"), Ints(&[1]), "visible from both sides"),
     row(Object, "4.4.4", (FLOAT, "shadingquality"), Floats(&[1.0]), "shading points per pixel distance"),

@@ -169,9 +169,11 @@ impl<S: FrameShader> Frame<'_, S> {
         }
         let primitive = &job.primitive;
         // A grid that comes shaded may bring along what the hider knew of it.
-        let given =
-            diced.leaf.piece.lattice().map(|_| GridTraits::new(&primitive.keys[0].params, diced.leaf));
-        let rim_px = given.as_ref().and_then(|g| g.rim_px).unwrap_or(RIM_PX);
+        let given = match diced.leaf.piece.lattice() {
+            Some(_) => GridTraits::new(&primitive.keys[0].params, diced.leaf),
+            None => GridTraits::NOTHING,
+        };
+        let rim_px = given.rim_px.unwrap_or(RIM_PX);
         let views = self.views(job, &diced, shaded, rim_px);
         let (nu, nv, per_side) = (diced.dice.nu, diced.dice.nv, diced.per_side());
         if per_side > 1 {
@@ -184,7 +186,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let grid = ShadedGrid {
             nu: (nu - 1) * per_side + 1,
             nv: (nv - 1) * per_side + 1,
-            primitive: given.as_ref().and_then(|g| g.primitive).unwrap_or(primitive.id),
+            primitive: given.primitive.unwrap_or(primitive.id),
             views,
             color,
             opacity,
@@ -192,7 +194,7 @@ impl<S: FrameShader> Frame<'_, S> {
             holdout: job.traits.holdout,
             variables,
             kept: diced.kept.map_or_else(Vec::new, |cells| cells.kept),
-            sides: given.as_ref().map_or([true; 4], |g| g.sides),
+            sides: given.sides,
         };
         if shaded.before.is_some() {
             self.check_displacement(&grid, job);
