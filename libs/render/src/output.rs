@@ -522,6 +522,14 @@ impl OutputImage {
             data: (&*format!("Granita {}", granita_base::VERSION)).into(),
         };
         spec.attributes.set(software);
+        if self.opaque_width.is_some() {
+            // What it is cannot be told from its channels.
+            spec.attributes.set(Param {
+                name: "textureformat".into(),
+                ty: ParamType::of(BaseType::String),
+                data: granita_texture::TextureKind::VolumeShadow.word().into(),
+            });
+        }
         for param in &camera.metadata() {
             spec.attributes.set(param.clone());
         }
@@ -643,6 +651,11 @@ mod tests {
         assert_eq!(channels, [&[0, 1, 2, 3][..], &[4], &[6, 7, 8], &[9], &[6, 7, 8], &[0; 5]]);
         assert_eq!((set.images[5].opaque_width, set.images[4].opaque_width), (Some(0.05), None));
         assert_eq!(set.images[5].names, ["zopaque", "alpha", "z0", "z1", "z2"]);
+        let kinds = [5, 1].map(|k: usize| {
+            let spec = set.images[k].spec(&camera(), PixelType::Float);
+            granita_texture::TextureKind::of(&spec)
+        });
+        assert_eq!(kinds, [granita_texture::TextureKind::VolumeShadow, granita_texture::TextureKind::Shadow]);
         assert_eq!((set.variables.len(), set.wanted.channels()), (2, 10));
         assert!(set.needs_shading && !set.needs_second_surface);
         assert_eq!(kept.lock().unwrap().len(), 2);

@@ -137,9 +137,12 @@ impl Layer {
             return self.name.clone();
         }
         let all: Vec<&str> = self.channels.iter().filter_map(|c| names.get(*c)).map(String::as_str).collect();
-        match all.iter().all(|n| n.chars().count() == 1) {
-            true => all.concat(),
-            false => all.join(" "),
+        match all[..] {
+            _ if all.iter().all(|n| n.chars().count() == 1) => all.concat(),
+            [first, second, third, .., last] if all.len() > 8 => {
+                format!("{first} {second} {third} ... {last}")
+            }
+            _ => all.join(" "),
         }
     }
 }
@@ -152,6 +155,16 @@ mod tests {
         let mut spec = ImageSpec::new(1, 1, names.len(), PixelType::Half);
         spec.channels = names.iter().map(|n| (*n).to_owned()).collect();
         Layer::of(&spec, kind)
+    }
+
+    #[test]
+    fn titles_are_short() {
+        let title = |n: usize| {
+            let names: Vec<String> = (0..n).map(|i| format!("z{i}")).collect();
+            layers(&names.iter().map(|n| &**n).collect::<Vec<_>>(), TextureKind::Plain)[0].title(&names)
+        };
+        assert_eq!(title(3), "z0 z1 z2");
+        assert_eq!(title(67), "z0 z1 z2 ... z66");
     }
 
     #[test]
