@@ -511,6 +511,37 @@ fn an_area_light_shines_from_its_surface() {
     }
 }
 
+#[test]
+fn samples_of_an_area_light_draw_numbers_of_their_own() {
+    // Under the edge of a wall a broad ray of shadow is blocked or not: sixteen of them agree hardly anywhere.
+    let source = "light panel (string geometry = \"\") {
+        point from = Pl;
+        emit (from) { Cl = 1 - (color) shadow (\"wall\", Ps, \"angle\", 0.6, \"samples\", 1); }
+    }";
+    let mut f = Fixture::new(&[MATTE, CONSTANT, source]);
+    f.light("panel", &[param("string geometry", "lamp")], Transform::IDENTITY);
+    let light = std::sync::Arc::make_mut(&mut f.scene.lights[0]);
+    let attributes = std::sync::Arc::make_mut(&mut light.attributes);
+    let count = param("int light:nsamples", 16);
+    std::sync::Arc::make_mut(&mut attributes.values).insert(count.name.clone(), count);
+    let floor = f.attributes("matte", &[], &[]);
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+    let lamp = f.attributes("constant", &["lamp"], &[]);
+    f.rectangle([-1e-3; 2], [1e-3; 2], 2.0, lamp);
+    let wall = f.attributes("constant", &["wall"], &[]);
+    f.rectangle([0.0, -9.0], [9.0, 9.0], 1.0, wall);
+    let (scene, camera, environment) = f.finish();
+    let frame = ShadingContext::new(&scene, &camera, &environment);
+    let object = frame.object(&floor);
+    for named in [false, true] {
+        let mut grid = flat_grid(&[[0.0; 2]; 50]);
+        grid.names = if named { (0..50).map(|i| i * 7 + 1).collect() } else { Vec::new() };
+        ShaderThread::new(&frame).shade(&object, &mut grid, &[]);
+        let mixed = grid.c.xyz[0].iter().filter(|c| (0.1..0.9).contains(*c)).count();
+        assert!(mixed > 45, "{named}: {mixed} of 50, {:?}", &grid.c.xyz[0][..5]);
+    }
+}
+
 /// The "rgb" pixels of a whole frame.
 fn picture(fixture: &Fixture, threads: usize, bucket: i32) -> Vec<f32> {
     picture_within(fixture, threads, bucket, u64::MAX).0
