@@ -372,6 +372,11 @@ impl ShaderThread<'_> {
         scene.any(self, rays)
     }
 
+    /// How far each ray goes; infinite where it meets nothing.
+    pub(crate) fn distances(&mut self, scene: &RayScene, rays: &[RayRequest]) -> Vec<f32> {
+        scene.closest(self, rays).into_iter().map(|hit| hit.t).collect()
+    }
+
     /// The next hit behind distance `t`.
     fn next_behind(&mut self, scene: &RayScene, request: &RayRequest, t: f32) -> SetHit {
         let past = t + STEP * t.abs();

@@ -501,25 +501,24 @@ impl Gatherer<'_, '_, '_, '_> {
             strata.push((cells, axis));
         }
         self.run.frame.light_cache.count(0, rays.len());
-        let purpose = RayPurpose {
-            indirect: kind == Kind::Irradiance,
-            shade: kind == Kind::Irradiance,
-            ..self.run.purpose()
-        };
+        let purpose = RayPurpose { indirect: true, ..self.run.purpose() };
         let falls = |ask: &Ask| option(o.falloff, ask.lane as usize, 0.0) > 0.0;
-        let found: Vec<(Color, f32)> = if kind == Kind::Occlusion && question.full && !asks.iter().any(falls)
-        {
-            let hits = self.run.thread.blocked(scene, &rays);
-            hits.into_iter()
-                .map(|hit| if hit { (Color::ONE, 0.0) } else { (Color::ZERO, f32::INFINITY) })
-                .collect()
-        } else {
-            let found = self.run.thread.radiance(scene, &rays, purpose, &self.run.said);
-            let value = |color: Color, hit: bool| match kind {
-                Kind::Irradiance => color,
-                Kind::Occlusion => Color::splat(f32::from(u8::from(hit))),
-            };
-            found.into_iter().map(|r| (value(r.color, r.distance.is_finite()), r.distance)).collect()
+        let found: Vec<(Color, f32)> = match kind {
+            Kind::Irradiance => {
+                let found = self.run.thread.radiance(scene, &rays, purpose, &self.run.said);
+                found.into_iter().map(|r| (r.color, r.distance)).collect()
+            }
+            // Whatever is in the way, how far it is matters to derivatives and falloff alone.
+            Kind::Occlusion if question.full && !asks.iter().any(falls) => {
+                let hits = self.run.thread.blocked(scene, &rays);
+                let of = |hit| if hit { (Color::ONE, 0.0) } else { (Color::ZERO, f32::INFINITY) };
+                hits.into_iter().map(of).collect()
+            }
+            Kind::Occlusion => {
+                let distances = self.run.thread.distances(scene, &rays);
+                let of = |t: f32| (Color::splat(f32::from(u8::from(t.is_finite()))), t);
+                distances.into_iter().map(of).collect()
+            }
         };
         let mut traced = rays.iter().zip(found);
         for (ask, (cells, axis)) in asks.iter().zip(strata) {
