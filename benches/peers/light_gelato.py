@@ -21,6 +21,7 @@ class Gelato:
     def __init__(self, program, threads, place, read, processor):
         self.clock = processor_time if processor else time.time
         self.program, self.threads, self.place, self.read = program, threads, place, read
+        self.image = f"{place}/out.exr"
 
     def panorama(self, path):
         """Makes an environment map of a panorama, once for all pictures; not timed. OpenEXR's have y up, as the scenes do."""
@@ -32,24 +33,25 @@ class Gelato:
         """`measure`: "direct", "bounce", "sky" (how open points are), "panorama" or "drawn" (the panorama's
         light, in directions drawn by it). The picture and seconds, of the whole program."""
         text = self.text(scene, files, side, measure, options)
-        path = f"{self.place}/out.exr"
-        words = [self.program, "-silent", "-threads", str(self.threads), "-o", path, "-data", "rgb", "-"]
+        words = [self.program, "-silent", "-threads", str(self.threads), "-"]
         begin = self.clock()
         subprocess.run(words, input=text.encode(), check=True)
         seconds = self.clock() - begin
-        return self.read(path), seconds
+        return self.read(self.image), seconds
 
     def text(self, scene, files, side, measure, options):
         o, t = scene.origin, scene.target
         x, y, z = (b - a for a, b in zip(o, t))
         turn, tilt = math.degrees(math.atan2(x, z)), math.degrees(math.atan2(y, math.hypot(x, z)))
-        # Like Mitsuba's own: nothing that a picture shows is as thin. (The default, 0.01 units, is a twentieth of Stanford's dragon.)
-        bias = 1e-4 * math.hypot(x, y, z)
+        # As far as Mitsuba moves rays off a mesh of a fifth of a unit. (Our default, 0.01 units, is a twentieth of Stanford's dragon.)
+        bias = 5e-4 * math.hypot(x, y, z)
         lines = [
             f'Attribute ("float shadow:bias", {bias})',
             f'Attribute ("int[2] resolution", ({side}, {side}))',
             'Attribute ("string projection", "perspective")',
             'Attribute ("int[2] spatialquality", (4, 4))',
+            # The others have this filter, too.
+            f'Output ("{self.image}", "OpenEXR", "rgb", "camera", "string filter", "box", "float[2] filterwidth", (1, 1))',
             f'Attribute ("float fov", {scene.fov})',
             "Scale (-1, 1, 1)",
             f"Rotate ({tilt}, 1, 0, 0)", f"Rotate ({-turn}, 0, 1, 0)", f"Translate ({-o[0]}, {-o[1]}, {-o[2]})",

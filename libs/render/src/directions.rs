@@ -1,35 +1,66 @@
 //! Directions drawn by the light of an environment map: where it is bright, there are many.
 //!
 //! The sphere is divided into cells of a latitude-longitude grid, of which each sends its mean light and has a chance by it; a little
-//! of the chances is even, so that no direction is left out. Rows first, then cells of a row (Pharr, Jakob and Humphreys,
-//! Physically Based Rendering, 4th edition 2023, A.5.3, piecewise constant distributions). What a direction brings over its chance
-//! is the same for nearly all of them, and costs no lookup.
+//! of the chances is even, so that no direction is left out. What a direction brings over its chance costs no lookup.
+//!
+//! Cells lie together in blocks. For a surface that gathers from in front of it, the chance of a block is multiplied by the cosine
+//! with what is bright in it ([`Directions::before`]); so hardly any direction is lost below its horizon, and what is left of noise is that
+//! of shadows. Within a block the chances stay (products of two factors by a hierarchy, after Clarberg, Jarosz, Akenine-Moeller, Jensen:
+//! Wavelet Importance Sampling, SIGGRAPH 2005, of two levels). Rows first, then columns (Pharr, Jakob and Humphreys, Physically Based
+//! Rendering, 4th edition 2023, A.5.3, piecewise constant distributions).
 
 use granita_base::Vec3;
 use std::f64::consts::{PI, TAU};
 
-/// Cells around the sphere, and from pole to pole.
-const COLUMNS: usize = 512;
-const ROWS: usize = 256;
+/// Blocks from pole to pole, and around the sphere.
+const ROWS: usize = 16;
+const COLUMNS: usize = 32;
+/// Cells along each side of a block.
+const SIDE: usize = 16;
+/// Cells from pole to pole, and around the sphere.
+const ALL_ROWS: usize = ROWS * SIDE;
+const ALL_COLUMNS: usize = COLUMNS * SIDE;
 /// Share of directions that are spread evenly.
 const EVEN: f64 = 0.01;
 /// Places along each side of a cell that its mean is taken from.
 const LOOKS: usize = 2;
+/// The least cosine that counts, of blocks with anything above the horizon.
+const LEAST: f32 = 0.05;
+/// The sine of the largest angle between two directions of a block.
+const WITHIN: f32 = 0.28;
 
 /// What is seen in a direction: the first channels of a map.
 pub(crate) type Seen = [f32; 4];
 
+/// A number for each block, column by column.
+type Blocks = [[f32; ROWS]; COLUMNS];
+
 /// Chances of directions.
 #[derive(Debug)]
 pub(crate) struct Directions {
-    /// Sums of chances up to and with each row.
-    rows: Sums,
-    /// Of each row, the same for its cells.
-    cells: Vec<Sums>,
-    /// Heights of the borders between rows.
-    heights: Vec<f64>,
+    /// Of each block, its chance.
+    chances: Box<Blocks>,
+    /// Where its light comes from on average, of length 1.
+    middles: Box<[Blocks; 3]>,
+    /// All around.
+    whole: Around,
+    /// Of each block, row by row: sums of chances up to and with each row of its cells, of 1.
+    rows: Vec<[f32; SIDE]>,
+    /// Of each row of cells and each block in it, the same for its cells.
+    columns: Vec<[f32; SIDE]>,
+    /// Heights of the borders between rows of cells.
+    heights: Vec<f32>,
+    /// Sine and cosine of the middles of columns of cells.
+    turns: Vec<[f32; 2]>,
     /// What each cell sends, on average.
     seen: Vec<Seen>,
+}
+
+/// Chances of blocks as sums: of each row of blocks up to and with each column, and of rows.
+#[derive(Clone, Debug)]
+pub(crate) struct Around {
+    columns: Box<Blocks>,
+    rows: [f32; ROWS],
 }
 
 /// A direction that was drawn.
@@ -49,102 +80,184 @@ fn towards(around: f64, down: f64) -> Vec3 {
     Vec3::new((c * sin) as f32, (s * sin) as f32, cos as f32)
 }
 
+impl Around {
+    /// Of sums that are in place already; those of rows are made.
+    fn sum_rows(&mut self) {
+        let mut sum = 0.0;
+        for (to, row) in self.rows.iter_mut().zip(self.columns[COLUMNS - 1]) {
+            sum += row;
+            *to = sum;
+        }
+    }
+
+    /// Nothing yet.
+    pub(crate) fn new() -> Self {
+        Self { columns: Box::new([[0.0; ROWS]; COLUMNS]), rows: [0.0; ROWS] }
+    }
+
+    /// Sums of chances by block.
+    fn fill(&mut self, chance: impl Fn(usize, usize) -> f32) {
+        let mut sums = [0.0; ROWS];
+        for (column, out) in self.columns.iter_mut().enumerate() {
+            for (row, sum) in sums.iter_mut().enumerate() {
+                *sum += chance(column, row);
+            }
+            *out = sums;
+        }
+        self.sum_rows();
+    }
+}
+
 impl Directions {
     /// From what is seen in a direction, over an angle (radians) across.
     pub(crate) fn new(mut look: impl FnMut(Vec3, f32) -> Seen) -> Self {
-        let heights: Vec<f64> = (0..=ROWS).map(|row| (PI * row as f64 / ROWS as f64).cos()).collect();
+        let heights: Vec<f64> = (0..=ALL_ROWS).map(|row| (PI * row as f64 / ALL_ROWS as f64).cos()).collect();
         let angle = Self::cell() / LOOKS as f32;
         let place =
             |cell: usize, k: usize, of: usize| (cell as f64 + (k as f64 + 0.5) / LOOKS as f64) / of as f64;
         let mut mean = |cell: usize| {
             let mut sum = Seen::default();
             for k in 0..LOOKS * LOOKS {
-                let around = place(cell % COLUMNS, k % LOOKS, COLUMNS);
-                let down = place(cell / COLUMNS, k / LOOKS, ROWS);
+                let around = place(cell % ALL_COLUMNS, k % LOOKS, ALL_COLUMNS);
+                let down = place(cell / ALL_COLUMNS, k / LOOKS, ALL_ROWS);
                 for (sum, x) in sum.iter_mut().zip(look(towards(around, down), angle)) {
                     *sum += if x.is_finite() { x / (LOOKS * LOOKS) as f32 } else { 0.0 };
                 }
             }
             sum
         };
-        let seen: Vec<Seen> = (0..ROWS * COLUMNS).map(&mut mean).collect();
-        let solid_angle = |row: usize| (heights[row] - heights[row + 1]) * TAU / COLUMNS as f64;
+        let seen: Vec<Seen> = (0..ALL_ROWS * ALL_COLUMNS).map(&mut mean).collect();
+        let solid_angle = |row: usize| (heights[row] - heights[row + 1]) * TAU / ALL_COLUMNS as f64;
         let mut chance: Vec<f64> = seen
             .iter()
             .enumerate()
-            .map(|(k, [r, g, b, _])| f64::from((r + g + b).max(0.0)) * solid_angle(k / COLUMNS))
+            .map(|(k, [r, g, b, _])| f64::from((r + g + b).max(0.0)) * solid_angle(k / ALL_COLUMNS))
             .collect();
         let all: f64 = chance.iter().sum();
         for (k, chance) in chance.iter_mut().enumerate() {
-            let even = solid_angle(k / COLUMNS) / (4.0 * PI);
+            let even = solid_angle(k / ALL_COLUMNS) / (4.0 * PI);
             *chance = if all > 0.0 { *chance / all * (1.0 - EVEN) + even * EVEN } else { even };
         }
-        let rows: Vec<f64> = chance.chunks_exact(COLUMNS).map(|row| row.iter().sum()).collect();
-        let cells = chance.chunks_exact(COLUMNS).map(Sums::new).collect();
-        Self { rows: Sums::new(&rows), cells, heights, seen }
+        let mut chances = Box::new([[0.0; ROWS]; COLUMNS]);
+        let mut middles = Box::new([[[0.0; ROWS]; COLUMNS]; 3]);
+        let mut rows = Vec::with_capacity(ROWS * COLUMNS);
+        let mut columns = vec![[0.0; SIDE]; ALL_ROWS * COLUMNS];
+        for block in 0..ROWS * COLUMNS {
+            let (row, column) = (block / COLUMNS, block % COLUMNS);
+            let mut by_row = [0.0; SIDE];
+            let mut middle = Vec3::ZERO;
+            for (j, row_chance) in by_row.iter_mut().enumerate() {
+                let cell_row = row * SIDE + j;
+                let first = cell_row * ALL_COLUMNS + column * SIDE;
+                let own = &chance[first..first + SIDE];
+                columns[cell_row * COLUMNS + column] = sums(own.try_into().unwrap_or(&[1.0; SIDE]));
+                *row_chance = own.iter().sum::<f64>();
+                for (i, chance) in own.iter().enumerate() {
+                    let at = (column * SIDE + i) as f64 + 0.5;
+                    let down = (cell_row as f64 + 0.5) / ALL_ROWS as f64;
+                    middle += towards(at / ALL_COLUMNS as f64, down) * *chance as f32;
+                }
+            }
+            rows.push(sums(&by_row));
+            chances[column][row] = by_row.iter().sum::<f64>() as f32;
+            let middle = middle.normalize_or_zero();
+            (0..3).for_each(|axis| middles[axis][column][row] = middle[axis]);
+        }
+        let mut whole = Around::new();
+        whole.fill(|column, row| chances[column][row]);
+        let turn = |column: usize| (TAU * (column as f64 + 0.5) / ALL_COLUMNS as f64).sin_cos();
+        let turns = (0..ALL_COLUMNS).map(turn).map(|(s, c)| [s as f32, c as f32]).collect();
+        let heights = heights.into_iter().map(|z| z as f32).collect();
+        Self { chances, middles, whole, rows, columns, heights, turns, seen }
+    }
+
+    /// All directions.
+    pub(crate) fn whole(&self) -> &Around {
+        &self.whole
+    }
+
+    /// Directions in front of a surface, by its normal (of length 1): each by the cosine as well, about. Few are behind.
+    pub(crate) fn before(&self, normal: Vec3, out: &mut Around) {
+        let [x, y, z] = &*self.middles;
+        out.fill(|column, row| {
+            let cos = normal.x * x[column][row] + normal.y * y[column][row] + normal.z * z[column][row];
+            let counts = if cos > -WITHIN { cos.max(LEAST) } else { 0.0 };
+            self.chances[column][row] * counts
+        });
     }
 
     /// The direction for a point of the unit square.
-    pub(crate) fn at(&self, x: f32, y: f32) -> Drawn {
-        let (row, down, _) = self.rows.pick(f64::from(y));
-        let (column, around, chance) = self.cells[row].pick(f64::from(x));
-        // Even over the cell: by height.
-        let (top, bottom) = (self.heights[row], self.heights[row + 1]);
+    pub(crate) fn at(&self, around: &Around, x: f32, y: f32) -> Drawn {
+        let (row, y, of_row) = pick(&around.rows, y);
+        let (column, x, of_column) = pick_of(COLUMNS, x, |k| around.columns[k][row]);
+        let (j, down, of_cells) = pick(&self.rows[row * COLUMNS + column], y);
+        let cell_row = row * SIDE + j;
+        let (i, across, of_cell) = pick(&self.columns[cell_row * COLUMNS + column], x);
+        let cell_column = column * SIDE + i;
+        // Even over the cell: by height, and by a small turn from its middle.
+        let (top, bottom) = (self.heights[cell_row], self.heights[cell_row + 1]);
         let z = top + (bottom - top) * down;
-        let (s, c) = (TAU * (column as f64 + around) / COLUMNS as f64).sin_cos();
-        let sin = (1.0 - z * z).max(0.0).sqrt();
-        let dir = Vec3::new((c * sin) as f32, (s * sin) as f32, z as f32);
-        let chance = (chance * COLUMNS as f64 / ((top - bottom) * TAU)) as f32;
-        Drawn { dir, chance, seen: self.seen[row * COLUMNS + column] }
+        let turn = (across - 0.5) * (TAU / ALL_COLUMNS as f64) as f32;
+        let (sin, cos) = (turn * (1.0 - turn * turn / 6.0), 1.0 - 0.5 * turn * turn);
+        let [s, c] = self.turns[cell_column];
+        let flat = (1.0 - z * z).max(0.0).sqrt();
+        let dir = Vec3::new((c * cos - s * sin) * flat, (s * cos + c * sin) * flat, z);
+        let size = (top - bottom) * (TAU / ALL_COLUMNS as f64) as f32;
+        let chance = of_row * of_column * of_cells * of_cell / size;
+        Drawn { dir, chance, seen: self.seen[cell_row * ALL_COLUMNS + cell_column] }
     }
 
     /// The angle across a cell, in radians.
     pub(crate) fn cell() -> f32 {
-        (PI / ROWS as f64) as f32
+        (PI / ALL_ROWS as f64) as f32
     }
 }
 
-/// Growing sums of chances, and where to look for a fraction of them.
-#[derive(Debug)]
-struct Sums {
-    sums: Vec<f64>,
-    /// For as many equal steps of the whole as there are sums, the first sum that is larger than where the step begins.
-    guide: Vec<u16>,
+/// Growing sums, of 1; even where there is nothing.
+fn sums(chances: &[f64; SIDE]) -> [f32; SIDE] {
+    let all: f64 = chances.iter().sum();
+    let mut sum = 0.0;
+    let mut out = [0.0; SIDE];
+    for (k, (out, chance)) in out.iter_mut().zip(chances).enumerate() {
+        sum += chance;
+        *out = if all > 0.0 { sum / all } else { (k + 1) as f64 / SIDE as f64 } as f32;
+    }
+    out
 }
 
-impl Sums {
-    fn new(chances: &[f64]) -> Self {
-        let mut sum = 0.0;
-        let mut add = |chance: &f64| {
-            sum += chance;
-            sum
-        };
-        let sums: Vec<f64> = chances.iter().map(&mut add).collect();
-        let n = sums.len();
-        let begin = |step: usize| sum * step as f64 / n as f64;
-        let first = |step: usize| sums.partition_point(|sum| *sum <= begin(step)).min(n - 1) as u16;
-        let guide = (0..n).map(first).collect();
-        Self { sums, guide }
-    }
+/// The part of growing sums that a fraction of the whole falls into, how far into it, and its share of the whole.
+#[inline(always)]
+fn pick<const N: usize>(sums: &[f32; N], fraction: f32) -> (usize, f32, f32) {
+    let at = fraction * sums[N - 1];
+    // All at once: quicker than to halve as few.
+    let below: u32 = sums.iter().map(|sum| u32::from(*sum <= at)).sum();
+    part(N, below as usize, at, |k| sums[k])
+}
 
-    /// The part that a fraction of the whole falls into, how far into it, and how large it is.
-    fn pick(&self, fraction: f64) -> (usize, f64, f64) {
-        let sums = &self.sums[..];
-        let last = sums.len() - 1;
-        let fraction = fraction.clamp(0.0, 1.0);
-        let at = fraction * sums[last];
-        let mut k = usize::from(self.guide[((fraction * sums.len() as f64) as usize).min(last)]);
-        while k < last && sums[k] <= at {
-            k += 1;
-        }
-        // Rounding may have led one too far.
-        while k > 0 && sums[k - 1] > at {
-            k -= 1;
-        }
-        let before = if k > 0 { sums[k - 1] } else { 0.0 };
-        let size = sums[k] - before;
-        (k, if size > 0.0 { ((at - before) / size).clamp(0.0, 1.0) } else { 0.5 }, size)
+/// The same of `n` sums (a power of two) that do not lie together.
+#[inline(always)]
+fn pick_of(n: usize, fraction: f32, sum: impl Fn(usize) -> f32) -> (usize, f32, f32) {
+    let at = fraction * sum(n - 1);
+    let (mut below, mut half) = (0, n / 2);
+    while half > 0 {
+        below += if sum(below + half - 1) <= at { half } else { 0 };
+        half /= 2;
     }
+    part(n, below, at, sum)
+}
+
+/// As [`pick`]: the part after so many sums that are not larger than what is looked for.
+#[inline(always)]
+fn part(n: usize, below: usize, at: f32, sum: impl Fn(usize) -> f32) -> (usize, f32, f32) {
+    let mut k = below.min(n - 1);
+    // Rounding may have led to the end of everything: then the last part that is any.
+    while k > 0 && sum(k) <= sum(k - 1) {
+        k -= 1;
+    }
+    let before = if k > 0 { sum(k - 1) } else { 0.0 };
+    let (size, all) = (sum(k) - before, sum(n - 1));
+    let within = if size > 0.0 { ((at - before) / size).clamp(0.0, 1.0) } else { 0.5 };
+    (k, within, if all > 0.0 { size / all } else { 0.0 })
 }
 
 #[cfg(test)]
@@ -154,10 +267,19 @@ mod tests {
 
     /// Mean of `what (direction) / chance` over so many samples, and its standard deviation.
     fn integral(directions: &Directions, count: u32, what: impl Fn(Vec3, Seen) -> f32) -> (f64, f64) {
+        integral_over(directions, directions.whole(), count, what)
+    }
+
+    fn integral_over(
+        directions: &Directions,
+        around: &Around,
+        count: u32,
+        what: impl Fn(Vec3, Seen) -> f32,
+    ) -> (f64, f64) {
         let (mut sum, mut squares) = (0.0, 0.0);
         for i in 0..count {
             let (x, y) = sample::square(i, 7);
-            let Drawn { dir, chance, seen } = directions.at(x, y);
+            let Drawn { dir, chance, seen } = directions.at(around, x, y);
             assert!((dir.length() - 1.0).abs() < 1e-5 && chance > 0.0, "{dir} {chance}");
             let value = f64::from(what(dir, seen) / chance);
             sum += value;
@@ -169,16 +291,45 @@ mod tests {
 
     #[test]
     fn parts_are_found_as_by_looking_at_all() {
-        let chances: Vec<f64> =
-            (0..97).map(|k| if k % 7 < 3 { 0.0 } else { f64::from(k * k % 31) + 1e-9 }).collect();
-        let sums = Sums::new(&chances);
-        let all = sums.sums[96];
+        let chances: [f32; 64] =
+            std::array::from_fn(|k| if k % 7 < 3 { 0.0 } else { (k * k % 31) as f32 + 1e-3 });
+        let mut sum = 0.0;
+        let sums = chances.map(|chance| {
+            sum += chance;
+            sum
+        });
+        let last = (0..64).rfind(|k| chances[*k] > 0.0).unwrap();
         for i in 0..=5000 {
-            let fraction = f64::from(i) / 5000.0;
-            let (k, within, size) = sums.pick(fraction);
-            let due = sums.sums.partition_point(|sum| *sum <= fraction * all).min(96);
-            assert_eq!((k, size), (due, sums.sums[due] - if due > 0 { sums.sums[due - 1] } else { 0.0 }));
-            assert!((0.0..=1.0).contains(&within));
+            let fraction = i as f32 / 5000.0;
+            let (k, within, share) = pick(&sums, fraction);
+            assert_eq!(pick_of(64, fraction, |k| sums[k]), (k, within, share));
+            let due = sums.partition_point(|sum| *sum <= fraction * sums[63]).min(last);
+            assert_eq!(k, due);
+            assert!((share - chances[k] / sums[63]).abs() < 1e-6 && (0.0..=1.0).contains(&within));
+        }
+        // Nothing at all.
+        assert_eq!(pick(&[0.0; 4], 0.7).2, 0.0);
+    }
+
+    #[test]
+    fn what_is_before_a_surface_is_all_that_it_gathers() {
+        let sun = Vec3::new(0.3, -0.5, 0.2).normalize();
+        let directions = Directions::new(|d, _| [if d.dot(sun) > 0.999 { 1e3 } else { 1.0 + d.x }; 4]);
+        let mut around = Around::new();
+        for normal in [sun, -sun, Vec3::X, Vec3::NEG_Z, Vec3::new(1.0, 2.0, -3.0).normalize()] {
+            let light = |d: Vec3, seen: Seen| seen[0] * d.dot(normal).max(0.0);
+            let (due, of_all) = integral_over(&directions, directions.whole(), 1 << 16, light);
+            directions.before(normal, &mut around);
+            let (mean, deviation) = integral_over(&directions, &around, 1 << 14, light);
+            assert!((mean / due - 1.0).abs() < 0.01, "{normal}: {mean} for {due}");
+            assert!(deviation < 0.5 * mean && deviation < 0.7 * of_all, "{deviation} of {mean}; {of_all}");
+            // Hardly anything is lost.
+            let count = 4096;
+            let below = (0..count).filter(|&i| {
+                let (x, y) = sample::square(i, 3);
+                directions.at(&around, x, y).dir.dot(normal) <= 0.0
+            });
+            assert!(below.count() < 300);
         }
     }
 

@@ -53,6 +53,7 @@ struct Remembered {
     active: Vec<u32>,
     ps: Lanes3,
     ns: Lanes3,
+    in_front: bool,
     result: Arc<LightResult>,
 }
 
@@ -70,7 +71,7 @@ impl LightMemory {
     /// What was kept for this question: the same positions and axes, to the bit, on at least its lanes.
     pub(crate) fn find(&self, light: usize, query: &IlluminateQuery<'_>) -> Option<Arc<LightResult>> {
         let holds = |kept: &&Remembered| {
-            kept.light == light
+            (kept.light, kept.in_front) == (light, query.in_front)
                 && same_on(&kept.ps, &query.ps, query.batch.active)
                 && same_on(&kept.ns, &query.ns, query.batch.active)
                 && is_subset(query.batch.active, &kept.active)
@@ -95,6 +96,7 @@ impl LightMemory {
             active: query.batch.active.to_vec(),
             ps: copy(&query.ps),
             ns: copy(&query.ns),
+            in_front: query.in_front,
             result: result.clone(),
         });
     }
@@ -133,14 +135,28 @@ mod tests {
         let result = Arc::new(LightResult::default());
         memory.keep(
             4,
-            &IlluminateQuery { batch: all, ps: Lane3::over(&ps), ns: Lane3::over(&ns), pl: None, nl: None },
+            &IlluminateQuery {
+                batch: all,
+                ps: Lane3::over(&ps),
+                ns: Lane3::over(&ns),
+                pl: None,
+                nl: None,
+                in_front: false,
+            },
             &result,
         );
         let ask = |memory: &LightMemory, light, batch, ns: &Lanes3| {
             memory
                 .find(
                     light,
-                    &IlluminateQuery { batch, ps: Lane3::over(&ps), ns: Lane3::over(ns), pl: None, nl: None },
+                    &IlluminateQuery {
+                        batch,
+                        ps: Lane3::over(&ps),
+                        ns: Lane3::over(ns),
+                        pl: None,
+                        nl: None,
+                        in_front: false,
+                    },
                 )
                 .is_some()
         };

@@ -7,6 +7,7 @@ mod database;
 mod light;
 pub(crate) mod maps;
 mod rays;
+mod sky;
 
 use crate::arealight::{self, AreaLight};
 use crate::dynamic;
@@ -16,6 +17,7 @@ use crate::shading::{ShaderThread, ShadingContext};
 use granita_base::{
     BaseType, Location, MotionTransform, Param, ParamData, ParamType, Severity, Transform, hash,
 };
+use granita_gsl::Func;
 use granita_scene::{AttributeSet, LightId, ShaderUsage};
 use granita_shade::{
     Batch, DatabaseQuery, DatabaseSave, EnvironmentQuery, Grid, IlluminateQuery, Lane, Lane3, Lanes3,
@@ -69,6 +71,10 @@ pub(crate) struct Run<'r, 'f> {
     lane_calls: Vec<u32>,
     /// What the shader says to the shaders of objects that its rays meet.
     said: Vec<Primvar>,
+    /// Of a light: what it sends counts where it comes from in front of the points alone.
+    gathers_in_front: bool,
+    /// Directions drawn by maps.
+    sky: sky::Ahead,
 }
 
 impl<'r, 'f> Run<'r, 'f> {
@@ -108,11 +114,18 @@ impl<'r, 'f> Run<'r, 'f> {
             calls: 0,
             lane_calls: vec![0; grid.names.len()],
             said: Vec::new(),
+            gathers_in_front: false,
+            sky: sky::Ahead::default(),
         }
     }
 
     /// For a light that shines on the grid of `surface`: `names` name its lanes.
-    fn for_light(surface: &'r mut Run<'_, 'f>, light: &'r LightState, names: Vec<u32>) -> Self {
+    fn for_light(
+        surface: &'r mut Run<'_, 'f>,
+        light: &'r LightState,
+        names: Vec<u32>,
+        gathers_in_front: bool,
+    ) -> Self {
         Self {
             frame: surface.frame,
             thread: surface.thread,
@@ -137,6 +150,8 @@ impl<'r, 'f> Run<'r, 'f> {
             centres: surface.centres,
             calls: 0,
             said: Vec::new(),
+            gathers_in_front,
+            sky: sky::Ahead::default(),
         }
     }
 
@@ -151,7 +166,7 @@ impl<'r, 'f> Run<'r, 'f> {
         let names = self.names_for(light.seed, query, index);
         let mut executor = self.thread.take_executor();
         let result = {
-            let mut services = Run::for_light(self, light, names);
+            let mut services = Run::for_light(self, light, names, query.in_front);
             executor.run_light(&light.shaders.group, grid, query, &mut services)
         };
         self.thread.put_executor(executor);
@@ -363,19 +378,25 @@ impl Services for Run<'_, '_> {
             lanes.copy3(&mut out.n_hit);
         } else {
             let space = query.options.space.and_then(|s| self.to_common(s, query.batch.layer));
-            if query.options.sample.is_some()
-                && let Some(directions) = self.frame.directions(query.name, query.options.up)
-            {
-                // All samples of a point form one sequence, in whatever call they are drawn.
-                let seeds = |lane: u32| match self.names.get(lane as usize) {
-                    Some(name) => hash::words(&[*name, SKY]),
-                    None => hash::words(&[self.seed, SKY, lane]),
-                };
-                return maps::drawn(&self.frame.textures, query, space, &directions, &seeds, out);
+            if query.options.sample.is_some() && self.drawn(query, space, out) {
+                return;
             }
             // What rays of indirect light see is averaged anyway.
             let quick = self.ray.indirect;
             maps::environment(self.thread.textures(), query, space, quick, out);
+        }
+    }
+
+    fn wants_footprint(&mut self, name: &str, func: Func) -> bool {
+        let is_set = self.frame.rays.is_set(name);
+        match func {
+            Func::Environment => is_set,
+            // Only what lets light through is shaded.
+            _ => {
+                !is_set
+                    || !self.may_trace()
+                    || !self.frame.rays.scene(name, self.frame).is_some_and(|s| s.opaque_to_shadows)
+            }
         }
     }
 

@@ -6,6 +6,7 @@
 
 use crate::{Lanes3, Primvar};
 use granita_base::{Color, Param, Severity, Transform, Vec3};
+use granita_gsl::Func;
 use granita_gsl::ir::ValueType;
 use std::sync::Arc;
 
@@ -217,6 +218,8 @@ pub struct IlluminateQuery<'a> {
     pub pl: Option<Lane3<'a>>,
     /// Normals there, `Nl`.
     pub nl: Option<Lane3<'a>>,
+    /// Only light that comes from within 90 degrees of the axis counts; what else is sent is for nothing.
+    pub in_front: bool,
 }
 
 /// Light that arrives from one sample of one light, for every lane of the grid.
@@ -454,6 +457,13 @@ pub trait Services {
 
     /// Data about a texture file (reference table 5.5).
     fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param>;
+
+    /// Whether `environment` (with "sample") or `shadow` (without "samples") of this name look at how places and directions
+    /// change between neighbouring points; if not, they get zeros. By default they do.
+    fn wants_footprint(&mut self, name: &str, func: Func) -> bool {
+        let _ = (name, func);
+        true
+    }
 
     /// Whether shaders of a geometry set's objects may ask the shader whose rays meet them
     /// ([`Group::asks_parent`](crate::Group::asks_parent)); by default not.

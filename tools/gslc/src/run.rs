@@ -348,8 +348,14 @@ fn light_values(
     let n = grid.len();
     let active: Vec<u32> = (0..n as u32).collect();
     let batch = Batch { lanes: n, active: &active, layer: 0 };
-    let query =
-        IlluminateQuery { batch, ps: Lane3::over(&grid.p), ns: Lane3::over(&grid.n), pl: None, nl: None };
+    let query = IlluminateQuery {
+        batch,
+        ps: Lane3::over(&grid.p),
+        ns: Lane3::over(&grid.n),
+        pl: None,
+        nl: None,
+        in_front: false,
+    };
     let result = executor.run_light(group, grid, &query, around);
     let mut sum = Lanes3::zeros(n);
     let mut add = |lanes: &Lanes3, lit: &dyn Fn(usize) -> bool| {

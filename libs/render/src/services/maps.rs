@@ -1,8 +1,8 @@
 //! Lookups in texture, environment and shadow files.
 
 use super::{count, option};
-use crate::directions::{Directions, Drawn};
-use granita_base::{Transform, Vec3, sample};
+use crate::directions::Directions;
+use granita_base::{Transform, Vec3};
 use granita_shade::{
     Batch, EnvironmentQuery, Lane3, Lanes3, LookupOptions, LookupResult, ShadowQuery, TextureQuery,
 };
@@ -11,7 +11,7 @@ use granita_texture::{
 };
 
 /// Most channels that one lookup returns, alpha included.
-const CHANNELS: usize = 4;
+pub(super) const CHANNELS: usize = 4;
 
 /// Makes room for a result; what is there of other lanes stays.
 pub(super) fn prepare(batch: Batch<'_>, channels: usize, out: &mut LookupResult) {
@@ -27,7 +27,7 @@ pub(super) fn prepare(batch: Batch<'_>, channels: usize, out: &mut LookupResult)
 }
 
 /// Puts `values` (channels, then alpha) into a lane.
-fn store(out: &mut LookupResult, lane: usize, values: &[f32]) {
+pub(super) fn store(out: &mut LookupResult, lane: usize, values: &[f32]) {
     for (channel, value) in out.value.iter_mut().zip(values) {
         channel[lane] = *value;
     }
@@ -35,7 +35,7 @@ fn store(out: &mut LookupResult, lane: usize, values: &[f32]) {
 }
 
 /// First channel of a lane: negative and broken numbers mean 0.
-fn first_channel(value: Option<granita_shade::Lane<'_>>, lane: usize) -> u32 {
+pub(super) fn first_channel(value: Option<granita_shade::Lane<'_>>, lane: usize) -> u32 {
     option(value, lane, 0.0).clamp(0.0, 65536.0) as u32
 }
 
@@ -129,43 +129,6 @@ pub(crate) fn directions(textures: &TextureCache, id: TextureId, up: Option<Up>)
         reader.environment(id, &lookup, &mut values);
         values
     })
-}
-
-/// `environment ()` with "sample" in a map: of so many "samples", one in a direction drawn by the light of the map. Its value is
-/// what it adds to the integral over all directions: light over chance over number. `space` as above.
-pub(super) fn drawn(
-    textures: &TextureCache,
-    query: &EnvironmentQuery<'_>,
-    space: Option<Transform>,
-    directions: &Directions,
-    seed: &dyn Fn(u32) -> u32,
-    out: &mut LookupResult,
-) {
-    prepare(query.batch, query.channels, out);
-    out.direction = Lanes3::zeros(query.batch.lanes);
-    let o = &query.options;
-    let Some(id) = textures.find_for(query.name, Use::Environment) else { return };
-    let mut reader = None;
-    let space = space.unwrap_or(Transform::IDENTITY);
-    let wanted = (query.channels + 1).min(CHANNELS);
-    for &lane in query.batch.active {
-        let i = lane as usize;
-        let (x, y) = sample::square(option(o.sample, i, 0.0).clamp(0.0, 65536.0) as u32, seed(lane));
-        let Drawn { dir: r, chance, seen } = directions.at(x, y);
-        let mut values = seen;
-        let (first_channel, fill) = (first_channel(o.firstchannel, i), option(o.fill, i, 0.0));
-        if first_channel != 0 || fill != 0.0 {
-            let angle = Some(0.5 * Directions::cell());
-            let up = o.up.and_then(Up::from_word);
-            let lookup = EnvLookup { r, angle, up, first_channel, fill, ..EnvLookup::default() };
-            let reader = reader.get_or_insert_with(|| textures.reader());
-            reader.environment(id, &lookup, &mut values[..wanted]);
-        }
-        let share = 1.0 / (chance * count(o.samples, i) as f32);
-        values[..query.channels].iter_mut().for_each(|v| *v *= share);
-        store(out, i, &values[..wanted]);
-        out.direction.set(i, space.vector(r).normalize_or_zero());
-    }
 }
 
 /// `environment ()` in a map; `space` leads from the map's space to "common", `None` when it is that. A file that

@@ -236,10 +236,12 @@ fn environment(
         Some(p) => m.captured(p),
         None => m.captured_global(Global::P),
     };
-    let [dpdx, dpdy] = differences_of(m, &p);
+    let wants = !has_option(m, pairs, "sample") || m.services.wants_footprint(name, Func::Environment);
+    let [dpdx, dpdy] = if wants { differences_of(m, &p) } else { nothing(m) };
     let [drdx, drdy] = match d {
         Some((x, y)) => [m.captured(x), m.captured(y)],
-        None => derive::differences(m, r, 3),
+        None if wants => derive::differences(m, r, 3),
+        None => nothing(m),
     };
     let channels = channels(m, op);
     m.tell_rays(name);
@@ -286,6 +288,20 @@ fn environment(
     }
 }
 
+/// Whether an option of this name is among the pairs.
+fn has_option(m: &Machine<'_>, pairs: &[(SymbolId, SymbolId)], name: &str) -> bool {
+    pairs.iter().any(|(option, _)| m.view(*option).varying || *m.string(*option) == *name)
+}
+
+/// Two differences that nobody looks at.
+fn nothing(m: &mut Machine<'_>) -> [Out; 2] {
+    [(); 2].map(|()| {
+        let mut out = m.out(false, 3);
+        out.data.fill(0.0);
+        out
+    })
+}
+
 /// Differences of values that are no symbol's.
 fn differences_of(m: &mut Machine<'_>, p: &Out) -> [Out; 2] {
     [derive::Direction::U, derive::Direction::V].map(|direction| {
@@ -301,8 +317,10 @@ fn shadow(m: &mut Machine<'_>, op: &Op, name: &str, operands: &[SymbolId], pairs
     let p = operands[1];
     let [dpdx, dpdy] = if operands.len() >= 4 {
         [m.captured(operands[2]), m.captured(operands[3])]
-    } else {
+    } else if has_option(m, pairs, "samples") || m.services.wants_footprint(name, Func::Shadow) {
         derive::differences(m, p, 3)
+    } else {
+        nothing(m)
     };
     // From p to the light: along L of an infinite light, else to where the light is.
     let emission = m.emission;

@@ -44,8 +44,14 @@ fn ambient(m: &mut Machine<'_>, op: &Op) {
         }
         let result = {
             let batch = crate::Batch { lanes: m.n, active: &m.mask.active, layer: m.layer };
-            let query =
-                crate::IlluminateQuery { batch, ps: ps.triple(), ns: ns.triple(), pl: None, nl: None };
+            let query = crate::IlluminateQuery {
+                batch,
+                ps: ps.triple(),
+                ns: ns.triple(),
+                pl: None,
+                nl: None,
+                in_front: false,
+            };
             m.services.illuminate(k, &query)
         };
         let Some(light) = result.ambient.as_ref().filter(|l| l.len() == m.n) else { continue };
@@ -78,7 +84,7 @@ fn gather(m: &mut Machine<'_>, op: &Op, specular: bool) {
     let Some(dst) = op.dst else { return };
     let ps = m.captured_global(Global::P);
     let ns = m.captured(op.args[0]);
-    let lights = m.illuminated(None, &ps, &ns);
+    let lights = m.illuminated(None, &ps, &ns, true);
     if lights.is_empty() {
         m.discard(ps);
         m.discard(ns);

@@ -13,16 +13,21 @@ use std::sync::Arc;
 /// More rays than this per point are a mistake.
 const MAX_RAYS: f32 = 65_536.0;
 
+/// Half angle of the cones in front of surfaces, however it was rounded.
+const RIGHT_ANGLE: f32 = std::f32::consts::FRAC_PI_2 + 1e-5;
+
 /// The globals that a `lights` loop sets.
 const LIGHT_GLOBALS: [Global; 4] = [Global::L, Global::Cl, Global::Pl, Global::Nl];
 
 impl Machine<'_> {
-    /// Asks every light of a category that is not ambient, at positions and axes given as triples.
+    /// Asks every light of a category that is not ambient, at positions and axes given as triples; only for what comes from
+    /// `in_front` of the axes, or for all.
     pub(crate) fn illuminated(
         &mut self,
         category: Option<&str>,
         ps: &Out,
         ns: &Out,
+        in_front: bool,
     ) -> Vec<Arc<LightResult>> {
         let count = self.services.light_count();
         let mut results = Vec::with_capacity(count);
@@ -32,7 +37,8 @@ impl Machine<'_> {
                 continue;
             }
             let batch = Batch { lanes: self.n, active: &self.mask.active, layer: self.layer };
-            let query = IlluminateQuery { batch, ps: ps.triple(), ns: ns.triple(), pl: None, nl: None };
+            let query =
+                IlluminateQuery { batch, ps: ps.triple(), ns: ns.triple(), pl: None, nl: None, in_front };
             results.push(self.services.illuminate(k, &query));
         }
         results
@@ -53,7 +59,9 @@ impl Machine<'_> {
             None => self.captured_global(Global::N),
         };
         let angle = cone.map(|(_, angle)| self.captured(angle));
-        let results = self.illuminated(category.as_deref(), &ps, &axis);
+        // Of an angle that varies nothing is said: it may vary in some grids that are shaded together and not in others.
+        let in_front = angle.as_ref().is_some_and(|a| !a.varying && a.lane(0).get(0) <= RIGHT_ANGLE);
+        let results = self.illuminated(category.as_deref(), &ps, &axis, in_front);
         let outer = LIGHT_GLOBALS.map(|g| self.saved(g as usize));
         let outer_light = self.light.take();
         // Lanes that have not left the shader or the scope.
