@@ -410,7 +410,7 @@ impl<'a> Measure<'a> {
                 return None;
             }
             let length_px = self.camera.project(p).truncate().distance(self.camera.project(q).truncate());
-            length_px.is_finite().then(|| (length_px * settings.quality).max(1.0))
+            length_px.is_finite().then(|| nearest(length_px * settings.quality).max(1.0))
         };
         Some([side(a, b), side(c, d), side(a, c), side(b, d)])
     }
@@ -530,6 +530,7 @@ impl<'a> Measure<'a> {
             return by_sag.max(turn / settings.curvature);
         }
         let by_length = seen_px * settings.quality;
+        let by_length = if turn == 0.0 { nearest(by_length) } else { by_length };
         // Micropolygons under a third of a pixel show no curvature.
         let by_curvature = (turn / settings.curvature).min(length_px * 3.0);
         // What is coarse because it moves keeps its outline: an arc of length l that turns by t deviates by
@@ -585,6 +586,12 @@ impl<'a> Measure<'a> {
         let distance = if perspective { ((a + b) * 0.5).length().max(near) } else { 1.0 };
         (b - a).length() * self.pixels / distance
     }
+}
+
+/// What a straight line asks for, to be rounded up later, so that it becomes about the nearest number: points are about a pixel apart, not
+/// never farther. Faces of fine meshes, about as large as a pixel, would be shaded in twice as many points.
+fn nearest(segments: f32) -> f32 {
+    segments - 0.45
 }
 
 /// The largest of some numbers, at least 0.
