@@ -15,7 +15,7 @@ use crate::lights::{LightMemory, LightState};
 use crate::object::{LinkedShaders, ObjectState, usage_word};
 use crate::shading::{ShaderThread, ShadingContext};
 use granita_base::{
-    BaseType, Location, MotionTransform, Param, ParamData, ParamType, Severity, Transform, hash,
+    BaseType, Location, MotionTransform, Param, ParamData, ParamType, Severity, Transform, Vec3, hash,
 };
 use granita_gsl::Func;
 use granita_scene::{AttributeSet, LightId, ShaderUsage};
@@ -45,6 +45,8 @@ pub(crate) struct Run<'r, 'f> {
     topology: Topology,
     /// Of each rectangle of the grid, which sides are borders of its surface: first and last along u, first and last along v.
     rims: Arc<[[bool; 4]]>,
+    /// Lanes that lie where another one before them does, and which: on sides of rectangles that are single points.
+    twins: Arc<[(u32, u32)]>,
     /// The object being shaded to world.
     object_to_world: &'r MotionTransform,
     /// Name of the object or the light, for messages.
@@ -95,6 +97,7 @@ impl<'r, 'f> Run<'r, 'f> {
             object_attributes: &object.attributes,
             topology: grid.topology.clone(),
             rims: rims(grid),
+            twins: twins(grid),
             object_to_world: &object.attributes.to_world,
             owner: object.name.clone(),
             shadow_bias: object.shadow_bias,
@@ -134,6 +137,7 @@ impl<'r, 'f> Run<'r, 'f> {
             object_attributes: surface.object_attributes,
             topology: surface.topology.clone(),
             rims: surface.rims.clone(),
+            twins: surface.twins.clone(),
             object_to_world: surface.object_to_world,
             owner: light.name.clone(),
             shadow_bias: light.shadow_bias,
@@ -276,6 +280,24 @@ impl<'r, 'f> Run<'r, 'f> {
     }
 }
 
+/// Lanes of a grid on sides that are single points (poles, tips of triangles), and the first lane of each: in increasing order, each after
+/// the lane that it lies on.
+fn twins(grid: &Grid) -> Arc<[(u32, u32)]> {
+    let place = |lane: usize| grid.p.get(lane).to_array().map(f32::to_bits);
+    let mut out = Vec::new();
+    for Rect { first, nu, nv } in grid.topology.rects() {
+        for (start, step, count) in [(0, 1, nu), ((nv - 1) * nu, 1, nu), (0, nu, nv), (nu - 1, nu, nv)] {
+            let lane = |k: usize| first + start + k * step;
+            if count > 1 && (1..count).all(|k| place(lane(k)) == place(lane(0))) {
+                out.extend((1..count).map(|k| (lane(k) as u32, lane(0) as u32)));
+            }
+        }
+    }
+    out.sort_unstable();
+    out.dedup_by_key(|twin| twin.0);
+    out.into()
+}
+
 /// Which sides of each rectangle of a grid lie where its surface ends: along u and v, first and last.
 fn rims(grid: &Grid) -> Arc<[[bool; 4]]> {
     let of = |(k, rect): (usize, Rect)| {
@@ -402,7 +424,11 @@ impl Services for Run<'_, '_> {
 
     fn shadow(&mut self, query: &ShadowQuery<'_>, out: &mut Lanes3) {
         if self.frame.rays.is_set(query.name) {
-            let lanes = rays::TracingLanes::new(self, query.batch.active);
+            let single = query.options.samples.is_none();
+            let bits = |v: Vec3| v.to_array().map(f32::to_bits);
+            let asked = |i: usize| (bits(query.p.get(i)), bits(query.to_light.get(i)));
+            let lanes = rays::TracingLanes::new(self, query.batch.active)
+                .without_twins(&self.twins, &|a, b| single && asked(a) == asked(b));
             let batch = Batch { active: &lanes.traced, ..query.batch };
             rays::shadow(self, &ShadowQuery { batch, ..*query }, out);
             lanes.copy3(out);

@@ -328,7 +328,9 @@ struct Gatherer<'g, 'r, 'f, 'q> {
 impl Gatherer<'_, '_, '_, '_> {
     fn everywhere(&mut self) -> Vec<Option<Arc<Record>>> {
         let query = self.question.query;
-        let lanes = TracingLanes::new(self.run, query.batch.active);
+        let spot = |lane: usize| self.question.spot(lane as u32);
+        let lanes = TracingLanes::new(self.run, query.batch.active)
+            .without_twins(&self.run.twins, &|a, b| spot(a) == spot(b));
         let shared = self.question.mode.write;
         let wanted: Vec<Wanted> = lanes.traced.iter().map(|&lane| Wanted { lane, shared }).collect();
         let mut out = vec![None; query.batch.lanes];

@@ -114,6 +114,24 @@ impl TracingLanes {
         Self { traced, copied }
     }
 
+    /// Of lanes that ask the `same` as the lane that they lie on (in pairs, in increasing order), only that traces.
+    pub(super) fn without_twins(mut self, twins: &[(u32, u32)], same: &dyn Fn(usize, usize) -> bool) -> Self {
+        if twins.is_empty() {
+            return self;
+        }
+        let mut rest = twins.iter().peekable();
+        let traced = std::mem::take(&mut self.traced);
+        for &lane in &traced {
+            while rest.next_if(|twin| twin.0 < lane).is_some() {}
+            let of = rest.peek().filter(|twin| twin.0 == lane).map(|twin| twin.1);
+            match of.filter(|of| traced.binary_search(of).is_ok() && same(lane as usize, *of as usize)) {
+                Some(of) => self.copied.push((lane as usize, of as usize)),
+                None => self.traced.push(lane),
+            }
+        }
+        self
+    }
+
     /// Gives the copying lanes of an array their values.
     pub(super) fn copy3(&self, lanes: &mut Lanes3) {
         for &(to, from) in &self.copied {

@@ -70,6 +70,8 @@ impl Run<'_, '_> {
         let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| to_common.vector(axis));
         let samples = count_of_all(query);
         let mut around = Around::new();
+        let twins = self.twins.clone();
+        let mut twins = twins.iter().peekable();
         let mut rest = Rest { textures: &self.frame.textures, query };
         for &lane in query.batch.active {
             let i = lane as usize;
@@ -80,9 +82,18 @@ impl Run<'_, '_> {
             let normal = Vec3::new(r.dot(x), r.dot(y), r.dot(z)).normalize_or_zero();
             let normal = if self.gathers_in_front { normal } else { Vec3::ZERO };
             let key = Key { first, normal };
-            if ahead.keys[i] != Some(key) {
+            let (seed, before) = ahead.sequences[i];
+            while twins.next_if(|twin| twin.0 < lane).is_some() {}
+            let twin = twins.peek().filter(|twin| twin.0 == lane).map(|twin| twin.1 as usize);
+            if ahead.keys[i] == Some(key) {
+                // Drawn already.
+            } else if let Some(of) = twin.filter(|of| ahead.keys[*of] == Some(key)) {
                 ahead.keys[i] = Some(key);
-                let (seed, before) = ahead.sequences[i];
+                for k in 0..TOGETHER as usize {
+                    ahead.drawn[k * lanes + i] = ahead.drawn[k * lanes + of];
+                }
+            } else {
+                ahead.keys[i] = Some(key);
                 let all = samples.unwrap_or_else(|| count(o.samples, i));
                 let before = before.wrapping_mul(all.next_power_of_two());
                 let among = if normal == Vec3::ZERO {
@@ -126,6 +137,9 @@ impl Run<'_, '_> {
             out.extend((0..nu * nv).map(at));
         }
         out.extend((out.len()..lanes).map(|lane| (seed(lane), 0)));
+        for &(lane, of) in self.twins.iter() {
+            out[lane as usize] = out[of as usize];
+        }
         out
     }
 }
