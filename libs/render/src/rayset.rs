@@ -258,6 +258,11 @@ impl RayScene {
         self.solids.is_empty()
     }
 
+    /// Whether nothing is tessellated on demand: it does not matter how wide rays are.
+    pub(crate) fn is_settled(&self) -> bool {
+        self.parts.is_empty()
+    }
+
     /// The object that was hit.
     pub(crate) fn object(&self, hit: &SetHit) -> &Arc<ObjectState> {
         match self.solid_of(hit.part) {
@@ -332,11 +337,11 @@ impl RayScene {
         &self,
         thread: &mut ShaderThread<'_>,
         (hand, room): (&mut AtHand, &mut BoxRoom),
-        request: &RayRequest,
+        (ray, [width, spread]): (&Ray, [f32; 2]),
         reach: f32,
         passed: &mut dyn FnMut(&Tracer, u32, Level) -> f32,
     ) {
-        let ray = Ray { tmax: reach.min(request.ray.tmax), ..request.ray };
+        let ray = Ray { tmax: reach.min(ray.tmax), ..*ray };
         let mut known: Option<(u32, Level)> = None;
         self.boxes.visit(&ray, room, &mut |passage| {
             let (solid, _) = self.parts[passage.index as usize];
@@ -344,7 +349,7 @@ impl RayScene {
                 Some((of, level)) if of == solid => level,
                 _ => {
                     let own = &self.solids[solid as usize];
-                    own.level(ray.origin, ray.dir, request.width, request.spread)
+                    own.level(ray.origin, ray.dir, width, spread)
                 }
             };
             known = Some((solid, level));
@@ -357,17 +362,35 @@ impl RayScene {
     /// The closest hit of each ray.
     pub(crate) fn closest(&self, thread: &mut ShaderThread<'_>, requests: &[RayRequest]) -> Vec<SetHit> {
         let rays: Vec<Ray> = requests.iter().map(|r| r.ray).collect();
-        let mut flat = vec![Hit::MISS; rays.len()];
-        self.tracer.closest(&rays, &mut flat);
+        let flat = self.closest_of_settled(&rays);
         let mut hits: Vec<SetHit> =
             flat.iter().map(|h| if h.is_hit() { SetHit::flat(h) } else { SetHit::MISS }).collect();
+        self.closest_of_parts(thread, &rays, &|k| requests[k].widths(), &mut hits);
+        hits
+    }
+
+    fn closest_of_settled(&self, rays: &[Ray]) -> Vec<Hit> {
+        let mut hits = vec![Hit::MISS; rays.len()];
+        self.tracer.closest(rays, &mut hits);
+        hits
+    }
+
+    /// Puts nearer hits of what is made on demand in the place of others.
+    fn closest_of_parts(
+        &self,
+        thread: &mut ShaderThread<'_>,
+        rays: &[Ray],
+        widths: &dyn Fn(usize) -> [f32; 2],
+        hits: &mut [SetHit],
+    ) {
         if self.parts.is_empty() {
-            return hits;
+            return;
         }
         let (mut hand, mut boxes, mut room) = (AtHand::default(), BoxRoom::default(), RayRoom::default());
-        for (request, best) in requests.iter().zip(&mut hits) {
-            self.along(thread, (&mut hand, &mut boxes), request, best.t, &mut |tracer, part, level| {
-                let ray = Ray { tmax: best.t.min(request.ray.tmax), ..request.ray };
+        for (k, (whole, best)) in rays.iter().zip(hits).enumerate() {
+            let along = (whole, widths(k));
+            self.along(thread, (&mut hand, &mut boxes), along, best.t, &mut |tracer, part, level| {
+                let ray = Ray { tmax: best.t.min(whole.tmax), ..*whole };
                 let hit = tracer.closest_of_one(&ray, &mut room);
                 if hit.is_hit() {
                     let hit = SetHit { part, level, ..SetHit::flat(&hit) };
@@ -378,21 +401,42 @@ impl RayScene {
                 best.t
             });
         }
-        hits
     }
 
-    /// Whether each ray hits anything.
-    pub(crate) fn any(&self, thread: &mut ShaderThread<'_>, requests: &[RayRequest]) -> Vec<bool> {
-        let rays: Vec<Ray> = requests.iter().map(|r| r.ray).collect();
+    /// How far each ray goes; infinite where it meets nothing. `widths` as [`RayRequest::widths`], by number.
+    pub(crate) fn distances(
+        &self,
+        thread: &mut ShaderThread<'_>,
+        rays: &[Ray],
+        widths: &dyn Fn(usize) -> [f32; 2],
+    ) -> Vec<f32> {
+        let flat = self.closest_of_settled(rays);
+        if self.parts.is_empty() {
+            return flat.iter().map(|hit| hit.t).collect();
+        }
+        let mut hits: Vec<SetHit> =
+            flat.iter().map(|h| if h.is_hit() { SetHit::flat(h) } else { SetHit::MISS }).collect();
+        self.closest_of_parts(thread, rays, widths, &mut hits);
+        hits.iter().map(|hit| hit.t).collect()
+    }
+
+    /// Whether each ray hits anything; as [`RayScene::distances`].
+    pub(crate) fn any(
+        &self,
+        thread: &mut ShaderThread<'_>,
+        rays: &[Ray],
+        widths: &dyn Fn(usize) -> [f32; 2],
+    ) -> Vec<bool> {
         let mut blocked = vec![false; rays.len()];
-        self.tracer.any(&rays, &mut blocked);
+        self.tracer.any(rays, &mut blocked);
         if self.parts.is_empty() {
             return blocked;
         }
         let (mut hand, mut boxes, mut room) = (AtHand::default(), BoxRoom::default(), RayRoom::default());
-        for (request, blocked) in requests.iter().zip(&mut blocked).filter(|(_, b)| !**b) {
-            self.along(thread, (&mut hand, &mut boxes), request, f32::INFINITY, &mut |tracer, _, _| {
-                *blocked = tracer.any_of_one(&request.ray, &mut room);
+        for (k, (ray, blocked)) in rays.iter().zip(&mut blocked).enumerate().filter(|(_, (_, b))| !**b) {
+            let along = (ray, widths(k));
+            self.along(thread, (&mut hand, &mut boxes), along, f32::INFINITY, &mut |tracer, _, _| {
+                *blocked = tracer.any_of_one(ray, &mut room);
                 if *blocked { -1.0 } else { f32::INFINITY }
             });
         }
@@ -413,7 +457,8 @@ impl RayScene {
             return best;
         }
         let (mut hand, mut boxes) = (AtHand::default(), BoxRoom::default());
-        self.along(thread, (&mut hand, &mut boxes), request, best.t, &mut |tracer, part, level| {
+        let along = (&request.ray, request.widths());
+        self.along(thread, (&mut hand, &mut boxes), along, best.t, &mut |tracer, part, level| {
             let ray = Ray { tmax: best.t.min(request.ray.tmax), ..request.ray };
             let of_part = |h: &Hit| SetHit { part, level, ..SetHit::flat(h) };
             let hit = tracer.closest_where(&ray, &mut |h| accept(&of_part(h)));

@@ -174,6 +174,13 @@ pub(crate) struct RayRequest {
     pub(crate) spread: f32,
 }
 
+impl RayRequest {
+    /// Width at the origin, and its growth per unit of distance.
+    pub(crate) fn widths(&self) -> [f32; 2] {
+        [self.width, self.spread]
+    }
+}
+
 /// Who traces a batch.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RayPurpose {
@@ -313,7 +320,7 @@ impl ShaderThread<'_> {
     /// How much light passes along each ray: 1 where nothing is in the way.
     ///
     /// Objects known to be opaque to shadows block without being shaded; of the others the opacity is found
-    /// by their shaders, when nothing opaque is in the way anyhow.
+    /// by their shaders, when nothing opaque is in the way anyhow. Where all are opaque, [`ShaderThread::blocked`] is quicker.
     pub(crate) fn transmission(
         &mut self,
         scene: &RayScene,
@@ -322,10 +329,6 @@ impl ShaderThread<'_> {
         said: &[Primvar],
     ) -> Vec<Color> {
         self.frame().rays.counts.shadow_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
-        if scene.opaque_to_shadows {
-            let blocked = scene.any(self, rays);
-            return blocked.into_iter().map(|b| if b { Color::ZERO } else { Color::ONE }).collect();
-        }
         let mut out = vec![Color::ONE; rays.len()];
         let mut waiting: Vec<Pending> = Vec::new();
         for (k, ray) in rays.iter().enumerate() {
@@ -367,14 +370,24 @@ impl ShaderThread<'_> {
         out
     }
 
-    /// Which rays meet anything.
-    pub(crate) fn blocked(&mut self, scene: &RayScene, rays: &[RayRequest]) -> Vec<bool> {
-        scene.any(self, rays)
+    /// Which rays meet anything; `widths` as [`RayRequest::widths`], by number.
+    pub(crate) fn blocked(
+        &mut self,
+        scene: &RayScene,
+        rays: &[Ray],
+        widths: &dyn Fn(usize) -> [f32; 2],
+    ) -> Vec<bool> {
+        scene.any(self, rays, widths)
     }
 
     /// How far each ray goes; infinite where it meets nothing.
-    pub(crate) fn distances(&mut self, scene: &RayScene, rays: &[RayRequest]) -> Vec<f32> {
-        scene.closest(self, rays).into_iter().map(|hit| hit.t).collect()
+    pub(crate) fn distances(
+        &mut self,
+        scene: &RayScene,
+        rays: &[Ray],
+        widths: &dyn Fn(usize) -> [f32; 2],
+    ) -> Vec<f32> {
+        scene.distances(self, rays, widths)
     }
 
     /// The next hit behind distance `t`.
@@ -645,7 +658,8 @@ mod tests {
                 request(Vec3::new(0.0, 0.0, 5.0), -Vec3::Z, 0.5),
                 request(Vec3::new(5.0, 0.0, 5.0), -Vec3::Z, 0.5),
             ];
-            let hit = ShaderThread::new(&frame).blocked(set, &rays);
+            let rays = rays.map(|r| r.ray);
+            let hit = ShaderThread::new(&frame).blocked(set, &rays, &|_| [0.0; 2]);
             assert_eq!(hit, if motion == 1 { [true, false, true] } else { [true, true, false] });
         }
     }
@@ -664,7 +678,8 @@ mod tests {
         let rays: Vec<RayRequest> = (0..5000)
             .map(|i| request(Vec3::ZERO, in_cone(Vec3::Z, 3.2, Distribution::Uniform, i, 3), 0.0))
             .collect();
-        assert!(ShaderThread::new(&frame).blocked(set, &rays).iter().all(|b| *b));
+        let rays: Vec<Ray> = rays.iter().map(|r| r.ray).collect();
+        assert!(ShaderThread::new(&frame).blocked(set, &rays, &|_| [0.0; 2]).iter().all(|b| *b));
         let (triangles, bytes) = frame.rays.size();
         assert!(triangles > 10_000, "{triangles}");
         assert!(bytes < 120 * triangles, "{} bytes each", bytes as f64 / triangles as f64);

@@ -55,35 +55,42 @@ impl Strata {
         self.rings * self.sectors
     }
 
-    /// A direction in cell `index` (ring by ring) around a unit axis; jittered within it so that rings and sectors are
+    /// A direction in each cell (ring by ring) around a unit axis; jittered within it so that rings and sectors are
     /// filled evenly, too (Kensler, Correlated Multi-Jittered Sampling, 2013).
-    pub(crate) fn direction(&self, axis: Vec3, index: u32, seed: u32) -> Vec3 {
+    pub(crate) fn directions(&self, axis: Vec3, seed: u32, tell: &mut dyn FnMut(u32, Vec3)) {
         let wide = self.uniform.unwrap_or(self.sin);
         if wide.is_nan() || wide <= 0.0 {
-            return axis;
+            return (0..self.len()).for_each(|index| tell(index, axis));
         }
-        let (ring, sector) = (index / self.sectors, index % self.sectors);
-        let part = |k: u32, of: u32, dimension: u32| {
-            let jitter = hash::unit(hash::words(&[seed, index, dimension]));
-            (k as f32 + jitter) / of as f32
-        };
-        let x = sample::permute(sector, self.sectors, hash::words(&[seed, 1]));
-        let y = sample::permute(ring, self.rings, hash::words(&[seed, 2]));
-        let x = (ring as f32 + part(x, self.sectors, 3)) / self.rings as f32;
-        let y = (sector as f32 + part(y, self.rings, 4)) / self.sectors as f32;
-        let (sin, cos) = match self.uniform {
-            None => {
-                let sin = self.sin * x.sqrt();
-                (sin, (1.0 - sin * sin).max(0.0).sqrt())
-            }
-            Some(angle) => {
-                let cos = 1.0 - x * (1.0 - angle.cos());
-                ((1.0 - cos * cos).max(0.0).sqrt(), cos)
-            }
-        };
-        let (s, c) = (y * TAU).sin_cos();
         let (u, v) = basis(axis);
-        (u * (sin * c) + v * (sin * s) + axis * cos).normalize_or(axis)
+        let narrowest = self.uniform.map_or(0.0, f32::cos);
+        let (rings, sectors) = (self.rings as f32, self.sectors as f32);
+        let permuted = |n: u32, dimension: u32| -> Vec<u32> {
+            let seed = hash::words(&[seed, dimension]);
+            (0..n).map(|k| sample::permute(k, n, seed)).collect()
+        };
+        let (across, around) = (permuted(self.sectors, 1), permuted(self.rings, 2));
+        let part = |k: u32, of: f32, index: u32, dimension: u32| {
+            let jitter = hash::unit(hash::words(&[seed, index, dimension]));
+            (k as f32 + jitter) / of
+        };
+        for ring in 0..self.rings {
+            for sector in 0..self.sectors {
+                let index = ring * self.sectors + sector;
+                let x = part(across[sector as usize], sectors, index, 3);
+                let y = part(around[ring as usize], rings, index, 4);
+                let (x, y) = ((ring as f32 + x) / rings, (sector as f32 + y) / sectors);
+                let (sin, cos) = if self.uniform.is_some() {
+                    let cos = 1.0 - x * (1.0 - narrowest);
+                    ((1.0 - cos * cos).max(0.0).sqrt(), cos)
+                } else {
+                    let sin = self.sin * x.sqrt();
+                    (sin, (1.0 - sin * sin).max(0.0).sqrt())
+                };
+                let (s, c) = (y * TAU).sin_cos();
+                tell(index, (u * (sin * c) + v * (sin * s) + axis * cos).normalize_or(axis));
+            }
+        }
     }
 
     /// What all cells together send. `seen` is cell by cell; derivatives only when they are wanted.
@@ -215,13 +222,23 @@ fn size([xx, yy, xy]: [f32; 3]) -> f32 {
 mod tests {
     use super::*;
 
+    fn directions(strata: &Strata, axis: Vec3, seed: u32) -> Vec<Vec3> {
+        let mut out = Vec::new();
+        strata.directions(axis, seed, &mut |index, dir| {
+            assert_eq!(index as usize, out.len());
+            out.push(dir);
+        });
+        assert_eq!(out.len() as u32, strata.len());
+        out
+    }
+
     /// A wall x = 1 from z = 0 to `height`, endless along y, seen from (x, 0, 0) with a normal in the x-z plane.
     fn wall(samples: u32, x: f32, turn: f32, height: f32, seed: u32) -> Record {
         let axis = Vec3::new(turn.sin(), 0.0, turn.cos());
         let strata = Strata::new(samples, FRAC_PI_2, true);
-        let seen: Vec<Seen> = (0..strata.len())
-            .map(|i| {
-                let dir = strata.direction(axis, i, seed);
+        let seen: Vec<Seen> = directions(&strata, axis, seed)
+            .into_iter()
+            .map(|dir| {
                 let t = (1.0 - x) / dir.x;
                 let hit = t > 0.0 && t * dir.z < height && t * dir.z > -1e-6;
                 Seen {
@@ -279,11 +296,9 @@ mod tests {
     #[test]
     fn even_light_has_no_derivatives() {
         let strata = Strata::new(64, FRAC_PI_2, true);
-        let seen: Vec<Seen> = (0..strata.len())
-            .map(|i| {
-                let dir = strata.direction(Vec3::Z, i, 3);
-                Seen { dir, value: Color::ONE, distance: 0.5 + dir.x.abs() }
-            })
+        let seen: Vec<Seen> = directions(&strata, Vec3::Z, 3)
+            .into_iter()
+            .map(|dir| Seen { dir, value: Color::ONE, distance: 0.5 + dir.x.abs() })
             .collect();
         let record = strata.record(Kind::Irradiance, Vec3::Z, &seen, true);
         assert_eq!((record.value, record.by_place, record.second), ([1.0; 3], [Vec3::ZERO; 3], [0.0; 6]));
@@ -296,15 +311,13 @@ mod tests {
         {
             let strata = Strata::new(samples, angle, true);
             assert!(strata.len() >= 1 && strata.len() <= samples);
-            for i in 0..strata.len() {
-                let d = strata.direction(Vec3::Y, i, 5);
+            for d in directions(&strata, Vec3::Y, 5) {
                 assert!((d.length() - 1.0).abs() < 1e-5);
                 assert!(angle.is_nan() || d.y > angle.cos() - 1e-3, "{d}");
             }
         }
         let strata = Strata::new(1024, FRAC_PI_2, true);
-        let mean =
-            (0..strata.len()).map(|i| strata.direction(Vec3::Y, i, 5).y).sum::<f32>() / strata.len() as f32;
+        let mean = directions(&strata, Vec3::Y, 5).iter().map(|d| d.y).sum::<f32>() / strata.len() as f32;
         assert!((mean - 2.0 / 3.0).abs() < 2e-3, "{mean}");
     }
 }

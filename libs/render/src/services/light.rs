@@ -12,6 +12,7 @@ use granita_base::{Color, Vec3, hash};
 use granita_scene::AttributeSet;
 use granita_sdb::{Between, Mode, Packed, Probe};
 use granita_shade::{Batch, Lane, Lanes3, Rect, TraceQuery};
+use granita_trace::Ray;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -481,7 +482,8 @@ impl Gatherer<'_, '_, '_, '_> {
         let question = &self.question;
         let (query, kind) = (question.query, question.kind);
         let o = &query.options;
-        let mut rays = Vec::new();
+        let most = asks.iter().map(|ask| ask.samples as usize).sum();
+        let mut rays: Vec<Ray> = Vec::with_capacity(most);
         let mut strata = Vec::with_capacity(asks.len());
         for ask in asks {
             let i = ask.lane as usize;
@@ -490,36 +492,56 @@ impl Gatherer<'_, '_, '_, '_> {
             let axis = question.axis(i);
             let p = question.places[i];
             let (bias, margin) = (self.run.bias(o.bias, i), self.run.margin(scene, p));
-            let spread = 2.0 * angle.max(0.0) / (ask.samples.max(1) as f32).sqrt();
+            let tmax = Run::reach(o.maxhitdist, i);
             if axis != Vec3::ZERO {
-                for index in 0..cells.len() {
+                cells.directions(axis, ask.seed, &mut |index, dir| {
                     let time = self.run.ray_time(index, ask.seed);
-                    let dir = cells.direction(axis, index, ask.seed);
-                    let aim = Aim { p, dir, bias, margin, tmax: Run::reach(o.maxhitdist, i), time };
-                    let name = hash::words(&[ask.seed, index, HIT]);
-                    rays.push(RayRequest { lane: ask.lane, name, ray: aim.ray(), width: 0.0, spread });
-                }
+                    rays.push(Aim { p, dir, bias, margin, tmax, time }.ray());
+                });
             }
             strata.push((cells, axis));
         }
         self.run.frame.light_cache.count(0, rays.len());
-        let purpose = RayPurpose { indirect: true, ..self.run.purpose() };
+        // Of each ray, where it is from and its number there.
+        let sources = || {
+            let of = |(ask, (cells, axis)): (&Ask, &(Strata, Vec3))| {
+                let ask = *ask;
+                (0..if *axis == Vec3::ZERO { 0 } else { cells.len() }).map(move |index| (ask, index))
+            };
+            asks.iter().zip(&strata).flat_map(of)
+        };
+        let spread = |ask: &Ask| {
+            2.0 * query.angle.get(ask.lane as usize).max(0.0) / (ask.samples.max(1) as f32).sqrt()
+        };
         let falls = |ask: &Ask| option(o.falloff, ask.lane as usize, 0.0) > 0.0;
         let found: Vec<(Color, f32)> = match kind {
             Kind::Irradiance => {
-                let found = self.run.thread.radiance(scene, &rays, purpose, &self.run.said);
+                let request = |((ask, index), ray): ((Ask, u32), &Ray)| {
+                    let name = hash::words(&[ask.seed, index, HIT]);
+                    RayRequest { lane: ask.lane, name, ray: *ray, width: 0.0, spread: spread(&ask) }
+                };
+                let requests: Vec<RayRequest> = sources().zip(&rays).map(request).collect();
+                let purpose = RayPurpose { indirect: true, ..self.run.purpose() };
+                let found = self.run.thread.radiance(scene, &requests, purpose, &self.run.said);
                 found.into_iter().map(|r| (r.color, r.distance)).collect()
             }
-            // Whatever is in the way, how far it is matters to derivatives and falloff alone.
-            Kind::Occlusion if question.full && !asks.iter().any(falls) => {
-                let hits = self.run.thread.blocked(scene, &rays);
-                let of = |hit| if hit { (Color::ONE, 0.0) } else { (Color::ZERO, f32::INFINITY) };
-                hits.into_iter().map(of).collect()
-            }
             Kind::Occlusion => {
-                let distances = self.run.thread.distances(scene, &rays);
-                let of = |t: f32| (Color::splat(f32::from(u8::from(t.is_finite()))), t);
-                distances.into_iter().map(of).collect()
+                let widths: Vec<[f32; 2]> = if scene.is_settled() {
+                    Vec::new()
+                } else {
+                    sources().map(|(ask, _)| [0.0, spread(&ask)]).collect()
+                };
+                let widths = |k: usize| widths.get(k).copied().unwrap_or_default();
+                // Whatever is in the way, how far it is matters to derivatives and falloff alone.
+                if question.full && !asks.iter().any(falls) {
+                    let hits = self.run.thread.blocked(scene, &rays, &widths);
+                    let of = |hit| if hit { (Color::ONE, 0.0) } else { (Color::ZERO, f32::INFINITY) };
+                    hits.into_iter().map(of).collect()
+                } else {
+                    let distances = self.run.thread.distances(scene, &rays, &widths);
+                    let of = |t: f32| (Color::splat(f32::from(u8::from(t.is_finite()))), t);
+                    distances.into_iter().map(of).collect()
+                }
             }
         };
         let mut traced = rays.iter().zip(found);
@@ -534,8 +556,8 @@ impl Gatherer<'_, '_, '_, '_> {
             let seen: Vec<Seen> = traced
                 .by_ref()
                 .take(count)
-                .map(|(request, (value, distance))| Seen {
-                    dir: request.ray.dir,
+                .map(|(ray, (value, distance))| Seen {
+                    dir: ray.dir,
                     value: if distance.is_finite() { value * fall.at(distance) } else { value },
                     distance,
                 })

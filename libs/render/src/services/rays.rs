@@ -11,6 +11,7 @@ use granita_shade::{
 };
 use granita_trace::Ray;
 use std::f32::consts::FRAC_PI_4;
+use std::sync::atomic::Ordering;
 
 /// "hitdist" of `environment ()` when nothing is hit (reference 5.8.10).
 const NO_HIT: f32 = 1.0e38;
@@ -248,8 +249,8 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
     let traces = run.may_trace();
     let call = run.next_call(query.batch.active);
     let all = query.batch.active.iter().map(|lane| count(o.samples, *lane as usize) as usize);
-    let mut spread_over: Vec<(u32, u32)> = Vec::with_capacity(query.batch.active.len());
-    let mut rays = Vec::with_capacity(if traces { all.sum() } else { 0 });
+    let mut spread_over: Vec<Spread> = Vec::with_capacity(query.batch.active.len());
+    let mut rays: Vec<Ray> = Vec::with_capacity(if traces { all.sum() } else { 0 });
     let asks = traces && !query.batch.active.is_empty();
     let scene = if asks { run.frame.rays.scene(query.name, run.frame) } else { None };
     for &lane in query.batch.active {
@@ -265,9 +266,9 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
         let seed_direction = hash::words(&[seed, DIRECTION]);
         let bias = run.bias(o.bias, i);
         let footprint = query.dpdx.get(i).length().max(query.dpdy.get(i).length());
-        let (ray_width, spread) = (footprint * per_ray, 2.0 * half_angle.max(0.0) * per_ray);
         // Not on to the light's own surface.
-        let light_margin = run.frame.ray_margin(query.p.get(i) + to_light);
+        let light_margin =
+            if query.light_infinite { 0.0 } else { run.frame.ray_margin(query.p.get(i) + to_light) };
         for index in 0..samples {
             let (x, y) = in_footprint(index, samples, seed);
             let p = query.p.get(i) + (query.dpdx.get(i) * x + query.dpdy.get(i) * y) * width;
@@ -280,22 +281,56 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
             };
             let dir = in_cone(axis, half_angle, Distribution::Uniform, index, seed_direction);
             let margin = scene.map_or(0.0, |scene| run.margin(scene, p));
-            let aim = Aim { p, dir, bias, margin, tmax: distance, time: run.ray_time(index, seed) };
-            let name = hash::words(&[seed, index, HIT]);
-            rays.push(RayRequest { lane, name, ray: aim.ray(), width: ray_width, spread });
+            let time = run.ray_time(index, seed);
+            rays.push(Aim { p, dir, bias, margin, tmax: distance, time }.ray());
         }
-        spread_over.push((lane, samples));
+        let widths = [footprint * per_ray, 2.0 * half_angle.max(0.0) * per_ray];
+        spread_over.push(Spread { lane, samples, seed, widths });
     }
     let Some(scene) = scene.filter(|_| !rays.is_empty()) else { return };
+    if scene.opaque_to_shadows {
+        let of_rays = || spread_over.iter().flat_map(|s| std::iter::repeat_n(s.widths, s.samples as usize));
+        let widths: Vec<[f32; 2]> = if scene.is_settled() { Vec::new() } else { of_rays().collect() };
+        let widths = |k: usize| widths.get(k).copied().unwrap_or_default();
+        run.frame.rays.counts.shadow_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
+        let blocked = run.thread.blocked(scene, &rays, &widths);
+        let mut rest = &blocked[..];
+        for Spread { lane, samples, .. } in spread_over {
+            let (own, others) = rest.split_at(samples as usize);
+            rest = others;
+            let open = own.iter().filter(|blocked| !**blocked).count();
+            out.set(lane as usize, Color::splat(1.0 - open as f32 / samples as f32));
+        }
+        return;
+    }
+    let named = |s: &Spread| {
+        let Spread { lane, samples, seed, widths: [width, spread] } = *s;
+        (0..samples).map(move |index| (lane, hash::words(&[seed, index, HIT]), width, spread))
+    };
+    let requests: Vec<RayRequest> = spread_over
+        .iter()
+        .flat_map(named)
+        .zip(rays)
+        .map(|((lane, name, width, spread), ray)| RayRequest { lane, name, ray, width, spread })
+        .collect();
     let purpose = run.purpose();
-    let passed = run.thread.transmission(scene, &rays, purpose, &run.said);
+    let passed = run.thread.transmission(scene, &requests, purpose, &run.said);
     let mut rest = &passed[..];
-    for (lane, samples) in spread_over {
+    for Spread { lane, samples, .. } in spread_over {
         let (own, others) = rest.split_at(samples as usize);
         rest = others;
         let mean = own.iter().fold(Color::ZERO, |sum, t| sum + *t) / samples as f32;
         out.set(lane as usize, Color::ONE - mean);
     }
+}
+
+/// Rays of a lane.
+struct Spread {
+    lane: u32,
+    samples: u32,
+    seed: u32,
+    /// As [`RayRequest::widths`].
+    widths: [f32; 2],
 }
 
 /// Rays of one sample of each active lane of a `trace` loop or a probe, and their lanes.
