@@ -51,11 +51,17 @@ impl Run<'_, '_> {
     /// motion, else that of the grid.
     pub(super) fn ray_time(&self, index: u32, seed: u32) -> f32 {
         let [open, close] = self.frame.camera.shutter;
-        if self.ray_motion && close > open {
+        if self.sees_motion() {
             open + (close - open) * sample::line(index, hash::words(&[seed, TIME]))
         } else {
             self.time
         }
+    }
+
+    /// Whether rays are spread over the shutter.
+    fn sees_motion(&self) -> bool {
+        let [open, close] = self.frame.camera.shutter;
+        self.ray_motion && close > open
     }
 
     /// What the tessellation of a set may be off at `p`.
@@ -248,11 +254,15 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
     let o = &query.options;
     let traces = run.may_trace();
     let call = run.next_call(query.batch.active);
+    let asks = traces && !query.batch.active.is_empty();
+    let scene = if asks { run.frame.rays.scene(query.name, run.frame) } else { None };
+    let is_plain = [o.samples, o.sblur, o.tblur].iter().all(Option::is_none) && !run.sees_motion();
+    if let Some(scene) = scene.filter(|s| is_plain && s.opaque_to_shadows && s.is_settled()) {
+        return plain_shadow(run, query, scene, out);
+    }
     let all = query.batch.active.iter().map(|lane| count(o.samples, *lane as usize) as usize);
     let mut spread_over: Vec<Spread> = Vec::with_capacity(query.batch.active.len());
     let mut rays: Vec<Ray> = Vec::with_capacity(if traces { all.sum() } else { 0 });
-    let asks = traces && !query.batch.active.is_empty();
-    let scene = if asks { run.frame.rays.scene(query.name, run.frame) } else { None };
     for &lane in query.batch.active {
         let i = lane as usize;
         out.set(i, Vec3::ZERO);
@@ -321,6 +331,38 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
         rest = others;
         let mean = own.iter().fold(Color::ZERO, |sum, t| sum + *t) / samples as f32;
         out.set(lane as usize, Color::ONE - mean);
+    }
+}
+
+/// Of one ray each that anything stops, however wide it is: nothing about it is random.
+fn plain_shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, scene: &RayScene, out: &mut Lanes3) {
+    let mut rays = Vec::with_capacity(query.batch.active.len());
+    let mut lanes = Vec::with_capacity(query.batch.active.len());
+    for &lane in query.batch.active {
+        let i = lane as usize;
+        out.set(i, Vec3::ZERO);
+        let (p, to_light) = (query.p.get(i), query.to_light.get(i));
+        let length = to_light.length();
+        let dir = to_light / length;
+        if !dir.is_finite() || length == 0.0 {
+            continue;
+        }
+        let distance = if query.light_infinite {
+            f32::INFINITY
+        } else {
+            (length - run.frame.ray_margin(p + to_light)).max(0.0)
+        };
+        let (bias, margin) = (run.bias(query.options.bias, i), run.margin(scene, p));
+        rays.push(Aim { p, dir, bias, margin, tmax: distance, time: run.time }.ray());
+        lanes.push(lane);
+    }
+    if rays.is_empty() {
+        return;
+    }
+    run.frame.rays.counts.shadow_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
+    let blocked = run.thread.blocked(scene, &rays, &|_| [0.0; 2]);
+    for (lane, _) in lanes.iter().zip(blocked).filter(|(_, blocked)| *blocked) {
+        out.set(*lane as usize, Vec3::ONE);
     }
 }
 

@@ -16,23 +16,50 @@ const MOST: f32 = 65536.0;
 /// Directions that are drawn and not asked for yet.
 #[derive(Default)]
 pub(super) struct Ahead {
-    /// The map, and its upper direction.
-    map: Option<(String, String, Arc<Directions>)>,
+    map: Option<Map>,
     /// Of each lane, what its directions were drawn for.
     keys: Vec<Option<Key>>,
     /// Sample by sample, of all lanes.
-    drawn: Vec<Drawn>,
+    sent: Vec<Sent>,
     /// Of each lane, the seed of its sequence and its first sample there.
     sequences: Vec<(u32, u32)>,
+}
+
+/// What all directions come from.
+struct Map {
+    name: String,
+    up: String,
+    /// From the map's space to "common".
+    space: Option<Transform>,
+    channels: usize,
+    directions: Arc<Directions>,
+}
+
+impl Map {
+    fn is_for(&self, query: &EnvironmentQuery<'_>, space: Option<Transform>) -> bool {
+        self.name == query.name
+            && self.up == query.options.up.unwrap_or("")
+            && (self.space, self.channels) == (space, query.channels)
+    }
 }
 
 /// What directions of a lane depend on.
 #[derive(Clone, Copy, PartialEq)]
 struct Key {
-    /// Number of the first of them.
+    /// Number of the first of them, and of all.
     first: u32,
-    /// What they are in front of, in the space of the map; zero for all around.
-    normal: Vec3,
+    all: u32,
+    /// Bits of what they are in front of.
+    axis: [u32; 3],
+}
+
+/// What arrives from a direction.
+#[derive(Clone, Copy, Default)]
+struct Sent {
+    /// Channels, then alpha.
+    values: [f32; CHANNELS],
+    /// In "common" space, of length 1.
+    dir: Vec3,
 }
 
 impl Run<'_, '_> {
@@ -48,72 +75,74 @@ impl Run<'_, '_> {
     ) -> bool {
         let o = &query.options;
         let mut ahead = std::mem::take(&mut self.sky);
-        let up = o.up.unwrap_or("");
-        if ahead.map.as_ref().is_none_or(|(name, of, _)| name != query.name || of != up) {
-            let directions = self.frame.directions(query.name, o.up);
-            ahead.map = directions.map(|d| (query.name.to_owned(), up.to_owned(), d));
+        if ahead.map.as_ref().is_none_or(|map| !map.is_for(query, space)) {
+            let map = |directions| Map {
+                name: query.name.to_owned(),
+                up: o.up.unwrap_or("").to_owned(),
+                space,
+                channels: query.channels,
+                directions,
+            };
+            ahead.map = self.frame.directions(query.name, o.up).map(map);
             ahead.keys.clear();
         }
-        let Some((.., directions)) = &ahead.map else { return false };
+        let Some(Map { directions, .. }) = &ahead.map else { return false };
         let lanes = query.batch.lanes;
         if ahead.sequences.len() != lanes {
             ahead.sequences = self.sequences(lanes);
         }
-        let nowhere = Drawn { dir: Vec3::Z, chance: 1.0, seen: [0.0; 4] };
         if ahead.keys.len() != lanes {
             ahead.keys = vec![None; lanes];
-            ahead.drawn.resize(lanes * TOGETHER as usize, nowhere);
+            ahead.sent.resize(lanes * TOGETHER as usize, Sent::default());
         }
         prepare(query.batch, query.channels, out);
         out.direction = Lanes3::zeros(lanes);
         let to_common = space.unwrap_or(Transform::IDENTITY);
         let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| to_common.vector(axis));
-        let samples = count_of_all(query);
+        let of_all = o.samples.is_none_or(|s| s.stride == 0).then(|| count(o.samples, 0));
+        let wanted = (query.channels + 1).min(CHANNELS);
         let mut around = Around::new();
         let twins = self.twins.clone();
         let mut twins = twins.iter().peekable();
-        let mut rest = Rest { textures: &self.frame.textures, query };
         for &lane in query.batch.active {
             let i = lane as usize;
             let number = option(o.sample, i, 0.0).clamp(0.0, MOST) as u32;
             let first = number - number % TOGETHER;
             let r = query.r.get(i);
-            // The cosine with a direction of the map is that of this and the direction.
-            let normal = Vec3::new(r.dot(x), r.dot(y), r.dot(z)).normalize_or_zero();
-            let normal = if self.gathers_in_front { normal } else { Vec3::ZERO };
-            let key = Key { first, normal };
-            let (seed, before) = ahead.sequences[i];
-            while twins.next_if(|twin| twin.0 < lane).is_some() {}
-            let twin = twins.peek().filter(|twin| twin.0 == lane).map(|twin| twin.1 as usize);
-            if ahead.keys[i] == Some(key) {
-                // Drawn already.
-            } else if let Some(of) = twin.filter(|of| ahead.keys[*of] == Some(key)) {
+            let all = of_all.unwrap_or_else(|| count(o.samples, i));
+            let key = Key { first, all, axis: r.to_array().map(f32::to_bits) };
+            if ahead.keys[i] != Some(key) {
                 ahead.keys[i] = Some(key);
-                for k in 0..TOGETHER as usize {
-                    ahead.drawn[k * lanes + i] = ahead.drawn[k * lanes + of];
-                }
-            } else {
-                ahead.keys[i] = Some(key);
-                let all = samples.unwrap_or_else(|| count(o.samples, i));
-                let before = before.wrapping_mul(all.next_power_of_two());
-                let among = if normal == Vec3::ZERO {
-                    directions.whole()
+                while twins.next_if(|twin| twin.0 < lane).is_some() {}
+                let twin = twins.peek().filter(|twin| twin.0 == lane).map(|twin| twin.1 as usize);
+                if let Some(of) = twin.filter(|of| ahead.keys[*of] == Some(key)) {
+                    (0..TOGETHER as usize)
+                        .for_each(|k| ahead.sent[k * lanes + i] = ahead.sent[k * lanes + of]);
                 } else {
-                    directions.before(normal, &mut around);
-                    &around
-                };
-                for k in 0..TOGETHER.min(all.saturating_sub(first).max(1)) {
-                    let (x, y) = sample::square(before.wrapping_add(first + k), seed);
-                    ahead.drawn[k as usize * lanes + i] = directions.at(among, x, y);
+                    // The cosine with a direction of the map is that of this and the direction.
+                    let normal = Vec3::new(r.dot(x), r.dot(y), r.dot(z)).normalize_or_zero();
+                    let among = if self.gathers_in_front && normal != Vec3::ZERO {
+                        directions.before(normal, &mut around);
+                        &around
+                    } else {
+                        directions.whole()
+                    };
+                    let (seed, before) = ahead.sequences[i];
+                    let before = before.wrapping_mul(all.next_power_of_two());
+                    for k in 0..TOGETHER.min(all.saturating_sub(first).max(1)) {
+                        let (s, t) = sample::square(before.wrapping_add(first + k), seed);
+                        let Drawn { dir, chance, mut seen } = directions.at(among, s, t);
+                        other_channels(&self.frame.textures, query, i, dir, &mut seen);
+                        let share = 1.0 / (chance * all as f32);
+                        seen[..query.channels].iter_mut().for_each(|v| *v *= share);
+                        let dir = (x * dir.x + y * dir.y + z * dir.z).normalize_or_zero();
+                        ahead.sent[k as usize * lanes + i] = Sent { values: seen, dir };
+                    }
                 }
             }
-            let Drawn { dir, chance, seen } = ahead.drawn[(number - first) as usize * lanes + i];
-            let mut values = seen;
-            rest.look(i, dir, &mut values);
-            let share = 1.0 / (chance * samples.unwrap_or_else(|| count(o.samples, i)) as f32);
-            values[..query.channels].iter_mut().for_each(|v| *v *= share);
-            store(out, i, &values[..(query.channels + 1).min(CHANNELS)]);
-            out.direction.set(i, (x * dir.x + y * dir.y + z * dir.z).normalize_or_zero());
+            let Sent { values, dir } = ahead.sent[(number - first) as usize * lanes + i];
+            store(out, i, &values[..wanted]);
+            out.direction.set(i, dir);
         }
         self.sky = ahead;
         true
@@ -144,34 +173,28 @@ impl Run<'_, '_> {
     }
 }
 
-/// The number of samples, where it is the same for all lanes.
-fn count_of_all(query: &EnvironmentQuery<'_>) -> Option<u32> {
-    query.options.samples.is_none_or(|s| s.stride == 0).then(|| count(query.options.samples, 0))
-}
-
 /// The bits of a number, two places apart.
 fn spread(x: u32) -> u32 {
     (0..16).fold(0, |out, bit| out | (x >> bit & 1) << (2 * bit))
 }
 
 /// What the cells of a map do not know: other channels than the first.
-struct Rest<'q> {
-    textures: &'q TextureCache,
-    query: &'q EnvironmentQuery<'q>,
-}
-
-impl Rest<'_> {
-    fn look(&mut self, lane: usize, r: Vec3, values: &mut [f32; CHANNELS]) {
-        let o = &self.query.options;
-        let (first_channel, fill) = (first_channel(o.firstchannel, lane), option(o.fill, lane, 0.0));
-        if first_channel == 0 && fill == 0.0 {
-            return;
-        }
-        let Some(id) = self.textures.find_for(self.query.name, Use::Environment) else { return };
-        let angle = Some(0.5 * Directions::cell());
-        let up = o.up.and_then(Up::from_word);
-        let lookup = EnvLookup { r, angle, up, first_channel, fill, ..EnvLookup::default() };
-        let wanted = (self.query.channels + 1).min(CHANNELS);
-        self.textures.reader().environment(id, &lookup, &mut values[..wanted]);
+fn other_channels(
+    textures: &TextureCache,
+    query: &EnvironmentQuery<'_>,
+    lane: usize,
+    r: Vec3,
+    values: &mut [f32; CHANNELS],
+) {
+    let o = &query.options;
+    let (first_channel, fill) = (first_channel(o.firstchannel, lane), option(o.fill, lane, 0.0));
+    if first_channel == 0 && fill == 0.0 {
+        return;
     }
+    let Some(id) = textures.find_for(query.name, Use::Environment) else { return };
+    let angle = Some(0.5 * Directions::cell());
+    let up = o.up.and_then(Up::from_word);
+    let lookup = EnvLookup { r, angle, up, first_channel, fill, ..EnvLookup::default() };
+    let wanted = (query.channels + 1).min(CHANNELS);
+    textures.reader().environment(id, &lookup, &mut values[..wanted]);
 }
