@@ -63,8 +63,11 @@ pub(crate) struct Around {
     rows: [f32; ROWS],
 }
 
+/// Directions that are drawn together.
+pub(crate) const TOGETHER: usize = 16;
+
 /// A direction that was drawn.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Drawn {
     /// Of length 1.
     pub(crate) dir: Vec3,
@@ -72,6 +75,16 @@ pub(crate) struct Drawn {
     pub(crate) chance: f32,
     /// What its cell sends, on average.
     pub(crate) seen: Seen,
+}
+
+/// A cell that is being looked for, and where in it.
+#[derive(Clone, Copy, Default)]
+struct Cell {
+    row: usize,
+    column: usize,
+    x: f32,
+    y: f32,
+    chance: f32,
 }
 
 /// A direction at fractions of the way around and from pole to pole.
@@ -186,25 +199,38 @@ impl Directions {
         });
     }
 
-    /// The direction for a point of the unit square.
-    pub(crate) fn at(&self, around: &Around, x: f32, y: f32) -> Drawn {
-        let (row, y, of_row) = pick(&around.rows, y);
-        let (column, x, of_column) = pick_of(COLUMNS, x, |k| around.columns[k][row]);
-        let (j, down, of_cells) = pick(&self.rows[row * COLUMNS + column], y);
-        let cell_row = row * SIDE + j;
-        let (i, across, of_cell) = pick(&self.columns[cell_row * COLUMNS + column], x);
-        let cell_column = column * SIDE + i;
-        // Even over the cell: by height, and by a small turn from its middle.
-        let (top, bottom) = (self.heights[cell_row], self.heights[cell_row + 1]);
-        let z = top + (bottom - top) * down;
-        let turn = (across - 0.5) * (TAU / ALL_COLUMNS as f64) as f32;
-        let (sin, cos) = (turn * (1.0 - turn * turn / 6.0), 1.0 - 0.5 * turn * turn);
-        let [s, c] = self.turns[cell_column];
-        let flat = (1.0 - z * z).max(0.0).sqrt();
-        let dir = Vec3::new((c * cos - s * sin) * flat, (s * cos + c * sin) * flat, z);
-        let size = (top - bottom) * (TAU / ALL_COLUMNS as f64) as f32;
-        let chance = of_row * of_column * of_cells * of_cell / size;
-        Drawn { dir, chance, seen: self.seen[cell_row * ALL_COLUMNS + cell_column] }
+    /// The directions for points of the unit square.
+    ///
+    /// Step by step for all of them: what one waits for from memory, the others fetch as well.
+    pub(crate) fn at(&self, around: &Around, points: &[(f32, f32); TOGETHER], out: &mut [Drawn; TOGETHER]) {
+        let mut cells = [Cell::default(); TOGETHER];
+        for (cell, &(x, y)) in cells.iter_mut().zip(points) {
+            let (row, y, of_row) = pick(&around.rows, y);
+            let (column, x, of_column) = pick_of(COLUMNS, x, |k| around.columns[k][row]);
+            *cell = Cell { row, column, x, y, chance: of_row * of_column };
+        }
+        for cell in &mut cells {
+            let (j, y, of_cells) = pick(&self.rows[cell.row * COLUMNS + cell.column], cell.y);
+            *cell = Cell { row: cell.row * SIDE + j, y, chance: cell.chance * of_cells, ..*cell };
+        }
+        for cell in &mut cells {
+            let (i, x, of_cell) = pick(&self.columns[cell.row * COLUMNS + cell.column], cell.x);
+            *cell = Cell { column: cell.column * SIDE + i, x, chance: cell.chance * of_cell, ..*cell };
+        }
+        for (out, cell) in out.iter_mut().zip(&cells) {
+            // Even over the cell: by height, and by a small turn from its middle.
+            let (top, bottom) = (self.heights[cell.row], self.heights[cell.row + 1]);
+            let z = top + (bottom - top) * cell.y;
+            let turn = (cell.x - 0.5) * (TAU / ALL_COLUMNS as f64) as f32;
+            let (sin, cos) = (turn * (1.0 - turn * turn / 6.0), 1.0 - 0.5 * turn * turn);
+            let [s, c] = self.turns[cell.column];
+            let flat = (1.0 - z * z).max(0.0).sqrt();
+            *out = Drawn {
+                dir: Vec3::new((c * cos - s * sin) * flat, (s * cos + c * sin) * flat, z),
+                chance: cell.chance / ((top - bottom) * (TAU / ALL_COLUMNS as f64) as f32),
+                seen: self.seen[cell.row * ALL_COLUMNS + cell.column],
+            };
+        }
     }
 
     /// The angle across a cell, in radians.
@@ -265,6 +291,19 @@ mod tests {
     use super::*;
     use granita_base::sample;
 
+    /// So many directions, a multiple of those drawn together.
+    fn drawn(directions: &Directions, around: &Around, count: u32, seed: u32) -> Vec<Drawn> {
+        let points: Vec<(f32, f32)> = (0..count).map(|i| sample::square(i, seed)).collect();
+        let mut out = Vec::new();
+        for points in points.as_chunks().0 {
+            let mut drawn = [Drawn::default(); TOGETHER];
+            directions.at(around, points, &mut drawn);
+            out.extend(drawn);
+        }
+        assert_eq!(out.len(), count as usize);
+        out
+    }
+
     /// Mean of `what (direction) / chance` over so many samples, and its standard deviation.
     fn integral(directions: &Directions, count: u32, what: impl Fn(Vec3, Seen) -> f32) -> (f64, f64) {
         integral_over(directions, directions.whole(), count, what)
@@ -277,9 +316,7 @@ mod tests {
         what: impl Fn(Vec3, Seen) -> f32,
     ) -> (f64, f64) {
         let (mut sum, mut squares) = (0.0, 0.0);
-        for i in 0..count {
-            let (x, y) = sample::square(i, 7);
-            let Drawn { dir, chance, seen } = directions.at(around, x, y);
+        for Drawn { dir, chance, seen } in drawn(directions, around, count, 7) {
             assert!((dir.length() - 1.0).abs() < 1e-5 && chance > 0.0, "{dir} {chance}");
             let value = f64::from(what(dir, seen) / chance);
             sum += value;
@@ -325,10 +362,8 @@ mod tests {
             assert!(deviation < 0.5 * mean && deviation < 0.7 * of_all, "{deviation} of {mean}; {of_all}");
             // Hardly anything is lost.
             let count = 4096;
-            let below = (0..count).filter(|&i| {
-                let (x, y) = sample::square(i, 3);
-                directions.at(&around, x, y).dir.dot(normal) <= 0.0
-            });
+            let all = drawn(&directions, &around, count, 3);
+            let below = all.iter().filter(|d| d.dir.dot(normal) <= 0.0);
             assert!(below.count() < 300);
         }
     }

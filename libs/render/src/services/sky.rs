@@ -2,14 +2,12 @@
 
 use super::maps::{CHANNELS, first_channel, prepare, store};
 use super::{Run, SKY, count, option};
-use crate::directions::{Around, Directions, Drawn};
+use crate::directions::{Around, Directions, Drawn, TOGETHER};
 use granita_base::{Transform, Vec3, hash, sample};
 use granita_shade::{EnvironmentQuery, Lanes3, LookupResult, Rect};
 use granita_texture::{EnvLookup, TextureCache, Up, Use};
 use std::sync::Arc;
 
-/// Samples of a point that are drawn together.
-const TOGETHER: u32 = 16;
 /// Most samples.
 const MOST: f32 = 65536.0;
 
@@ -93,7 +91,7 @@ impl Run<'_, '_> {
         }
         if ahead.keys.len() != lanes {
             ahead.keys = vec![None; lanes];
-            ahead.sent.resize(lanes * TOGETHER as usize, Sent::default());
+            ahead.sent.resize(lanes * TOGETHER, Sent::default());
         }
         prepare(query.batch, query.channels, out);
         out.direction = Lanes3::zeros(lanes);
@@ -101,13 +99,13 @@ impl Run<'_, '_> {
         let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| to_common.vector(axis));
         let of_all = o.samples.is_none_or(|s| s.stride == 0).then(|| count(o.samples, 0));
         let wanted = (query.channels + 1).min(CHANNELS);
-        let mut around = Around::new();
+        let (mut around, mut drawn) = (Around::new(), [Drawn::default(); TOGETHER]);
         let twins = self.twins.clone();
         let mut twins = twins.iter().peekable();
         for &lane in query.batch.active {
             let i = lane as usize;
             let number = option(o.sample, i, 0.0).clamp(0.0, MOST) as u32;
-            let first = number - number % TOGETHER;
+            let first = number - number % TOGETHER as u32;
             let r = query.r.get(i);
             let all = of_all.unwrap_or_else(|| count(o.samples, i));
             let key = Key { first, all, axis: r.to_array().map(f32::to_bits) };
@@ -116,8 +114,7 @@ impl Run<'_, '_> {
                 while twins.next_if(|twin| twin.0 < lane).is_some() {}
                 let twin = twins.peek().filter(|twin| twin.0 == lane).map(|twin| twin.1 as usize);
                 if let Some(of) = twin.filter(|of| ahead.keys[*of] == Some(key)) {
-                    (0..TOGETHER as usize)
-                        .for_each(|k| ahead.sent[k * lanes + i] = ahead.sent[k * lanes + of]);
+                    (0..TOGETHER).for_each(|k| ahead.sent[k * lanes + i] = ahead.sent[k * lanes + of]);
                 } else {
                     // The cosine with a direction of the map is that of this and the direction.
                     let normal = Vec3::new(r.dot(x), r.dot(y), r.dot(z)).normalize_or_zero();
@@ -129,14 +126,15 @@ impl Run<'_, '_> {
                     };
                     let (seed, before) = ahead.sequences[i];
                     let before = before.wrapping_mul(all.next_power_of_two());
-                    for k in 0..TOGETHER.min(all.saturating_sub(first).max(1)) {
-                        let (s, t) = sample::square(before.wrapping_add(first + k), seed);
-                        let Drawn { dir, chance, mut seen } = directions.at(among, s, t);
+                    let point = |k| sample::square(before.wrapping_add(first + k as u32), seed);
+                    directions.at(among, &std::array::from_fn(point), &mut drawn);
+                    let used = all.saturating_sub(first).max(1) as usize;
+                    for (k, &Drawn { dir, chance, mut seen }) in drawn.iter().enumerate().take(used) {
                         other_channels(&self.frame.textures, query, i, dir, &mut seen);
                         let share = 1.0 / (chance * all as f32);
                         seen[..query.channels].iter_mut().for_each(|v| *v *= share);
                         let dir = (x * dir.x + y * dir.y + z * dir.z).normalize_or_zero();
-                        ahead.sent[k as usize * lanes + i] = Sent { values: seen, dir };
+                        ahead.sent[k * lanes + i] = Sent { values: seen, dir };
                     }
                 }
             }
