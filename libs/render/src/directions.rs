@@ -122,13 +122,13 @@ impl Around {
 }
 
 impl Directions {
-    /// From what is seen in a direction, over an angle (radians) across.
-    pub(crate) fn new(mut look: impl FnMut(Vec3, f32) -> Seen) -> Self {
+    /// From what is seen in a direction, over an angle (radians) across; each of up to `threads` threads looks for itself.
+    pub(crate) fn new<L: FnMut(Vec3, f32) -> Seen>(threads: usize, looker: &(impl Fn() -> L + Sync)) -> Self {
         let heights: Vec<f64> = (0..=ALL_ROWS).map(|row| (PI * row as f64 / ALL_ROWS as f64).cos()).collect();
         let angle = Self::cell() / LOOKS as f32;
         let place =
             |cell: usize, k: usize, of: usize| (cell as f64 + (k as f64 + 0.5) / LOOKS as f64) / of as f64;
-        let mut mean = |cell: usize| {
+        let mean = |look: &mut L, cell: usize| {
             let mut sum = Seen::default();
             for k in 0..LOOKS * LOOKS {
                 let around = place(cell % ALL_COLUMNS, k % LOOKS, ALL_COLUMNS);
@@ -139,7 +139,18 @@ impl Directions {
             }
             sum
         };
-        let seen: Vec<Seen> = (0..ALL_ROWS * ALL_COLUMNS).map(&mut mean).collect();
+        let mut seen = vec![Seen::default(); ALL_ROWS * ALL_COLUMNS];
+        let part = seen.len().div_ceil(threads.max(1));
+        std::thread::scope(|scope| {
+            for (k, part_seen) in seen.chunks_mut(part).enumerate() {
+                let mut fill = move || {
+                    let mut look = looker();
+                    let cells = part_seen.iter_mut().enumerate();
+                    cells.for_each(|(cell, seen)| *seen = mean(&mut look, k * part + cell));
+                };
+                if threads > 1 { _ = scope.spawn(fill) } else { fill() }
+            }
+        });
         let solid_angle = |row: usize| (heights[row] - heights[row + 1]) * TAU / ALL_COLUMNS as f64;
         let mut chance: Vec<f64> = seen
             .iter()
@@ -351,7 +362,8 @@ mod tests {
     #[test]
     fn what_is_before_a_surface_is_all_that_it_gathers() {
         let sun = Vec3::new(0.3, -0.5, 0.2).normalize();
-        let directions = Directions::new(|d, _| [if d.dot(sun) > 0.999 { 1e3 } else { 1.0 + d.x }; 4]);
+        let directions =
+            Directions::new(2, &|| |d: Vec3, _| [if d.dot(sun) > 0.999 { 1e3 } else { 1.0 + d.x }; 4]);
         let mut around = Around::new();
         for normal in [sun, -sun, Vec3::X, Vec3::NEG_Z, Vec3::new(1.0, 2.0, -3.0).normalize()] {
             let light = |d: Vec3, seen: Seen| seen[0] * d.dot(normal).max(0.0);
@@ -370,11 +382,11 @@ mod tests {
 
     #[test]
     fn an_even_sky_is_exact() {
-        let directions = Directions::new(|_, _| [3.0; 4]);
+        let directions = Directions::new(1, &|| |_, _| [3.0; 4]);
         let (mean, deviation) = integral(&directions, 4096, |_, seen| seen[1]);
         assert!((mean / (12.0 * PI) - 1.0).abs() < 1e-4 && deviation < 1e-3 * mean, "{mean} {deviation}");
         // The same without any light.
-        let (mean, _) = integral(&Directions::new(|_, _| [f32::NAN; 4]), 4096, |_, _| 1.0);
+        let (mean, _) = integral(&Directions::new(1, &|| |_, _| [f32::NAN; 4]), 4096, |_, _| 1.0);
         assert!((mean / (4.0 * PI) - 1.0).abs() < 1e-4, "{mean}");
     }
 
@@ -393,7 +405,7 @@ mod tests {
             };
             [(0..64).map(|i| light(at(i))).sum::<f32>() / 64.0; 4]
         };
-        let directions = Directions::new(seen);
+        let directions = Directions::new(2, &|| seen);
         let exact = 4.0 * PI + 9999.0 * TAU * f64::from(1.0 - cos);
         // What is there, and what the cells say of it.
         for mean in [
@@ -403,7 +415,7 @@ mod tests {
             assert!((mean.0 / exact - 1.0).abs() < 0.02, "{} for {exact}", mean.0);
         }
         let (_, deviation) = integral(&directions, 1 << 16, |_, seen| seen[0]);
-        let (_, even) = integral(&Directions::new(|_, _| [1.0; 4]), 1 << 16, |d, _| light(d));
+        let (_, even) = integral(&Directions::new(1, &|| |_, _| [1.0; 4]), 1 << 16, |d, _| light(d));
         assert!(deviation < 0.02 * even, "{deviation}, and {even} of even directions");
     }
 }

@@ -37,7 +37,7 @@ pub(crate) struct RayWorld {
     /// One for each different membership.
     scenes: Vec<RaySet>,
     /// Threads that may build.
-    threads: usize,
+    pub(crate) threads: usize,
     /// Whether some object's rays see motion.
     motion: bool,
     /// What ends a ray.

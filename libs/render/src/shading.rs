@@ -151,7 +151,8 @@ impl ShadingContext {
         let mut all = self.directions.lock().unwrap_or_else(PoisonError::into_inner);
         let make = || {
             let id = self.textures.find_for(name, Use::Environment)?;
-            Some(Arc::new(maps::directions(&self.textures, id, up.and_then(Up::from_word))))
+            let up = up.and_then(Up::from_word);
+            Some(Arc::new(maps::directions(&self.textures, id, up, self.rays.threads)))
         };
         all.entry((name.to_owned(), up.unwrap_or("").to_owned())).or_insert_with(make).clone()
     }

@@ -121,13 +121,20 @@ fn each(
 }
 
 /// The chances of directions by the light of a map, in its own space.
-pub(crate) fn directions(textures: &TextureCache, id: TextureId, up: Option<Up>) -> Directions {
-    let mut reader = textures.reader();
-    Directions::new(|r, angle| {
-        let lookup = EnvLookup { r, angle: Some(0.5 * angle), up, quick: true, ..EnvLookup::default() };
-        let mut values = [0.0; CHANNELS];
-        reader.environment(id, &lookup, &mut values);
-        values
+pub(crate) fn directions(
+    textures: &TextureCache,
+    id: TextureId,
+    up: Option<Up>,
+    threads: usize,
+) -> Directions {
+    Directions::new(threads, &|| {
+        let mut reader = textures.reader();
+        move |r, angle: f32| {
+            let lookup = EnvLookup { r, angle: Some(0.5 * angle), up, quick: true, ..EnvLookup::default() };
+            let mut values = [0.0; CHANNELS];
+            reader.environment(id, &lookup, &mut values);
+            values
+        }
     })
 }
 
