@@ -11,13 +11,17 @@ Three scenes: the Cornell box under a point light, a room with the sun in its wi
 when no other is named). Of the first two the light of one bounce is compared, of the third that of the panorama; of
 all, how open points are to an even sky. Pixels on edges of shapes and of direct light do not count (the programs filter edges
 differently; `--walls` compares means by shape first). Errors are root mean squares over the mean of the reference, whose noise is taken off. Times are of the whole program
-for gelato; for the others, of a picture of a scene that is loaded (Mitsuba) or was rendered before (Cycles).
+for gelato; for the others, of a picture of a scene that is loaded (Mitsuba) or was rendered before (Cycles), and, on the last line of
+a table, by how much more a program takes that starts, loads the scene and renders one picture.
 """
 
 import argparse
 import os
+import pickle
+import subprocess
 import sys
 import tempfile
+import time
 
 import numpy as np
 
@@ -104,6 +108,16 @@ def walls(scene, image, reference, where):
             print(f"| {shape.name} | {a:.4f} | {b:.4f} | {100 * (a / b - 1):+.2f} |")
 
 
+def start(module, words, place):
+    """Seconds of a program that renders one small picture, from its start."""
+    path = f"{place}/start.pickle"
+    with open(path, "wb") as file:
+        pickle.dump(words, file)
+    begin = time.time()
+    subprocess.run([sys.executable, module.__file__, path], check=True, stdout=subprocess.DEVNULL)
+    return time.time() - begin
+
+
 def measure(words, place, ours, mitsuba, cycles, scene, kind, title):
     side = words.side
     files = light_scenes.prepare(scene, place)
@@ -120,10 +134,11 @@ def measure(words, place, ours, mitsuba, cycles, scene, kind, title):
     own = ours.render(scene, files, side, "direct", "")[0] if kind == "bounce" else 0
     # What is gathered by cones, between few points; a panorama also by directions drawn by its light, at every point.
     # A list of settings ends at its first picture that takes too long.
-    lists = [[(f"samples {n}, maxerror {e}", kind, f'"float samples", {n}, "float maxerror", {e}') for n in (16, 64, 256, 1024, 2048, 4096)]
+    numbers = (16, 32, 48, 64, 96, 128, 256, 1024, 2048, 4096)
+    lists = [[(f"samples {n}, maxerror {e}", kind, f'"float samples", {n}, "float adaptive", 0, "float maxerror", {e}') for n in numbers]
              for e in (0.1, 0.25, 0.5, 1.0)]
     if kind == "panorama":
-        lists.append([(f"envsamples {n}", "drawn", f'"float envsamples", {n}') for n in (4, 16, 64, 256, 1024)])
+        lists.append([(f"envsamples {n}", "drawn", f'"float envsamples", {n}') for n in (4, 8, 16, 32, 64, 128, 256, 1024)])
     rows = []
     for settings in lists:
         for setting, how, options in settings:
@@ -159,6 +174,12 @@ def measure(words, place, ours, mitsuba, cycles, scene, kind, title):
                 np.save(f"{words.keep}/{title.replace(' ', '_').replace(',', '')}_cycles.npy", image)
         tables.append(("Cycles", rows))
     show(title, tables)
+    more = start(light_mitsuba, (words.variant, scene, files, side, kind), place) - mitsuba.render(kind, 4)[1]
+    print(f"\nFrom the start of the program Mitsuba takes {more:.2f} s more", end="")
+    if cycles:
+        more = start(light_cycles, (words.threads, place, scene, side, kind), place) - cycles.render(4)[1]
+        print(f", Cycles {more:.2f} s", end="")
+    print(".")
 
 
 def main():

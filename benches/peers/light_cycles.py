@@ -2,6 +2,8 @@
 
 import contextlib
 import os
+import pickle
+import sys
 import time
 
 import bpy
@@ -148,3 +150,12 @@ def silence():
         os.dup2(kept, 1)
         os.close(kept)
         os.close(nothing)
+
+
+if __name__ == "__main__":
+    # As in light_mitsuba.
+    with open(sys.argv[1], "rb") as file:
+        threads, place, scene, side, measure = pickle.load(file)
+    program = Cycles(threads, place, lambda path, words: 1, False)
+    program.load(scene, side, measure)
+    program.render(4)

@@ -1,5 +1,7 @@
 """Scenes of benches/peers/light.py for Mitsuba 3 (package `mitsuba`), which also makes the references."""
 
+import pickle
+import sys
 import time
 
 import mitsuba as mi
@@ -106,3 +108,12 @@ def around(image, what):
     """What becomes of each pixel and its eight neighbours, as true or false."""
     all = [np.roll(image, (y, x), (0, 1)) for y in (-1, 0, 1) for x in (-1, 0, 1)]
     return what(np.stack(all).astype(float), 0) > 0
+
+
+if __name__ == "__main__":
+    # One small picture, from the start of the program: what is not in the times of pictures.
+    with open(sys.argv[1], "rb") as file:
+        variant, scene, files, side, measure = pickle.load(file)
+    program = Mitsuba(variant, False)
+    program.load(scene, files, side, measure)
+    program.render(measure, 4)

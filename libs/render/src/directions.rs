@@ -13,10 +13,10 @@ use granita_base::Vec3;
 use std::f64::consts::{PI, TAU};
 
 /// Blocks from pole to pole, and around the sphere.
-const ROWS: usize = 16;
-const COLUMNS: usize = 32;
+const ROWS: usize = 32;
+const COLUMNS: usize = 64;
 /// Cells along each side of a block.
-const SIDE: usize = 16;
+const SIDE: usize = 8;
 /// Cells from pole to pole, and around the sphere.
 const ALL_ROWS: usize = ROWS * SIDE;
 const ALL_COLUMNS: usize = COLUMNS * SIDE;
@@ -25,9 +25,9 @@ const EVEN: f64 = 0.01;
 /// Places along each side of a cell that its mean is taken from.
 const LOOKS: usize = 2;
 /// The least cosine that counts, of blocks with anything above the horizon.
-const LEAST: f32 = 0.05;
+const LEAST: f32 = 0.02;
 /// The sine of the largest angle between two directions of a block.
-const WITHIN: f32 = 0.28;
+const WITHIN: f32 = 0.14;
 
 /// What is seen in a direction: the first channels of a map.
 pub(crate) type Seen = [f32; 4];
