@@ -43,8 +43,9 @@ class Gelato:
         o, t = scene.origin, scene.target
         x, y, z = (b - a for a, b in zip(o, t))
         turn, tilt = math.degrees(math.atan2(x, z)), math.degrees(math.atan2(y, math.hypot(x, z)))
-        # As far as Mitsuba moves rays off a mesh of a fifth of a unit. (Our default, 0.01 units, is a twentieth of Stanford's dragon.)
-        bias = 5e-4 * math.hypot(x, y, z)
+        # As Mitsuba, which moves the origins of rays by 9e-5 of this along the normal: about half the distance at which rays leave. (Our
+        # default, 0.01 units, is a twentieth of Stanford's dragon.)
+        bias = 1.8e-4 * (1 + max(abs(c) for c in t))
         lines = [
             f'Attribute ("float shadow:bias", {bias})',
             f'Attribute ("int[2] resolution", ({side}, {side}))',

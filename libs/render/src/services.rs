@@ -424,7 +424,7 @@ impl Services for Run<'_, '_> {
 
     fn shadow(&mut self, query: &ShadowQuery<'_>, out: &mut Lanes3) {
         if self.frame.rays.is_set(query.name) {
-            let single = query.options.samples.is_none();
+            let single = query.options.samples.is_none() && query.options.angle.is_none();
             let bits = |v: Vec3| v.to_array().map(f32::to_bits);
             let asked = |i: usize| (bits(query.p.get(i)), bits(query.to_light.get(i)));
             let lanes = rays::TracingLanes::new(self, query.batch.active)

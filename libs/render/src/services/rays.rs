@@ -248,7 +248,8 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
 
 /// `shadow ()` with the name of a geometry set (reference 10.1.6): rays from the points to the light.
 ///
-/// "blur" 1 is a light of 90 degrees. Several samples also spread over the footprint.
+/// "blur" 1 is a light of 90 degrees, "angle" the half angle of one (that of the spread of broad solar lights, when neither is given).
+/// Several samples also spread over the footprint.
 pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut Lanes3) {
     fit(out, query.batch.lanes);
     let o = &query.options;
@@ -256,7 +257,7 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
     let call = run.next_call(query.batch.active);
     let asks = traces && !query.batch.active.is_empty();
     let scene = if asks { run.frame.rays.scene(query.name, run.frame) } else { None };
-    let is_plain = [o.samples, o.sblur, o.tblur].iter().all(Option::is_none) && !run.sees_motion();
+    let is_plain = [o.samples, o.sblur, o.tblur, o.angle].iter().all(Option::is_none) && !run.sees_motion();
     if let Some(scene) = scene.filter(|s| is_plain && s.opaque_to_shadows && s.is_settled()) {
         return plain_shadow(run, query, scene, out);
     }
@@ -268,7 +269,8 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
         out.set(i, Vec3::ZERO);
         let to_light = query.to_light.get(i);
         let Some(axis) = to_light.try_normalize().filter(|_| traces) else { continue };
-        let half_angle = 0.5 * (option(o.sblur, i, 0.0) + option(o.tblur, i, 0.0)) * FRAC_PI_4;
+        let blur = 0.5 * (option(o.sblur, i, 0.0) + option(o.tblur, i, 0.0));
+        let half_angle = o.angle.map_or(blur * FRAC_PI_4, |a| a.get(i));
         let width = 0.5 * (option(o.swidth, i, 1.0) + option(o.twidth, i, 1.0));
         let samples = count(o.samples, i);
         let per_ray = 1.0 / (samples as f32).sqrt();

@@ -333,7 +333,8 @@ fn shadow(m: &mut Machine<'_>, op: &Op, name: &str, operands: &[SymbolId], pairs
             to_light.set3(i, d);
         });
     }
-    let spread = [emission.spread];
+    // Half of it, as of other cones.
+    let spread = [0.5 * emission.spread];
     let mut occluded = Lanes3::zeros(m.n);
     m.tell_rays(name);
     let unknown = {
