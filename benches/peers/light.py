@@ -134,7 +134,7 @@ def measure(words, place, ours, mitsuba, cycles, scene, kind, title):
     own = ours.render(scene, files, side, "direct", "")[0] if kind == "bounce" else 0
     # What is gathered by cones, between few points; a panorama also by directions drawn by its light, at every point.
     # A list of settings ends at its first picture that takes too long.
-    numbers = (16, 32, 48, 64, 96, 128, 256, 512, 1024, 2048, 4096)
+    numbers = (16, 32, 48, 64, 128, 256, 512, 1024, 2048, 4096)
     lists = [[(f"samples {n}, maxerror {e}, maxpixeldist {d}", kind,
                f'"float samples", {n}, "float adaptive", 0, "float maxerror", {e}, "float maxpixeldist", {d}') for n in numbers]
              for e, d in ((0.1, 20), (0.25, 20), (0.5, 20), (1.0, 20), (1.0, 12), (1.0, 8))]

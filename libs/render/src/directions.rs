@@ -9,7 +9,7 @@
 //! Wavelet Importance Sampling, SIGGRAPH 2005, of two levels). Rows first, then columns (Pharr, Jakob and Humphreys, Physically Based
 //! Rendering, 4th edition 2023, A.5.3, piecewise constant distributions).
 
-use granita_base::Vec3;
+use granita_base::{Vec3, sample};
 use std::f64::consts::{PI, TAU};
 
 /// Blocks from pole to pole, and around the sphere.
@@ -22,8 +22,6 @@ const ALL_ROWS: usize = ROWS * SIDE;
 const ALL_COLUMNS: usize = COLUMNS * SIDE;
 /// Share of directions that are spread evenly.
 const EVEN: f64 = 0.01;
-/// Places along each side of a cell that its mean is taken from.
-const LOOKS: usize = 2;
 /// The least cosine that counts, of blocks with anything above the horizon.
 const LEAST: f32 = 0.02;
 /// The sine of the largest angle between two directions of a block.
@@ -87,6 +85,38 @@ struct Cell {
     chance: f32,
 }
 
+/// The work of [`Directions::draw`].
+struct Draw<'a> {
+    directions: &'a Directions,
+    normal: Option<Vec3>,
+    first: u32,
+    seed: u32,
+    room: &'a mut Around,
+}
+
+impl pulp::WithSimd for Draw<'_> {
+    type Output = [Drawn; TOGETHER];
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> [Drawn; TOGETHER] {
+        let Self { directions, normal, first, seed, room } = self;
+        let among = match normal {
+            Some(normal) => {
+                directions.before(normal, room);
+                &*room
+            }
+            None => &directions.whole,
+        };
+        let mut points = [(0.0, 0.0); TOGETHER];
+        for (k, point) in points.iter_mut().enumerate() {
+            *point = sample::square(first.wrapping_add(k as u32), seed);
+        }
+        let mut out = [Drawn::default(); TOGETHER];
+        directions.at(among, &points, &mut out);
+        out
+    }
+}
+
 /// A direction at fractions of the way around and from pole to pole.
 fn towards(around: f64, down: f64) -> Vec3 {
     let ((s, c), (sin, cos)) = ((TAU * around).sin_cos(), (PI * down).sin_cos());
@@ -95,6 +125,7 @@ fn towards(around: f64, down: f64) -> Vec3 {
 
 impl Around {
     /// Of sums that are in place already; those of rows are made.
+    #[inline(always)]
     fn sum_rows(&mut self) {
         let mut sum = 0.0;
         for (to, row) in self.rows.iter_mut().zip(self.columns[COLUMNS - 1]) {
@@ -109,6 +140,7 @@ impl Around {
     }
 
     /// Sums of chances by block.
+    #[inline(always)]
     fn fill(&mut self, chance: impl Fn(usize, usize) -> f32) {
         let mut sums = [0.0; ROWS];
         for (column, out) in self.columns.iter_mut().enumerate() {
@@ -125,19 +157,10 @@ impl Directions {
     /// From what is seen in a direction, over an angle (radians) across; each of up to `threads` threads looks for itself.
     pub(crate) fn new<L: FnMut(Vec3, f32) -> Seen>(threads: usize, looker: &(impl Fn() -> L + Sync)) -> Self {
         let heights: Vec<f64> = (0..=ALL_ROWS).map(|row| (PI * row as f64 / ALL_ROWS as f64).cos()).collect();
-        let angle = Self::cell() / LOOKS as f32;
-        let place =
-            |cell: usize, k: usize, of: usize| (cell as f64 + (k as f64 + 0.5) / LOOKS as f64) / of as f64;
         let mean = |look: &mut L, cell: usize| {
-            let mut sum = Seen::default();
-            for k in 0..LOOKS * LOOKS {
-                let around = place(cell % ALL_COLUMNS, k % LOOKS, ALL_COLUMNS);
-                let down = place(cell / ALL_COLUMNS, k / LOOKS, ALL_ROWS);
-                for (sum, x) in sum.iter_mut().zip(look(towards(around, down), angle)) {
-                    *sum += if x.is_finite() { x / (LOOKS * LOOKS) as f32 } else { 0.0 };
-                }
-            }
-            sum
+            let around = ((cell % ALL_COLUMNS) as f64 + 0.5) / ALL_COLUMNS as f64;
+            let down = ((cell / ALL_COLUMNS) as f64 + 0.5) / ALL_ROWS as f64;
+            look(towards(around, down), Self::cell()).map(|x| if x.is_finite() { x } else { 0.0 })
         };
         let mut seen = vec![Seen::default(); ALL_ROWS * ALL_COLUMNS];
         let part = seen.len().div_ceil(threads.max(1));
@@ -195,13 +218,21 @@ impl Directions {
         Self { chances, middles, whole, rows, columns, heights, turns, seen }
     }
 
-    /// All directions.
-    pub(crate) fn whole(&self) -> &Around {
-        &self.whole
+    /// Directions number `first` and on of the sequence of a seed: in front of a surface, by its normal (of length 1), or of all.
+    pub(crate) fn draw(
+        &self,
+        normal: Option<Vec3>,
+        first: u32,
+        seed: u32,
+        room: &mut Around,
+    ) -> [Drawn; TOGETHER] {
+        // With the widest vector instructions that the machine has: they change no result.
+        pulp::Arch::new().dispatch(Draw { directions: self, normal, first, seed, room })
     }
 
-    /// Directions in front of a surface, by its normal (of length 1): each by the cosine as well, about. Few are behind.
-    pub(crate) fn before(&self, normal: Vec3, out: &mut Around) {
+    /// Directions in front of a surface, by its normal: each by the cosine as well, about. Few are behind.
+    #[inline(always)]
+    fn before(&self, normal: Vec3, out: &mut Around) {
         let [x, y, z] = &*self.middles;
         out.fill(|column, row| {
             let cos = normal.x * x[column][row] + normal.y * y[column][row] + normal.z * z[column][row];
@@ -213,7 +244,8 @@ impl Directions {
     /// The directions for points of the unit square.
     ///
     /// Step by step for all of them: what one waits for from memory, the others fetch as well.
-    pub(crate) fn at(&self, around: &Around, points: &[(f32, f32); TOGETHER], out: &mut [Drawn; TOGETHER]) {
+    #[inline(always)]
+    fn at(&self, around: &Around, points: &[(f32, f32); TOGETHER], out: &mut [Drawn; TOGETHER]) {
         let mut cells = [Cell::default(); TOGETHER];
         for (cell, &(x, y)) in cells.iter_mut().zip(points) {
             let (row, y, of_row) = pick(&around.rows, y);
@@ -300,34 +332,27 @@ fn part(n: usize, below: usize, at: f32, sum: impl Fn(usize) -> f32) -> (usize, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use granita_base::sample;
 
     /// So many directions, a multiple of those drawn together.
-    fn drawn(directions: &Directions, around: &Around, count: u32, seed: u32) -> Vec<Drawn> {
-        let points: Vec<(f32, f32)> = (0..count).map(|i| sample::square(i, seed)).collect();
-        let mut out = Vec::new();
-        for points in points.as_chunks().0 {
-            let mut drawn = [Drawn::default(); TOGETHER];
-            directions.at(around, points, &mut drawn);
-            out.extend(drawn);
-        }
-        assert_eq!(out.len(), count as usize);
-        out
+    fn drawn(directions: &Directions, normal: Option<Vec3>, count: u32, seed: u32) -> Vec<Drawn> {
+        let mut room = Around::new();
+        let part = |k| directions.draw(normal, k * TOGETHER as u32, seed, &mut room);
+        (0..count / TOGETHER as u32).flat_map(part).collect()
     }
 
     /// Mean of `what (direction) / chance` over so many samples, and its standard deviation.
     fn integral(directions: &Directions, count: u32, what: impl Fn(Vec3, Seen) -> f32) -> (f64, f64) {
-        integral_over(directions, directions.whole(), count, what)
+        integral_over(directions, None, count, what)
     }
 
     fn integral_over(
         directions: &Directions,
-        around: &Around,
+        normal: Option<Vec3>,
         count: u32,
         what: impl Fn(Vec3, Seen) -> f32,
     ) -> (f64, f64) {
         let (mut sum, mut squares) = (0.0, 0.0);
-        for Drawn { dir, chance, seen } in drawn(directions, around, count, 7) {
+        for Drawn { dir, chance, seen } in drawn(directions, normal, count, 7) {
             assert!((dir.length() - 1.0).abs() < 1e-5 && chance > 0.0, "{dir} {chance}");
             let value = f64::from(what(dir, seen) / chance);
             sum += value;
@@ -364,17 +389,15 @@ mod tests {
         let sun = Vec3::new(0.3, -0.5, 0.2).normalize();
         let directions =
             Directions::new(2, &|| |d: Vec3, _| [if d.dot(sun) > 0.999 { 1e3 } else { 1.0 + d.x }; 4]);
-        let mut around = Around::new();
         for normal in [sun, -sun, Vec3::X, Vec3::NEG_Z, Vec3::new(1.0, 2.0, -3.0).normalize()] {
             let light = |d: Vec3, seen: Seen| seen[0] * d.dot(normal).max(0.0);
-            let (due, of_all) = integral_over(&directions, directions.whole(), 1 << 16, light);
-            directions.before(normal, &mut around);
-            let (mean, deviation) = integral_over(&directions, &around, 1 << 14, light);
+            let (due, of_all) = integral_over(&directions, None, 1 << 16, light);
+            let (mean, deviation) = integral_over(&directions, Some(normal), 1 << 14, light);
             assert!((mean / due - 1.0).abs() < 0.01, "{normal}: {mean} for {due}");
             assert!(deviation < 0.5 * mean && deviation < 0.7 * of_all, "{deviation} of {mean}; {of_all}");
             // Hardly anything is lost.
             let count = 4096;
-            let all = drawn(&directions, &around, count, 3);
+            let all = drawn(&directions, Some(normal), count, 3);
             let below = all.iter().filter(|d| d.dir.dot(normal) <= 0.0);
             assert!(below.count() < 300);
         }

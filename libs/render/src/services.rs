@@ -581,3 +581,24 @@ impl Services for Run<'_, '_> {
         self.frame.unsupported(feature);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_in_one_place_are_known() {
+        // A triangle as a rectangle whose first column is one point, beside a rectangle.
+        let tip = Vec3::new(1.0, 2.0, 3.0);
+        let p: Vec<Vec3> = (0..12)
+            .map(|i| if i < 6 && i % 2 == 0 { tip } else { Vec3::new(i as f32, (i * i) as f32, 0.0) })
+            .collect();
+        let rects = [Rect { first: 0, nu: 2, nv: 3 }, Rect { first: 6, nu: 3, nv: 2 }];
+        let grid = Grid { p: Lanes3::from_points(&p), ..Grid::new(Topology::Rects(Arc::from(&rects[..]))) };
+        assert_eq!(*twins(&grid), [(2, 0), (4, 0)]);
+        // All in one place: each lies on one before it.
+        let grid = Grid { p: Lanes3::from_points(&[tip; 6]), ..Grid::new(Topology::Rect { nu: 3, nv: 2 }) };
+        let all = twins(&grid);
+        assert!(all.iter().all(|(lane, of)| of < lane) && all.len() == 5, "{all:?}");
+    }
+}

@@ -410,7 +410,7 @@ impl<'a> Measure<'a> {
                 return None;
             }
             let length_px = self.camera.project(p).truncate().distance(self.camera.project(q).truncate());
-            length_px.is_finite().then(|| nearest(length_px * settings.quality).max(1.0))
+            length_px.is_finite().then(|| nearest(length_px * settings.quality, 0.0).max(1.0))
         };
         Some([side(a, b), side(c, d), side(a, c), side(b, d)])
     }
@@ -529,8 +529,7 @@ impl<'a> Measure<'a> {
             let by_sag = (length_px * turn / (8.0 * flatness_px)).sqrt();
             return by_sag.max(turn / settings.curvature);
         }
-        let by_length = seen_px * settings.quality;
-        let by_length = if turn == 0.0 { nearest(by_length) } else { by_length };
+        let by_length = nearest(seen_px * settings.quality, turn);
         // Micropolygons under a third of a pixel show no curvature.
         let by_curvature = (turn / settings.curvature).min(length_px * 3.0);
         // What is coarse because it moves keeps its outline: an arc of length l that turns by t deviates by
@@ -588,10 +587,11 @@ impl<'a> Measure<'a> {
     }
 }
 
-/// What a straight line asks for, to be rounded up later, so that it becomes about the nearest number: points are about a pixel apart, not
-/// never farther. Faces of fine meshes, about as large as a pixel, would be shaded in twice as many points.
-fn nearest(segments: f32) -> f32 {
-    segments - 0.45
+/// What a line asks for, to be rounded up later, so that straight ones get about the nearest number: points are about a pixel apart, not
+/// never farther. Faces of fine meshes, about as large as a pixel, would be shaded in twice as many points. The more a line
+/// turns (radians), the less is left out: lines that are straight but for rounding ask for nearly the same from both sides.
+fn nearest(segments: f32, turn: f32) -> f32 {
+    segments - 0.45 * (1.0 - 10.0 * turn).max(0.0)
 }
 
 /// The largest of some numbers, at least 0.

@@ -134,6 +134,8 @@ fn micropolygons_are_a_pixel_apart_at_quality_one() {
     assert_eq!(finer.rates(rectangle([1.0, 0.5], &[])), [[13, 7]]);
     let coarser = Rig::new(&[("float shadingquality", f(0.25))]);
     assert_eq!(coarser.rates(rectangle([2.0, 1.0], &[])), [[5, 3]]);
+    // Straight sides of 1.4 and 2.6 pixels: about a pixel apart.
+    assert_eq!(Rig::new(&[]).rates(rectangle([0.175, 0.325], &[])), [[2, 4]]);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::maps::{CHANNELS, first_channel, prepare, store};
 use super::{Run, SKY, count, option};
 use crate::directions::{Around, Directions, Drawn, TOGETHER};
-use granita_base::{Transform, Vec3, hash, sample};
+use granita_base::{Transform, Vec3, hash};
 use granita_shade::{EnvironmentQuery, Lanes3, LookupResult, Rect};
 use granita_texture::{EnvLookup, TextureCache, Up, Use};
 use std::sync::Arc;
@@ -99,7 +99,7 @@ impl Run<'_, '_> {
         let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| to_common.vector(axis));
         let of_all = o.samples.is_none_or(|s| s.stride == 0).then(|| count(o.samples, 0));
         let wanted = (query.channels + 1).min(CHANNELS);
-        let (mut around, mut drawn) = (Around::new(), [Drawn::default(); TOGETHER]);
+        let mut room = Around::new();
         let twins = self.twins.clone();
         let mut twins = twins.iter().peekable();
         for &lane in query.batch.active {
@@ -118,16 +118,10 @@ impl Run<'_, '_> {
                 } else {
                     // The cosine with a direction of the map is that of this and the direction.
                     let normal = Vec3::new(r.dot(x), r.dot(y), r.dot(z)).normalize_or_zero();
-                    let among = if self.gathers_in_front && normal != Vec3::ZERO {
-                        directions.before(normal, &mut around);
-                        &around
-                    } else {
-                        directions.whole()
-                    };
+                    let normal = Some(normal).filter(|n| self.gathers_in_front && *n != Vec3::ZERO);
                     let (seed, before) = ahead.sequences[i];
                     let before = before.wrapping_mul(all.next_power_of_two());
-                    let point = |k| sample::square(before.wrapping_add(first + k as u32), seed);
-                    directions.at(among, &std::array::from_fn(point), &mut drawn);
+                    let drawn = directions.draw(normal, before.wrapping_add(first), seed, &mut room);
                     let used = all.saturating_sub(first).max(1) as usize;
                     for (k, &Drawn { dir, chance, mut seen }) in drawn.iter().enumerate().take(used) {
                         other_channels(&self.frame.textures, query, i, dir, &mut seen);

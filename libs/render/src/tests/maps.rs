@@ -133,6 +133,51 @@ fn directions_drawn_by_a_map_bring_its_light() {
     assert_eq!(f.complaints(), Vec::<String>::new());
 }
 
+/// A light draws directions for what is gathered: in front of the surface, behind it, or all around.
+#[test]
+fn lights_draw_directions_where_they_are_gathered() {
+    let folder = tempfile::tempdir().unwrap();
+    let sky = "light sky (string file = \"\", float n = 16) {
+        float k;
+        for (k = 0; k < n; k += 1) {
+            vector toward = 0;
+            color arrives = (color) environment (file, vector (Ns), \"samples\", n, \"sample\", k, \"direction\", toward);
+            emit (-toward, 0) { Cl = arrives / M_PI; }
+        }
+    }";
+    let front = "surface front () { C = diffuse (normalize (N)); }";
+    let behind = "surface behind () {
+        C = 0;
+        lights (P, -N, M_PI_2) { C += Cl * max (0, dot (normalize (L), normalize (-N))); }
+    }";
+    let around = "surface around () { C = 0; lights (P) { C += Cl; } }";
+    let both = "surface both () { C = diffuse (normalize (N)); lights (P) { C += Cl; } }";
+    let half = texture(folder.path(), "half.env", (64, 32), Mode::EnvLatLong, |_, y| {
+        Color::splat(if y < 16 { 1.0 } else { 3.0 })
+    });
+    let mut f = Fixture::new(&[sky, front, behind, around, both]);
+    let file = param("string file", half.to_str().unwrap());
+    f.light("sky", &[file], Transform::IDENTITY);
+    // Irradiance over pi; light of the whole sphere over pi.
+    for (name, expected, off) in
+        [("front", 1.0, 0.06), ("behind", 3.0, 0.18), ("around", 8.0, 0.3), ("both", 9.0, 0.3)]
+    {
+        let attributes = f.attributes(name, &[], &[]);
+        let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, attributes);
+        let (scene, camera, mut environment) = f.finish();
+        environment.registry = formats();
+        let frame = ShadingContext::new(&scene, &camera, &environment);
+        let object = frame.object(&floor);
+        let mut grid = flat_grid(&[[0.3; 2], [0.4; 2], [-3.0, 2.0]]);
+        ShaderThread::new(&frame).shade(&object, &mut grid, &[]);
+        for lane in 0..3 {
+            let got = grid.c.get(lane);
+            assert!((got - expected).abs().max_element() < off, "{name}: {got} for {expected}");
+        }
+    }
+    assert_eq!(f.complaints(), Vec::<String>::new());
+}
+
 #[test]
 fn what_is_missing_is_filled_told_once_and_replaced_by_substitutes() {
     let folder = tempfile::tempdir().unwrap();

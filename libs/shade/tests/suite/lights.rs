@@ -142,7 +142,7 @@ fn shadows_know_where_the_light_is() {
         [
             (Vec3::new(0.0, 0.0, -2.0), false, None),
             (Vec3::new(0.0, 0.0, -1.0), true, None),
-            (Vec3::new(0.0, 0.0, -1.0), true, Some(0.25)),
+            (Vec3::new(0.0, 0.0, -1.0), true, Some(0.125)),
             (Vec3::ZERO, false, None),
             (Vec3::ZERO, false, None),
         ]
