@@ -13,6 +13,7 @@ use crate::arealight::{self, AreaLight};
 use crate::dynamic;
 use crate::lights::{LightMemory, LightState};
 use crate::object::{LinkedShaders, ObjectState, usage_word};
+use crate::rayset::RayScene;
 use crate::shading::{ShaderThread, ShadingContext};
 use granita_base::{
     BaseType, Location, MotionTransform, Param, ParamData, ParamType, Severity, Transform, Vec3, hash,
@@ -75,8 +76,8 @@ pub(crate) struct Run<'r, 'f> {
     said: Vec<Primvar>,
     /// Of a light: what it sends counts where it comes from in front of the points alone.
     gathers_in_front: bool,
-    /// Directions drawn by maps.
-    sky: sky::Ahead,
+    /// Directions drawn by maps, the one that was asked last at the end.
+    sky: Vec<sky::Ahead>,
 }
 
 impl<'r, 'f> Run<'r, 'f> {
@@ -118,7 +119,7 @@ impl<'r, 'f> Run<'r, 'f> {
             lane_calls: vec![0; grid.names.len()],
             said: Vec::new(),
             gathers_in_front: false,
-            sky: sky::Ahead::default(),
+            sky: Vec::new(),
         }
     }
 
@@ -155,7 +156,7 @@ impl<'r, 'f> Run<'r, 'f> {
             calls: 0,
             said: Vec::new(),
             gathers_in_front,
-            sky: sky::Ahead::default(),
+            sky: Vec::new(),
         }
     }
 
@@ -413,12 +414,12 @@ impl Services for Run<'_, '_> {
         let is_set = self.frame.rays.is_set(name);
         match func {
             Func::Environment => is_set,
-            // Only what lets light through is shaded.
-            _ => {
-                !is_set
-                    || !self.may_trace()
-                    || !self.frame.rays.scene(name, self.frame).is_some_and(|s| s.opaque_to_shadows)
+            // Only what is shaded or tessellated for the ray depends on how wide it is.
+            _ if is_set && self.may_trace() => {
+                let plain = |scene: &RayScene| scene.opaque_to_shadows && scene.is_settled();
+                !self.frame.rays.scene(name, self.frame).is_some_and(plain)
             }
+            _ => true,
         }
     }
 

@@ -11,10 +11,12 @@ use std::sync::Arc;
 /// Most samples.
 const MOST: f32 = 65536.0;
 
-/// Directions that are drawn and not asked for yet.
-#[derive(Default)]
+/// Maps of which directions are kept; more in one loop are drawn again for each sample.
+const MOST_MAPS: usize = 4;
+
+/// Directions of a map that are drawn and not asked for yet.
 pub(super) struct Ahead {
-    map: Option<Map>,
+    map: Map,
     /// Of each lane, what its directions were drawn for.
     keys: Vec<Option<Key>>,
     /// Sample by sample, of all lanes.
@@ -49,6 +51,9 @@ struct Key {
     all: u32,
     /// Bits of what they are in front of.
     axis: [u32; 3],
+    first_channel: u32,
+    /// Bits of what channels are that the map does not have.
+    fill: u32,
 }
 
 /// What arrives from a direction.
@@ -72,27 +77,22 @@ impl Run<'_, '_> {
         out: &mut LookupResult,
     ) -> bool {
         let o = &query.options;
-        let mut ahead = std::mem::take(&mut self.sky);
-        if ahead.map.as_ref().is_none_or(|map| !map.is_for(query, space)) {
-            let map = |directions| Map {
-                name: query.name.to_owned(),
-                up: o.up.unwrap_or("").to_owned(),
-                space,
-                channels: query.channels,
-                directions,
-            };
-            ahead.map = self.frame.directions(query.name, o.up).map(map);
-            ahead.keys.clear();
-        }
-        let Some(Map { directions, .. }) = &ahead.map else { return false };
         let lanes = query.batch.lanes;
-        if ahead.sequences.len() != lanes {
-            ahead.sequences = self.sequences(lanes);
-        }
-        if ahead.keys.len() != lanes {
-            ahead.keys = vec![None; lanes];
-            ahead.sent.resize(lanes * TOGETHER, Sent::default());
-        }
+        let known = self.sky.iter().position(|ahead| ahead.map.is_for(query, space));
+        let mut ahead = match known {
+            Some(k) => self.sky.swap_remove(k),
+            None => {
+                let Some(directions) = self.frame.directions(query.name, o.up) else { return false };
+                let (name, up) = (query.name.to_owned(), o.up.unwrap_or("").to_owned());
+                Ahead {
+                    map: Map { name, up, space, channels: query.channels, directions },
+                    keys: vec![None; lanes],
+                    sent: vec![Sent::default(); lanes * TOGETHER],
+                    sequences: self.sequences(lanes),
+                }
+            }
+        };
+        let directions = &ahead.map.directions;
         prepare(query.batch, query.channels, out);
         out.direction = Lanes3::zeros(lanes);
         let to_common = space.unwrap_or(Transform::IDENTITY);
@@ -108,7 +108,9 @@ impl Run<'_, '_> {
             let first = number - number % TOGETHER as u32;
             let r = query.r.get(i);
             let all = of_all.unwrap_or_else(|| count(o.samples, i));
-            let key = Key { first, all, axis: r.to_array().map(f32::to_bits) };
+            let (first_channel, fill) = (first_channel(o.firstchannel, i), option(o.fill, i, 0.0));
+            let axis = r.to_array().map(f32::to_bits);
+            let key = Key { first, all, axis, first_channel, fill: fill.to_bits() };
             if ahead.keys[i] != Some(key) {
                 ahead.keys[i] = Some(key);
                 while twins.next_if(|twin| twin.0 < lane).is_some() {}
@@ -122,9 +124,12 @@ impl Run<'_, '_> {
                     let (seed, before) = ahead.sequences[i];
                     let before = before.wrapping_mul(all.next_power_of_two());
                     let drawn = directions.draw(normal, before.wrapping_add(first), seed, &mut room);
-                    let used = all.saturating_sub(first).max(1) as usize;
-                    for (k, &Drawn { dir, chance, mut seen }) in drawn.iter().enumerate().take(used) {
-                        other_channels(&self.frame.textures, query, i, dir, &mut seen);
+                    for (k, &Drawn { dir, chance, mut seen }) in drawn.iter().enumerate() {
+                        // The cells know the first channels alone.
+                        if first_channel != 0 || fill != 0.0 {
+                            let how = EnvLookup { r: dir, first_channel, fill, ..EnvLookup::default() };
+                            look_up(&self.frame.textures, query, &how, &mut seen[..wanted]);
+                        }
                         let share = 1.0 / (chance * all as f32);
                         seen[..query.channels].iter_mut().for_each(|v| *v *= share);
                         let dir = (x * dir.x + y * dir.y + z * dir.z).normalize_or_zero();
@@ -136,7 +141,10 @@ impl Run<'_, '_> {
             store(out, i, &values[..wanted]);
             out.direction.set(i, dir);
         }
-        self.sky = ahead;
+        if self.sky.len() == MOST_MAPS {
+            self.sky.remove(0);
+        }
+        self.sky.push(ahead);
         true
     }
 
@@ -170,23 +178,10 @@ fn spread(x: u32) -> u32 {
     (0..16).fold(0, |out, bit| out | (x >> bit & 1) << (2 * bit))
 }
 
-/// What the cells of a map do not know: other channels than the first.
-fn other_channels(
-    textures: &TextureCache,
-    query: &EnvironmentQuery<'_>,
-    lane: usize,
-    r: Vec3,
-    values: &mut [f32; CHANNELS],
-) {
-    let o = &query.options;
-    let (first_channel, fill) = (first_channel(o.firstchannel, lane), option(o.fill, lane, 0.0));
-    if first_channel == 0 && fill == 0.0 {
-        return;
-    }
+/// What the map itself has in a direction.
+fn look_up(textures: &TextureCache, query: &EnvironmentQuery<'_>, how: &EnvLookup, values: &mut [f32]) {
     let Some(id) = textures.find_for(query.name, Use::Environment) else { return };
     let angle = Some(0.5 * Directions::cell());
-    let up = o.up.and_then(Up::from_word);
-    let lookup = EnvLookup { r, angle, up, first_channel, fill, ..EnvLookup::default() };
-    let wanted = (query.channels + 1).min(CHANNELS);
-    textures.reader().environment(id, &lookup, &mut values[..wanted]);
+    let up = query.options.up.and_then(Up::from_word);
+    textures.reader().environment(id, &EnvLookup { angle, up, ..*how }, values);
 }

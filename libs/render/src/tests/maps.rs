@@ -178,6 +178,33 @@ fn lights_draw_directions_where_they_are_gathered() {
     assert_eq!(f.complaints(), Vec::<String>::new());
 }
 
+/// What was drawn ahead for one question is not the answer of another.
+#[test]
+fn directions_are_kept_for_their_question() {
+    let folder = tempfile::tempdir().unwrap();
+    let a = texture(folder.path(), "a.env", (64, 32), Mode::EnvLatLong, |_, _| Color::new(2.0, 1.0, 0.5));
+    let b = texture(folder.path(), "b.env", (64, 32), Mode::EnvLatLong, |_, _| Color::splat(4.0));
+    let several = format!(
+        "surface several (string file = \"\") {{
+            C = 0;
+            float k;
+            for (k = 0; k < 32; k += 1) {{
+                C[0] += (float) environment (file, N, \"samples\", 32, \"sample\", k) / 32;
+                C[1] += (float) environment (file, N, \"samples\", 32, \"sample\", k, \"firstchannel\", 1) / 32;
+                C[2] += (float) environment (\"{}\", N, \"samples\", 32, \"sample\", k) / 32;
+            }}
+            C *= 32 / (4 * M_PI);
+            // Beyond the last there are more of the same kind.
+            if (C[0] > 1) C[1] += 0 * (float) environment (file, N, \"samples\", 3, \"sample\", 9);
+        }}",
+        b.display()
+    );
+    let mut f = Fixture::new(&[&several]);
+    let got = color_at(&mut f, "several", &a, Transform::IDENTITY, [0.3; 2]);
+    assert!((got - Color::new(2.0, 1.0, 4.0)).abs().max_element() < 0.05, "{got}");
+    assert_eq!(f.complaints(), Vec::<String>::new());
+}
+
 #[test]
 fn what_is_missing_is_filled_told_once_and_replaced_by_substitutes() {
     let folder = tempfile::tempdir().unwrap();

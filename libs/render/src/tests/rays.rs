@@ -415,3 +415,32 @@ fn trace_loops_ask_what_was_hit() {
     near(grid.opacity.get(3), Color::new(1.0, 7.0, 7.0));
     assert_eq!(f.complaints(), Vec::<String>::new());
 }
+
+/// Shadow rays are as wide as their points are apart, whether a shader names a number of samples or not.
+#[test]
+fn shadows_of_curved_things_are_as_coarse_as_their_rays() {
+    let built = |options: &str| {
+        let light = format!(
+            "light lamp () {{ emit (vector (0, 0, -1), 0) {{ Cl = 1 - (color) shadow (\"set\", Ps{options}); }} }}"
+        );
+        let mut f = Fixture::new(&[MATTE, CONSTANT, &light]);
+        f.light("lamp", &[], Transform::IDENTITY);
+        let ball = f.attributes("constant", &["set"], &[]);
+        f.sphere(Vec3::Z * 400.0, 300.0, ball);
+        let floor = f.attributes("matte", &[], &[]);
+        let floor = f.rectangle([-900.0; 2], [900.0; 2], 0.0, floor);
+        let (scene, camera, environment) = f.finish();
+        let frame = ShadingContext::new(&scene, &camera, &environment);
+        let object = frame.object(&floor);
+        let points: Vec<[f32; 2]> =
+            (0..16).map(|i| [(i % 4) as f32 * 90.0 - 130.0, (i / 4) as f32 * 90.0 - 130.0]).collect();
+        let mut grid = flat_grid(&points);
+        grid.topology = granita_shade::Topology::Rect { nu: 4, nv: 4 };
+        ShaderThread::new(&frame).shade(&object, &mut grid, &[]);
+        assert_eq!(f.complaints(), Vec::<String>::new());
+        (frame.rays.size().0, grid.c.get(5))
+    };
+    let (plain, dark) = built("");
+    assert_eq!((plain, dark), built(", \"samples\", 1"));
+    assert!(plain > 0 && dark == Color::ZERO, "{plain} {dark}");
+}
