@@ -90,6 +90,11 @@ impl SetHit {
         }
     }
 
+    /// Of what is settled; also of a miss.
+    fn of(hit: &Hit) -> Self {
+        if hit.is_hit() { Self::flat(hit) } else { Self::MISS }
+    }
+
     /// What sorts hits at one distance, whatever found them.
     pub(crate) fn order(&self) -> (u32, u32) {
         (self.part, self.triangle)
@@ -362,9 +367,7 @@ impl RayScene {
     /// The closest hit of each ray.
     pub(crate) fn closest(&self, thread: &mut ShaderThread<'_>, requests: &[RayRequest]) -> Vec<SetHit> {
         let rays: Vec<Ray> = requests.iter().map(|r| r.ray).collect();
-        let flat = self.closest_of_settled(&rays);
-        let mut hits: Vec<SetHit> =
-            flat.iter().map(|h| if h.is_hit() { SetHit::flat(h) } else { SetHit::MISS }).collect();
+        let mut hits: Vec<SetHit> = self.closest_of_settled(&rays).iter().map(SetHit::of).collect();
         self.closest_of_parts(thread, &rays, &|k| requests[k].widths(), &mut hits);
         hits
     }
@@ -414,8 +417,7 @@ impl RayScene {
         if self.parts.is_empty() {
             return flat.iter().map(|hit| hit.t).collect();
         }
-        let mut hits: Vec<SetHit> =
-            flat.iter().map(|h| if h.is_hit() { SetHit::flat(h) } else { SetHit::MISS }).collect();
+        let mut hits: Vec<SetHit> = flat.iter().map(SetHit::of).collect();
         self.closest_of_parts(thread, rays, widths, &mut hits);
         hits.iter().map(|hit| hit.t).collect()
     }
@@ -452,7 +454,7 @@ impl RayScene {
         accept: &mut dyn FnMut(&SetHit) -> bool,
     ) -> SetHit {
         let hit = self.tracer.closest_where(&request.ray, &mut |h| accept(&SetHit::flat(h)));
-        let mut best = if hit.is_hit() { SetHit::flat(&hit) } else { SetHit::MISS };
+        let mut best = SetHit::of(&hit);
         if self.parts.is_empty() {
             return best;
         }

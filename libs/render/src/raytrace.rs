@@ -320,7 +320,7 @@ impl ShaderThread<'_> {
     /// How much light passes along each ray: 1 where nothing is in the way.
     ///
     /// Objects known to be opaque to shadows block without being shaded; of the others the opacity is found
-    /// by their shaders, when nothing opaque is in the way anyhow. Where all are opaque, [`ShaderThread::blocked`] is quicker.
+    /// by their shaders, when nothing opaque is in the way anyhow. Where all are opaque, [`RayScene::any`] is quicker.
     pub(crate) fn transmission(
         &mut self,
         scene: &RayScene,
@@ -368,26 +368,6 @@ impl ShaderThread<'_> {
             out[w.ray as usize] *= Color::ONE - opacity.clamp(Color::ZERO, Color::ONE);
         }
         out
-    }
-
-    /// Which rays meet anything; `widths` as [`RayRequest::widths`], by number.
-    pub(crate) fn blocked(
-        &mut self,
-        scene: &RayScene,
-        rays: &[Ray],
-        widths: &dyn Fn(usize) -> [f32; 2],
-    ) -> Vec<bool> {
-        scene.any(self, rays, widths)
-    }
-
-    /// How far each ray goes; infinite where it meets nothing.
-    pub(crate) fn distances(
-        &mut self,
-        scene: &RayScene,
-        rays: &[Ray],
-        widths: &dyn Fn(usize) -> [f32; 2],
-    ) -> Vec<f32> {
-        scene.distances(self, rays, widths)
     }
 
     /// The next hit behind distance `t`.
@@ -659,7 +639,7 @@ mod tests {
                 request(Vec3::new(5.0, 0.0, 5.0), -Vec3::Z, 0.5),
             ];
             let rays = rays.map(|r| r.ray);
-            let hit = ShaderThread::new(&frame).blocked(set, &rays, &|_| [0.0; 2]);
+            let hit = set.any(&mut ShaderThread::new(&frame), &rays, &|_| [0.0; 2]);
             assert_eq!(hit, if motion == 1 { [true, false, true] } else { [true, true, false] });
         }
     }
@@ -679,7 +659,8 @@ mod tests {
             .map(|i| request(Vec3::ZERO, in_cone(Vec3::Z, 3.2, Distribution::Uniform, i, 3), 0.0))
             .collect();
         let rays: Vec<Ray> = rays.iter().map(|r| r.ray).collect();
-        assert!(ShaderThread::new(&frame).blocked(set, &rays, &|_| [0.0; 2]).iter().all(|b| *b));
+        let blocked = set.any(&mut ShaderThread::new(&frame), &rays, &|_| [0.0; 2]);
+        assert!(blocked.iter().all(|b| *b));
         let (triangles, bytes) = frame.rays.size();
         assert!(triangles > 10_000, "{triangles}");
         assert!(bytes < 120 * triangles, "{} bytes each", bytes as f64 / triangles as f64);

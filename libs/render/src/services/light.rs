@@ -534,11 +534,11 @@ impl Gatherer<'_, '_, '_, '_> {
                 let widths = |k: usize| widths.get(k).copied().unwrap_or_default();
                 // Whatever is in the way, how far it is matters to derivatives and falloff alone.
                 if question.full && !asks.iter().any(falls) {
-                    let hits = self.run.thread.blocked(scene, &rays, &widths);
+                    let hits = scene.any(self.run.thread, &rays, &widths);
                     let of = |hit| if hit { (Color::ONE, 0.0) } else { (Color::ZERO, f32::INFINITY) };
                     hits.into_iter().map(of).collect()
                 } else {
-                    let distances = self.run.thread.distances(scene, &rays, &widths);
+                    let distances = scene.distances(self.run.thread, &rays, &widths);
                     let of = |t: f32| (Color::splat(f32::from(u8::from(t.is_finite()))), t);
                     distances.into_iter().map(of).collect()
                 }

@@ -305,7 +305,7 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
         let widths: Vec<[f32; 2]> = if scene.is_settled() { Vec::new() } else { of_rays().collect() };
         let widths = |k: usize| widths.get(k).copied().unwrap_or_default();
         run.frame.rays.counts.shadow_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
-        let blocked = run.thread.blocked(scene, &rays, &widths);
+        let blocked = scene.any(run.thread, &rays, &widths);
         let mut rest = &blocked[..];
         for Spread { lane, samples, .. } in spread_over {
             let (own, others) = rest.split_at(samples as usize);
@@ -362,7 +362,7 @@ fn plain_shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, scene: &RayScene
         return;
     }
     run.frame.rays.counts.shadow_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
-    let blocked = run.thread.blocked(scene, &rays, &|_| [0.0; 2]);
+    let blocked = scene.any(run.thread, &rays, &|_| [0.0; 2]);
     for (lane, _) in lanes.iter().zip(blocked).filter(|(_, blocked)| *blocked) {
         out.set(*lane as usize, Vec3::ONE);
     }

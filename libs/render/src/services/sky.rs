@@ -99,7 +99,7 @@ impl Run<'_, '_> {
         let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| to_common.vector(axis));
         let of_all = o.samples.is_none_or(|s| s.stride == 0).then(|| count(o.samples, 0));
         let wanted = (query.channels + 1).min(CHANNELS);
-        let mut room = Around::new();
+        let mut room = None;
         let twins = self.twins.clone();
         let mut twins = twins.iter().peekable();
         for &lane in query.batch.active {
@@ -123,7 +123,12 @@ impl Run<'_, '_> {
                     let normal = Some(normal).filter(|n| self.gathers_in_front && *n != Vec3::ZERO);
                     let (seed, before) = ahead.sequences[i];
                     let before = before.wrapping_mul(all.next_power_of_two());
-                    let drawn = directions.draw(normal, before.wrapping_add(first), seed, &mut room);
+                    let drawn = directions.draw(
+                        normal,
+                        before.wrapping_add(first),
+                        seed,
+                        room.get_or_insert_with(Around::new),
+                    );
                     for (k, &Drawn { dir, chance, mut seen }) in drawn.iter().enumerate() {
                         // The cells know the first channels alone.
                         if first_channel != 0 || fill != 0.0 {
