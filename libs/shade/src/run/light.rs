@@ -59,8 +59,9 @@ impl Machine<'_> {
             None => self.captured_global(Global::N),
         };
         let angle = cone.map(|(_, angle)| self.captured(angle));
-        // Of an angle that varies nothing is said: it may vary in some grids that are shaded together and not in others.
-        let in_front = angle.as_ref().is_some_and(|a| !a.varying && a.lane(0).get(0) <= RIGHT_ANGLE);
+        // Only of constants: whether a variable varies may depend on the other grids that are shaded together with this one.
+        let is_constant = cone.is_some_and(|(_, angle)| matches!(self.place(angle).at, At::Const(_)));
+        let in_front = is_constant && angle.as_ref().is_some_and(|a| a.lane(0).get(0) <= RIGHT_ANGLE);
         let results = self.illuminated(category.as_deref(), &ps, &axis, in_front);
         let outer = LIGHT_GLOBALS.map(|g| self.saved(g as usize));
         let outer_light = self.light.take();

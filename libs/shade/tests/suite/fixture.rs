@@ -16,6 +16,8 @@ pub(crate) struct Double {
     /// The grid that is being shaded, for lights.
     pub(crate) grid: Option<Grid>,
     pub(crate) shadow_queries: Vec<(Vec3, bool, Option<f32>)>,
+    /// Of each question to a light, whether only what comes from in front counts.
+    pub(crate) in_front: Vec<bool>,
     pub(crate) asked: usize,
     /// Records of spatial databases: name, key, data.
     pub(crate) records: Vec<(String, Vec<f32>, Vec<f32>)>,
@@ -131,6 +133,7 @@ impl Services for Double {
     }
 
     fn illuminate(&mut self, index: usize, query: &IlluminateQuery<'_>) -> Arc<LightResult> {
+        self.in_front.push(query.in_front);
         let grid = self.grid.clone().expect("a grid for lights");
         let mut executor = std::mem::take(&mut self.executor);
         let lights = std::mem::take(&mut self.lights);

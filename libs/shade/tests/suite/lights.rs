@@ -126,6 +126,25 @@ fn layered_lights() {
 }
 
 #[test]
+fn lights_know_when_only_what_is_in_front_counts() {
+    // A variable angle may vary on grids that are shaded together and be the same for all points of one of them.
+    for (body, expected) in [
+        ("color c = diffuse (N); r = c[0];", true),
+        ("lights (P, N, M_PI_2) { r = Cl[0]; }", true),
+        ("lights (P, N, M_PI) { r = Cl[0]; }", false),
+        ("lights (P) { r = Cl[0]; }", false),
+        (
+            "float a = M_PI_2; if (u > 99) { float k; for (k = 0; k < u; k += 1) a += 1; } lights (P, N, a) { r = Cl[0]; }",
+            false,
+        ),
+    ] {
+        let mut services = Double::with_lights(&["light s () { emit (point (0, 0, -2)) { Cl = 1; } }"]);
+        floats_with(body, &mut services);
+        assert_eq!(services.in_front, [expected], "{body}");
+    }
+}
+
+#[test]
 fn shadows_know_where_the_light_is() {
     let shadowed = |emit: &str| format!("light s () {{ {emit} {{ Cl = 1 - shadow (\"set\", Ps); }} }}");
     let mut services = Double::with_lights(&[
