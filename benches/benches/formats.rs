@@ -38,7 +38,7 @@ fn spec(pixel_type: PixelType, tile: u32, compression: Option<&str>) -> ImageSpe
 
 fn write(path: &Path, format: &str, spec: &ImageSpec, pixels: &Pixels) {
     let formats = bundled_formats(Limits::default());
-    let mut out = formats.create(path, format, &CreateOptions { spec, levels: 1 }).unwrap();
+    let mut out = formats.create(path, format, &CreateOptions::new(spec, 1)).unwrap();
     out.write_rows(pixels).unwrap();
     out.close().unwrap();
 }

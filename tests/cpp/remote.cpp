@@ -102,6 +102,24 @@ int main ()
     CHECK (! r->GetAttribute ("fov", fov));
     delete r;
     CHECK (kept.count == 1 && kept.last == ERR_ERROR && kept.has ("process has ended"));
+
+    // One that is stopped: as if it had died, after the longest silence that is waited for.
+    setenv ("GELATO_REMOTE_TIMEOUT", "2", 1);
+    r = GelatoAPI::CreateRenderer ("remote", a);
+    CHECK (r->GetAttribute ("fov", fov) && children (&child) == 1);
+    kept.all.clear ();
+    kept.count = 0;
+    kill (child, SIGSTOP);
+    // More than a socket takes.
+    for (int i = 0; i < 200000; ++i)
+        r->Translate (0, 0, 1);
+    CHECK (! r->GetAttribute ("fov", fov));
+    r->World ();
+    r->Render ();
+    r->Command ("wait");
+    delete r;
+    CHECK (kept.count == 1 && kept.last == ERR_ERROR && kept.has ("silent for 2 s"));
+    CHECK (children (&child) == 0);
     delete a;
     return 0;
 }

@@ -42,8 +42,16 @@ pub const TARGETS: [(&str, Target); 25] = [
 ];
 
 /// Limits that keep a hostile file from asking for much.
-const LIMITS: Limits =
-    Limits { dimension: 1 << 12, pixels: 1 << 20, bytes: 16 << 20, channels: 64, images: 64 };
+fn limits() -> Limits {
+    Limits {
+        dimension: 1 << 12,
+        pixels: 1 << 20,
+        bytes: 16 << 20,
+        channels: 64,
+        images: 64,
+        ..Limits::default()
+    }
+}
 
 struct Nowhere;
 
@@ -82,7 +90,7 @@ pub fn rib(bytes: &[u8]) {
     }
     let registry = granita_plugin::bundled_generators();
     let Some(generator) = registry.by_name("rib") else { return };
-    let source = granita_scene::GeneratorSource::Bytes { name: "fuzz".into(), bytes: bytes.into() };
+    let source = granita_scene::GeneratorSource::bytes("fuzz", bytes);
     let _ = generator.run(&source, &mut Part, &Reporter::silent());
     let _ = generator.run(&source, &mut Nowhere, &Reporter::silent());
 }
@@ -197,7 +205,7 @@ pub fn gltf(bytes: &[u8]) {
 fn generated(name: &str, bytes: &[u8]) {
     let generators = granita_plugin::bundled_generators();
     let generator = generators.by_name(name).expect("a bundled generator");
-    let source = GeneratorSource::Bytes { name: "fuzz".into(), bytes: bytes.into() };
+    let source = GeneratorSource::bytes("fuzz", bytes);
     let bound = generator.bound(&source);
     assert!(bound.is_none_or(|b| b.iter().all(|x| x.is_finite())), "a bound that is not finite");
     let _ = generator.run(&source, &mut Shapes, &Reporter::silent());
@@ -248,7 +256,7 @@ fn picture(bytes: &[u8], extension: &str) {
     if std::fs::write(file.path(), bytes).is_err() {
         return;
     }
-    let Ok(input) = granita_plugin::bundled_formats(LIMITS).open(file.path()) else { return };
+    let Ok(input) = granita_plugin::bundled_formats(limits()).open(file.path()) else { return };
     for image in 0..input.images().min(4) {
         for level in 0..input.levels(image).min(16) {
             let Some(spec) = input.spec(image, level) else { continue };

@@ -49,9 +49,8 @@ impl Picture {
         let values: Vec<f32> = self.values.chunks(self.channels).flat_map(|p| &p[..kept]).copied().collect();
         let spec = ImageSpec::new(self.width as u32, self.height as u32, kept, PixelType::U8);
         let registry = granita_plugin::bundled_formats(Limits::default());
-        let mut output = registry
-            .create(path, "png", &CreateOptions { spec: &spec, levels: 1 })
-            .map_err(|e| e.to_string())?;
+        let mut output =
+            registry.create(path, "png", &CreateOptions::new(&spec, 1)).map_err(|e| e.to_string())?;
         output.write_rows(&Pixels::from_floats(PixelType::U8, &values)).map_err(|e| e.to_string())?;
         output.close().map_err(|e| e.to_string())
     }

@@ -81,3 +81,68 @@ fn what_shaders_save_is_whole() {
     };
     assert!(bake(&[]) == bake(&["-net", "local local"]), "another database");
 }
+
+/// Workers that hold a frame up: each is the text of a shell script, and what is said of it.
+const STUCK: [(&str, &str); 6] = [
+    // Never greets.
+    ("exec sleep 1000", "it has been silent for 2 s"),
+    // Is stopped before it greets.
+    ("kill -STOP $$", "it has been silent for 2 s"),
+    // Is stopped in the middle of an answer.
+    (
+        "$GELATO \"$@\" | { dd bs=1 count=30000 2>/dev/null; kill -STOP $$; sleep 1000; }",
+        "it has been silent for 2 s",
+    ),
+    // Has another version.
+    (
+        "echo granita-worker 0.0.1 2; exec sleep 1000",
+        "it is \"granita-worker 0.0.1 2\", and this is \"granita-worker",
+    ),
+    // Announces a billion bytes, and has none.
+    (
+        "$GELATO \"$@\" | head -c 25; printf '\\000\\000\\000\\000\\000\\000\\000\\000\\001\\000\\000\\000\\377\\377\\377\\017'; exec sleep 1000",
+        "it has been silent for 2 s",
+    ),
+    // Announces more images than there are.
+    (
+        "$GELATO \"$@\" | head -c 25; printf '\\000\\000\\000\\000\\000\\000\\000\\000\\376\\377\\377\\377'; exec sleep 1000",
+        "its answer has 4294967294 images, and there are less than 65536",
+    ),
+];
+
+#[test]
+fn workers_that_are_stuck_do_not_hold_a_frame_up() {
+    let tools = Tools::build().unwrap();
+    let whole = tempfile::tempdir().unwrap();
+    copy_first(whole.path()).unwrap();
+    std::fs::write(whole.path().join("command.pyg"), "").unwrap();
+    let (alone, _) = render(&tools, whole.path(), &[]);
+    std::thread::scope(|scope| {
+        for (script, told) in STUCK {
+            let (tools, alone) = (&tools, &alone);
+            scope.spawn(move || {
+                let folder = tempfile::tempdir().unwrap();
+                let place = folder.path();
+                copy_first(place).unwrap();
+                let fake = place.join("fake");
+                let gelato = tools.program("gelato");
+                std::fs::write(&fake, format!("#!/bin/sh\nGELATO='{}'\n{script}\n", gelato.display()))
+                    .unwrap();
+                std::fs::set_permissions(&fake, std::fs::Permissions::from_mode(0o755)).unwrap();
+                let command = format!(
+                    "Attribute (\"string net:workercmd\", \"{}\")\nAttribute (\"float net:timeout\", 2)\n",
+                    fake.display()
+                );
+                std::fs::write(place.join("command.pyg"), command).unwrap();
+                let begin = std::time::Instant::now();
+                let (picture, said) = render(tools, place, &["local"]);
+                assert!(begin.elapsed().as_secs() < 30, "{script}: {:?}", begin.elapsed());
+                assert!(picture == *alone, "{script}: other pixels");
+                assert!(
+                    said.contains("-net: the worker on local is gone: ") && said.contains(told),
+                    "{script}: {said}"
+                );
+            });
+        }
+    });
+}

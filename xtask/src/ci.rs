@@ -24,6 +24,7 @@ pub(crate) fn run() -> Result<(), String> {
     step(root, "lints", &["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"])?;
     step(root, "docs", &["doc", "--workspace", "--no-deps", "--quiet"])?;
     crate::tidy()?;
+    attack()?;
     licences(root)
 }
 
@@ -38,6 +39,19 @@ fn step(root: &Path, name: &str, arguments: &[&str]) -> Result<(), String> {
         .map_err(|e| format!("cargo: {e}"))?;
     println!("ci: {name}: {:.0} s", start.elapsed().as_secs_f64());
     if status.success() { Ok(()) } else { Err(format!("{name} failed")) }
+}
+
+/// The fixed part of `cargo xtask attack`, where it runs.
+fn attack() -> Result<(), String> {
+    #[cfg(target_os = "linux")]
+    {
+        let start = Instant::now();
+        crate::attack::fixed()?;
+        println!("ci: attack: {:.0} s", start.elapsed().as_secs_f64());
+    }
+    #[cfg(not(target_os = "linux"))]
+    println!("ci: attack: skipped, it needs /proc and sh of Linux");
+    Ok(())
 }
 
 /// `cargo deny` where it is installed.

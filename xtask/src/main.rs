@@ -4,6 +4,7 @@
 //! - `ci` does what a change must pass: the README's test command, format, lints, docs, `tidy`;
 //! - `bless [NAME]` accepts what the suite's cases make now as their references;
 //! - `trade SCENE` measures what each knob of a scene's indirect light and occlusion costs and buys;
+//! - `attack` looks for what runs for ever, hangs, fills the machine or vanishes (Linux);
 //! - `install --prefix P` builds everything and lays it out as `$GELATOHOME`; `examples-cpp` compiles `examples/cpp`;
 //! - `crossing` measures what calls from C++ cost;
 //! - `races` runs a C++ program of several threads under ThreadSanitizer;
@@ -12,6 +13,8 @@
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a tool for a terminal")]
 
+#[cfg(target_os = "linux")]
+mod attack;
 mod ci;
 mod cpp;
 mod laws;
@@ -51,6 +54,9 @@ enum Chore {
         #[arg(long)]
         debug: bool,
     },
+    /// Look for what runs for ever, hangs, fills the machine or vanishes: bombs, peers that lie, kills, changed files.
+    #[cfg(target_os = "linux")]
+    Attack(attack::Options),
     /// Measure what calls from C++ cost.
     Crossing {
         /// Of what the dev profile makes.
@@ -81,6 +87,8 @@ fn main() -> ExitCode {
         Chore::Report => suite::report(),
         Chore::Install { prefix, debug } => cpp::install(&prefix, debug),
         Chore::ExamplesCpp { debug } => cpp::examples(debug),
+        #[cfg(target_os = "linux")]
+        Chore::Attack(options) => attack::run(&options),
         Chore::Crossing { debug } => cpp::crossing(debug),
         Chore::Races => cpp::races(),
         Chore::Trade { words } => suite::trade(&words),

@@ -442,7 +442,7 @@ impl SceneSink for Meshes {
 }
 
 fn read(file: &Path) -> Result<TriangleMesh, String> {
-    let source = GeneratorSource::File(file.to_owned());
+    let source = GeneratorSource::file(file.to_owned());
     let mut meshes = Meshes::default();
     let silent = Reporter::silent();
     let generators = granita_plugin::bundled_generators();

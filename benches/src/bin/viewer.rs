@@ -82,7 +82,7 @@ fn value(x: u32, y: u32, c: u32) -> f32 {
 
 fn write_photo(path: &Path, formats: &FormatRegistry) -> granita_image::Result<()> {
     let spec = ImageSpec::new(4096, 2160, 4, PixelType::Half);
-    let mut file = formats.create(path, "exr", &CreateOptions { spec: &spec, levels: 1 })?;
+    let mut file = formats.create(path, "exr", &CreateOptions::new(&spec, 1))?;
     for y0 in (0..spec.height).step_by(16) {
         let values: Vec<f32> = (y0..y0 + 16)
             .flat_map(|y| {
@@ -99,8 +99,7 @@ fn write_photo(path: &Path, formats: &FormatRegistry) -> granita_image::Result<(
 fn write_texture(path: &Path, formats: &FormatRegistry) -> granita_image::Result<()> {
     let level = |l: u32| ImageSpec::new(SIDE >> l, SIDE >> l, 3, PixelType::U8).tiled(64, 64);
     let levels = SIDE.ilog2() + 1;
-    let mut file =
-        formats.create(path, "tiff", &CreateOptions { spec: &level(0), levels: levels as usize })?;
+    let mut file = formats.create(path, "tiff", &CreateOptions::new(&level(0), levels as usize))?;
     for l in 0..levels {
         let spec = level(l);
         if l > 0 {
@@ -177,7 +176,7 @@ fn small_files(folder: &Path, formats: &FormatRegistry) -> granita_image::Result
     (0..5000_u32)
         .map(|i| {
             let name = format!("small{i:04}.png");
-            let options = CreateOptions { spec: &spec, levels: 1 };
+            let options = CreateOptions::new(&spec, 1);
             let mut file = formats.create(&folder.join(&name), "png", &options)?;
             let bytes = (0..16 * 16 * 3).map(|k| hash::words(&[i, k]) as u8);
             file.write_rows(&Pixels::U8(bytes.collect()))?;

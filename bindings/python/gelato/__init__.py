@@ -21,7 +21,8 @@ Messages of the renderer go to standard error; what shaders print goes to ``sys.
 
 ``CreateRenderer (*options)`` starts one more renderer, with command line options as ``"-threads", "4"``; its methods
 are the same calls. ``finish ()`` ends a renderer and returns its exit status: 0 all went well, 1 with errors, 2 nothing
-could be rendered. It happens by itself when the program ends.
+could be rendered. It happens by itself when the program ends, and at the end of a ``with`` block. A renderer that is no
+longer referred to is ended, and so is one whose answer was interrupted (by Ctrl-C, for example): what it renders then is dropped.
 """
 
 import atexit
@@ -69,6 +70,30 @@ def _program():
     return found
 
 
+def _drop(child, owner):
+    """Ends a renderer whose work nobody waits for, unless it belongs to the process that this one was forked from."""
+    if os.getpid() != owner:
+        return
+    if child.poll() is None:
+        child.terminate()
+    _leave(child)
+
+
+def _leave(child):
+    """Closes the connection to a renderer, waits for its end, and returns its exit status."""
+    for pipe in (child.stdin, child.stdout):
+        try:
+            pipe.close()
+        except (OSError, ValueError):
+            pass
+    try:
+        child.wait(5)
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.wait()
+    return child.returncode
+
+
 class GelatoAPI:
     """One renderer: a process that takes calls."""
 
@@ -77,6 +102,8 @@ class GelatoAPI:
         self._child = None
         self._status = None
         self._file = None
+        # Whether an answer is expected: the renderer is busy.
+        self._busy = False
 
     def _start(self):
         if self._status is not None:
@@ -88,16 +115,16 @@ class GelatoAPI:
             )
         except OSError as error:
             raise GelatoError("cannot run %s: %s" % (command[0], error)) from None
+        self._owner = os.getpid()
         _running.add(self)
+        self._drop = weakref.finalize(self, _drop, self._child, os.getpid())
+        # The end of the program finishes renderers instead, and in order.
+        self._drop.atexit = False
 
     def _ended(self):
         child, self._child = self._child, None
-        for pipe in (child.stdin, child.stdout):
-            try:
-                pipe.close()
-            except OSError:
-                pass
-        self._status = child.wait()
+        self._drop.detach()
+        self._status = _leave(child)
         raise GelatoError("the renderer ended with status %d" % self._status) from None
 
     def _send(self, kind, payload):
@@ -114,12 +141,14 @@ class GelatoAPI:
             self._child.stdin.flush()
         except (BrokenPipeError, OSError):
             self._ended()
+        self._busy = True
         while True:
             frame = _stream.receive(self._child.stdout)
             if frame is None:
                 self._ended()
             kind, payload = frame
             if kind != b"P":
+                self._busy = False
                 return payload
             sys.stdout.write(payload.decode("utf-8", "replace"))
 
@@ -154,6 +183,12 @@ class GelatoAPI:
         """Ends the renderer and returns its exit status; what was not rendered is dropped."""
         if self._child is not None:
             child, self._child = self._child, None
+            self._drop.detach()
+            if self._busy:
+                # Whoever waited for the answer was interrupted.
+                _drop(child, os.getpid())
+                self._status = child.returncode
+                return self._status
             try:
                 child.stdin.close()
             except OSError:
@@ -216,4 +251,5 @@ finish = GelatoRenderer.finish
 @atexit.register
 def _finish_all():
     for renderer in list(_running):
-        renderer.finish()
+        if renderer._child is not None and renderer._owner == os.getpid():
+            renderer.finish()

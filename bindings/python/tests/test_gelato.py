@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
@@ -135,6 +136,63 @@ class Rendering(unittest.TestCase):
         self.assertIn("from a program", ran.stderr)
         # The place is the script's.
         self.assertIn("script.py:12: error: Sphere wants", ran.stderr)
+
+    def heavy(self, r):
+        r.Attribute("int[2] resolution", (4000, 3000))
+        r.Attribute("float[2] spatialquality", (16, 16))
+        r.Output("never.ppm", "ppm", "rgb", "camera")
+        r.Translate(0, 0, 3)
+        r.World()
+        r.Shader("surface", "defaultsurface")
+        r.Sphere(1, -1, 1, 360)
+
+    def assert_ends(self, pid):
+        """A process ends soon; one that is not waited for may stay in the table."""
+        for _ in range(500):
+            try:
+                with open("/proc/%d/stat" % pid, encoding="utf-8") as f:
+                    if f.read().rpartition(")")[2].split()[0] == "Z":
+                        return
+            except OSError:
+                return
+            time.sleep(0.01)
+        self.fail("process %d goes on" % pid)
+
+    @unittest.skipIf(not os.path.exists("/proc/self/stat"), "processes cannot be looked at here")
+    def test_renderers_end_with_their_object(self):
+        r = gelato.CreateRenderer()
+        r.World()
+        child = r._child
+        del r
+        self.assertIsNotNone(child.poll(), "a renderer without an object goes on")
+
+    @unittest.skipIf(not os.path.exists("/proc/self/stat"), "processes cannot be looked at here")
+    def test_renderers_end_with_the_program(self):
+        """Whatever the program does: an exception, a signal that it sees and one that it does not, in the middle of a frame."""
+        package = os.path.dirname(os.path.dirname(os.path.abspath(gelato.__file__)))
+        environment = dict(os.environ, PYTHONPATH=package)
+        head = "import os, sys, gelato, signal, threading\nsys.path.insert(0, %r)\n" % os.path.dirname(
+            os.path.abspath(__file__)
+        )
+        head += "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        head += "import test_gelato\nr = gelato.CreateRenderer()\ntest_gelato.Rendering.heavy(None, r)\n"
+        head += "print(r._child.pid, flush=True)\n"
+        later = "threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.%s)).start()\nr.Render()\n"
+        for tail, status in (
+            ("raise ValueError\n", 1),
+            (later % "SIGINT", -2),
+            (later % "SIGTERM", -15),
+            (later % "SIGKILL", -9),
+            ("os._exit(3)\n", 3),
+        ):
+            begin = time.monotonic()
+            ran = subprocess.run(
+                [sys.executable, "-c", head + tail], env=environment, capture_output=True, text=True
+            )
+            self.assertEqual(ran.returncode, status, tail + ran.stderr)
+            self.assert_ends(int(ran.stdout.split()[0]))
+            self.assertLess(time.monotonic() - begin, 10, tail)
+            self.assertFalse(os.path.exists("never.ppm"))
 
     def test_what_cannot_be(self):
         before = os.environ["GELATO"]

@@ -8,6 +8,7 @@
 //! - a viewer that dies, stalls or talks nonsense never stops or slows whoever makes the picture;
 //! - a sender that dies, stalls or talks nonsense never stops whoever shows it, and takes no memory beyond
 //!   [`PacketLimits`];
+//! - connections that say nothing never keep others out ([`Places`]);
 //! - packets that are not part of tev's protocol are sent to nobody who did not say that it speaks them
 //!   ([`packet::GREETING`]).
 //!
@@ -20,10 +21,12 @@ mod client;
 mod error;
 mod link;
 pub mod packet;
+mod places;
 mod server;
 
 pub use client::IvFormat;
 pub use error::{DisplayError, Result};
 pub use link::Patience;
 pub use packet::{Packet, PacketLimits};
+pub use places::{Place, Places, Refusal, Sparingly};
 pub use server::{Client, Ending, Listener, ServerLimits, Sink, listen_address, server_address};

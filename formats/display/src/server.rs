@@ -1,13 +1,12 @@
 //! Takes pictures from renderers.
 
 use crate::packet::{DEFAULT_PORT, GREETING, PacketLimits, VERSION, rest_of};
+use crate::places::{Place, Places, Sparingly};
 use crate::{DisplayError, Packet, Result};
-use std::collections::BTreeMap;
 use std::io::{ErrorKind, Read, Write};
-use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
 use std::sync::mpsc::{SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// What clients may take of a server.
@@ -17,16 +16,33 @@ pub struct ServerLimits {
     pub packet: PacketLimits,
     /// Most clients at once.
     pub clients: usize,
-    /// Longest silence in the middle of a packet. Between packets a client may be silent for ever.
+    /// Most clients at once of one address.
+    pub clients_of_address: usize,
+    /// Longest time until a client has sent its first whole packet. One whose place another client needs ends sooner.
+    pub first_packet: Duration,
+    /// Longest silence in the middle of a packet; a packet also ends its client when it comes slower than
+    /// [`ServerLimits::bytes_per_second`] after that time. Between packets a client may be silent for ever, because a
+    /// bucket may take as long.
     pub silence: Duration,
+    /// Least rate at which the bytes of a packet come.
+    pub bytes_per_second: u32,
     /// Packets without sense, or that fit nothing, until a client is sent away.
     pub mistakes: u32,
 }
 
 impl Default for ServerLimits {
-    /// 64 clients, 30 s, 100 mistakes.
+    /// 64 clients, 48 of one address, 120 s for the first packet (renderers connect before they read their scene), 30 s of
+    /// silence, 1024 bytes per second, 100 mistakes.
     fn default() -> Self {
-        Self { packet: PacketLimits::default(), clients: 64, silence: Duration::from_secs(30), mistakes: 100 }
+        Self {
+            packet: PacketLimits::default(),
+            clients: 64,
+            clients_of_address: 48,
+            first_packet: Duration::from_secs(120),
+            silence: Duration::from_secs(30),
+            bytes_per_second: 1024,
+            mistakes: 100,
+        }
     }
 }
 
@@ -90,16 +106,7 @@ impl Client {
 struct Shared {
     limits: ServerLimits,
     sink: Arc<dyn Sink>,
-    ending: AtomicBool,
-    next_id: AtomicU64,
-    /// To end their conversations.
-    sockets: Mutex<BTreeMap<u64, TcpStream>>,
-}
-
-impl Shared {
-    fn sockets(&self) -> MutexGuard<'_, BTreeMap<u64, TcpStream>> {
-        self.sockets.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+    places: Arc<Places>,
 }
 
 /// Listens until it is dropped.
@@ -123,13 +130,8 @@ impl Listener {
         let failed = |source| DisplayError::Io { what: format!("cannot listen on {address}"), source };
         let listener = TcpListener::bind(address).map_err(failed)?;
         let local = listener.local_addr().map_err(failed)?;
-        let shared = Arc::new(Shared {
-            limits,
-            sink,
-            ending: AtomicBool::new(false),
-            next_id: AtomicU64::new(1),
-            sockets: Mutex::default(),
-        });
+        let places = Places::new(limits.clients, limits.clients_of_address);
+        let shared = Arc::new(Shared { limits, sink, places });
         let own = shared.clone();
         std::thread::Builder::new()
             .name("display listener".to_owned())
@@ -145,32 +147,21 @@ impl Listener {
 
     /// Clients that are there.
     pub fn clients(&self) -> usize {
-        self.shared.sockets().len()
+        self.shared.places.count()
     }
 }
 
 impl Drop for Listener {
     fn drop(&mut self) {
-        self.shared.ending.store(true, Ordering::SeqCst);
-        for socket in self.shared.sockets().values() {
-            let _ = socket.shutdown(Shutdown::Both);
-        }
-        // Somebody must knock, or it waits for the next client. One that listens everywhere is asked here.
-        let mut address = self.address;
-        if address.ip().is_unspecified() {
-            address.set_ip(match address {
-                SocketAddr::V4(_) => std::net::Ipv4Addr::LOCALHOST.into(),
-                SocketAddr::V6(_) => std::net::Ipv6Addr::LOCALHOST.into(),
-            });
-        }
-        let _ = TcpStream::connect_timeout(&address, Duration::from_millis(200));
+        self.shared.places.close(self.address);
     }
 }
 
 fn accept(shared: &Arc<Shared>, listener: &TcpListener) {
-    loop {
+    let mut refusals = Sparingly::new(1, Duration::from_secs(60));
+    for id in 1.. {
         let accepted = listener.accept();
-        if shared.ending.load(Ordering::SeqCst) {
+        if shared.places.is_ending() {
             return;
         }
         let Ok((socket, address)) = accepted else {
@@ -178,39 +169,40 @@ fn accept(shared: &Arc<Shared>, listener: &TcpListener) {
             std::thread::sleep(Duration::from_millis(50));
             continue;
         };
-        let id = shared.next_id.fetch_add(1, Ordering::Relaxed);
         let client = Arc::new(Client { id, address, replies: OnceLock::new() });
-        if shared.sockets().len() >= shared.limits.clients {
-            shared.sink.trouble(&client, &format!("more than {} clients", shared.limits.clients));
-            continue;
-        }
-        let Ok(clone) = socket.try_clone() else { continue };
-        shared.sockets().insert(id, clone);
+        let place = match shared.places.take(id, &socket, address) {
+            Ok(place) => place,
+            Err(refusal) => {
+                if let Some(text) = refusals.say(Instant::now(), &refusal.to_string()) {
+                    shared.sink.trouble(&client, &text);
+                }
+                continue;
+            }
+        };
         let own = shared.clone();
-        let spawned = std::thread::Builder::new().name("display client".to_owned()).spawn(move || {
-            let ending = converse(&own, &client, socket);
-            own.sockets().remove(&id);
+        // Without a thread the connection ends.
+        let _ = std::thread::Builder::new().name("display client".to_owned()).spawn(move || {
+            let ending = converse(&own, &client, socket, &place);
+            drop(place);
             own.sink.gone(&client, &ending);
         });
-        if spawned.is_err() {
-            shared.sockets().remove(&id);
-        }
     }
 }
 
 /// Hears a client to its end.
-fn converse(shared: &Shared, client: &Arc<Client>, mut socket: TcpStream) -> Ending {
+fn converse(shared: &Shared, client: &Arc<Client>, mut socket: TcpStream, place: &Place) -> Ending {
     let limits = &shared.limits;
-    let tick = (limits.silence / 4).max(Duration::from_millis(1));
+    let tick = (limits.silence.min(limits.first_packet) / 4).max(Duration::from_millis(1));
     if socket.set_read_timeout(Some(tick)).is_err() {
         return Ending::Broken("the system refuses a time limit".to_owned());
     }
     let mut mistakes = 0;
     let mut told: Vec<String> = Vec::new();
     let mut bytes = Vec::new();
+    let mut patience = Some(limits.first_packet);
     loop {
-        match read_packet(shared, &mut socket, &mut bytes) {
-            Ok(true) => (),
+        match read_packet(shared, &mut socket, patience.take(), &mut bytes) {
+            Ok(true) => place.heard(),
             Ok(false) => return Ending::Closed,
             Err(what) => return Ending::Broken(what),
         }
@@ -275,20 +267,56 @@ fn answer(shared: &Shared, client: &Arc<Client>, socket: &TcpStream) -> std::res
     shared.sink.packet(client, hello)
 }
 
-/// Reads a packet into `bytes`; `false` at the end between packets.
+/// Reads a packet into `bytes`, whose first byte must come within `patience` where that is given; `false` at the end between
+/// packets.
 fn read_packet(
     shared: &Shared,
     socket: &mut TcpStream,
+    patience: Option<Duration>,
     bytes: &mut Vec<u8>,
 ) -> std::result::Result<bool, String> {
     bytes.clear();
+    let mut clock = Clock { begin: Instant::now(), last: Instant::now(), patience };
     let mut length = [0; 4];
-    if !read(shared, socket, 4, bytes)? {
+    if !read(shared, socket, 4, &mut clock, bytes)? {
         return Ok(false);
     }
     length.copy_from_slice(&bytes[..4]);
     let rest = rest_of(length, &shared.limits.packet).map_err(|e| e.to_string())?;
-    read(shared, socket, 4 + rest, bytes)
+    read(shared, socket, 4 + rest, &mut clock, bytes)
+}
+
+/// The times of a packet.
+struct Clock {
+    /// When waiting for it, then its first byte, began.
+    begin: Instant,
+    /// When bytes came last.
+    last: Instant,
+    /// The longest wait for the first byte.
+    patience: Option<Duration>,
+}
+
+impl Clock {
+    /// Bytes came, of which there were `count` before.
+    fn bytes_came(&mut self, count: usize) {
+        self.last = Instant::now();
+        if count == 0 {
+            self.begin = self.last;
+        }
+    }
+
+    /// Why the client, of which `count` bytes of a packet are there, must go.
+    fn fault(&self, count: usize, limits: &ServerLimits) -> Option<&'static str> {
+        if count == 0 {
+            let late = self.patience.is_some_and(|patience| self.begin.elapsed() >= patience);
+            return late.then_some("it sent nothing");
+        }
+        if self.last.elapsed() >= limits.silence {
+            return Some("it fell silent in the middle of a packet");
+        }
+        let granted = limits.silence.as_secs_f64() + count as f64 / f64::from(limits.bytes_per_second.max(1));
+        (self.begin.elapsed().as_secs_f64() > granted).then_some("its packet came too slowly")
+    }
 }
 
 /// Reads until there are `count` bytes; memory grows with what comes, not with what was announced.
@@ -296,9 +324,9 @@ fn read(
     shared: &Shared,
     socket: &mut TcpStream,
     count: usize,
+    clock: &mut Clock,
     bytes: &mut Vec<u8>,
 ) -> std::result::Result<bool, String> {
-    let mut last = Instant::now();
     while bytes.len() < count {
         let at = bytes.len();
         let part = (count - at).min((at / 2).max(1 << 16));
@@ -308,21 +336,21 @@ fn read(
         match result {
             Ok(0) if at == 0 => return Ok(false),
             Ok(0) => return Err("it ended in the middle of a packet".to_owned()),
-            Ok(_) => last = Instant::now(),
+            Ok(_) => clock.bytes_came(at),
             Err(error)
                 if matches!(
                     error.kind(),
                     ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
                 ) =>
             {
-                if shared.ending.load(Ordering::Relaxed) {
+                if shared.places.is_ending() {
                     return Ok(false);
-                }
-                if at > 0 && last.elapsed() >= shared.limits.silence {
-                    return Err("it fell silent in the middle of a packet".to_owned());
                 }
             }
             Err(error) => return Err(format!("the connection broke ({error})")),
+        }
+        if let Some(fault) = clock.fault(bytes.len(), &shared.limits) {
+            return Err(fault.to_owned());
         }
     }
     Ok(true)

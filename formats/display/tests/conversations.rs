@@ -86,7 +86,7 @@ fn try_create(
     let mut spec = ImageSpec::new(sides[0], sides[1], 4, PixelType::Float);
     spec.attributes.set(Param::declared("string display", to.to_string().as_str()).unwrap());
     spec.attributes.set(Param::declared("int zoom", 2).unwrap());
-    format.create(Path::new(name), &CreateOptions { spec: &spec, levels: 1 })
+    format.create(Path::new(name), &CreateOptions::new(&spec, 1))
 }
 
 fn quick() -> Patience {
@@ -153,14 +153,14 @@ fn rows_and_tiles_are_rectangles_too() {
     let format = IvFormat::default();
     let mut spec = ImageSpec::new(5, 3, 1, PixelType::U8);
     spec.attributes.set(Param::declared("string display", listener.address().to_string().as_str()).unwrap());
-    let options = CreateOptions { spec: &spec, levels: 1 };
+    let options = CreateOptions::new(&spec, 1);
     let mut picture = format.create(Path::new("rows"), &options).unwrap();
     picture.write_rows(&Pixels::U8(vec![255; 10])).unwrap();
     picture.write_rows(&Pixels::U8(vec![0; 5])).unwrap();
     assert!(picture.write_rows(&Pixels::U8(vec![0; 5])).is_err(), "there are no more rows");
     picture.close().unwrap();
     (spec.tile_width, spec.tile_height) = (4, 2);
-    let mut picture = format.create(Path::new("tiles"), &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    let mut picture = format.create(Path::new("tiles"), &CreateOptions::new(&spec, 1)).unwrap();
     picture.write_tile(1, 1, &Pixels::U8(vec![51; 8])).unwrap();
     assert!(picture.write_tile(2, 0, &Pixels::U8(vec![0; 8])).is_err());
     picture.close().unwrap();
@@ -261,7 +261,7 @@ fn nobody_there_is_an_error_and_no_delay() {
     assert!(begin.elapsed() < Duration::from_secs(5));
     let mut spec = ImageSpec::new(1, 1, 1, PixelType::Float);
     spec.attributes.set(Param::declared("string display", "some where:99").unwrap());
-    assert!(format.create(Path::new("a"), &CreateOptions { spec: &spec, levels: 1 }).is_err());
+    assert!(format.create(Path::new("a"), &CreateOptions::new(&spec, 1)).is_err());
 }
 
 #[test]
@@ -356,13 +356,19 @@ fn clients_that_talk_nonsense() {
     assert!(client.is_sent_away());
     gone("5 packets were refused");
     // Too many at once.
-    let some: Vec<Raw> = (0..3).map(|_| Raw::new(to)).collect();
-    let begin = Instant::now();
-    while listener.clients() < 3 {
-        assert!(begin.elapsed() < Duration::from_secs(20));
-    }
+    let some: Vec<Raw> = (0..3)
+        .map(|_| {
+            let mut client = Raw::new(to);
+            client.send(2, b"d\0");
+            assert_eq!(next(&from), Told::Packet(Packet::CloseImage { name: "d".to_owned() }));
+            client
+        })
+        .collect();
     assert!(Raw::new(to).is_sent_away());
-    assert_eq!(next(&from), Told::Trouble("more than 3 clients".to_owned()));
+    assert_eq!(next(&from), Told::Trouble("more than 3 connections".to_owned()));
+    // Said once in a while, however many come.
+    assert!((0..20).all(|_| Raw::new(to).is_sent_away()));
+    assert_eq!(from.recv_timeout(Duration::from_millis(50)).ok(), None);
     drop(some);
     for _ in 0..3 {
         assert_eq!(next(&from), Told::Gone(Ending::Closed));
@@ -376,6 +382,54 @@ fn clients_that_talk_nonsense() {
     assert!(client.is_sent_away());
     std::thread::sleep(Duration::from_millis(100));
     assert!(TcpStream::connect(to).is_err(), "nobody listens any more");
+}
+
+/// As many clients as there are places that say nothing, or drip.
+#[test]
+fn silent_clients_keep_nobody_out() {
+    let limits = ServerLimits {
+        clients: 8,
+        clients_of_address: 6,
+        first_packet: Duration::from_millis(500),
+        silence: Duration::from_millis(300),
+        ..ServerLimits::default()
+    };
+    let (listener, from, _) = listen(limits);
+    let to = listener.address();
+    let mut silent: Vec<Raw> = (0..64).map(|_| Raw::new(to)).collect();
+    // One that works comes in at once, works, and stays however long it is silent between packets.
+    let mut working = Raw::new(to);
+    working.send(2, b"a\0");
+    let told = loop {
+        match next(&from) {
+            Told::Gone(Ending::Closed) => (),
+            other => break other,
+        }
+    };
+    assert_eq!(told, Told::Packet(Packet::CloseImage { name: "a".to_owned() }));
+    assert!(listener.clients() <= 6);
+    // Those that were not yet sent away are, for their silence.
+    assert!(silent.iter_mut().all(Raw::is_sent_away));
+    let gone = || loop {
+        match next(&from) {
+            Told::Gone(Ending::Broken(what)) => break what,
+            Told::Gone(Ending::Closed) => (),
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!([(); 5].map(|()| gone()), ["it sent nothing"; 5]);
+    // A byte now and then is no progress.
+    let mut dripping = Raw::new(to);
+    dripping.0.write_all(&[99, 0, 0, 0, 2]).unwrap();
+    let begin = Instant::now();
+    while dripping.0.write_all(b"x").is_ok() {
+        assert!(begin.elapsed() < Duration::from_secs(20));
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert_eq!(gone(), "its packet came too slowly");
+    working.send(2, b"b\0");
+    assert_eq!(next(&from), Told::Packet(Packet::CloseImage { name: "b".to_owned() }));
+    drop(listener);
 }
 
 /// Bytes of every kind in pieces of every size.

@@ -100,7 +100,7 @@ impl ExrInput {
     /// # Errors
     /// When the headers are damaged, or no part is of a kind that is handled.
     pub fn open(path: &Path, limits: &Limits) -> Result<Self> {
-        let source = FileSource::open(path, "OpenEXR")?;
+        let source = FileSource::open(path, "OpenEXR", &limits.files)?;
         let (meta, mut table_at) = read_headers(&source)?;
         limits.within(path, "number of images", meta.headers.len() as u64, u64::from(limits.images))?;
         let mut parts = Vec::new();
@@ -123,7 +123,7 @@ impl ExrInput {
         if parts.is_empty() {
             return Err(first_fault.unwrap_or_else(|| source.malformed("there is no image in it")));
         }
-        Ok(Self { source, meta, limits: *limits, parts, last_block: Mutex::new(None) })
+        Ok(Self { source, meta, limits: limits.clone(), parts, last_block: Mutex::new(None) })
     }
 
     fn level(&self, image: usize, level: usize) -> Result<(&Part, &Level)> {
@@ -141,7 +141,9 @@ impl ExrInput {
         } else {
             (1, spec.width, part.block_rows.min(spec.height - cy * part.block_rows))
         };
-        self.limits.check_read(source.path(), spec, width, height)?;
+        let bytes = self.limits.check_read(source.path(), spec, width, height)? as u64;
+        // Packed, unpacked and in order.
+        Limits::check_memory(source.path(), bytes.saturating_mul(4))?;
         let number = level.first_chunk + cy as usize * across as usize + cx as usize;
         let what = if spec.is_tiled() { "tile" } else { "block of scanlines" };
         let malformed = |fault: String| source.malformed(format!("{what} {number}: {fault}"));
@@ -320,6 +322,8 @@ impl Part {
             return Err(source.unsupported(format!("OpenEXR compression {name} is not supported")));
         }
         let list = &header.channels.list;
+        // Before anything is done for each pair of them.
+        limits.within(source.path(), "number of channels", list.len() as u64, u64::from(limits.channels))?;
         if let Some(c) = list.iter().find(|c| c.sampling != Vec2(1, 1)) {
             let name = attributes::string(&c.name);
             return Err(
@@ -534,5 +538,10 @@ impl ImageInput for ExrInput {
 
     fn bytes_read(&self) -> u64 {
         self.source.bytes_read()
+    }
+
+    /// A row of tiles; blocks of scanlines have few rows.
+    fn working_bytes(&self, image: usize, level: usize) -> u64 {
+        self.spec(image, level).map_or(0, |spec| spec.decoding_bytes(spec.tile_height))
     }
 }

@@ -72,7 +72,7 @@ impl ExrOutput {
         front.push(0);
         let table_at = front.len() as u64;
         front.resize(front.len() + header.chunk_count * 8, 0);
-        let mut file = AtomicFile::create(path)?;
+        let mut file = options.files.create(path)?;
         file.write_all(&front).map_err(|e| file.io_error(e))?;
         let rows = header.compression.scan_lines_per_block().min(spec.height as usize);
         let block = if spec.is_tiled() { 0 } else { rows * spec.width as usize * spec.nchannels() };
@@ -468,6 +468,6 @@ impl ImageOutput for ExrOutput {
         let file = &mut self.file;
         let written = file.seek(SeekFrom::Start(self.table_at)).and_then(|_| file.write_all(&bytes));
         written.map_err(|e| self.file.io_error(e))?;
-        self.file.commit()
+        Ok(self.file.commit()?)
     }
 }

@@ -15,7 +15,7 @@ fn sample(path: &Path, compression: &str, tiled: bool) -> Vec<u8> {
         spec = spec.tiled(16, 16);
     }
     spec.attributes.set(Param::declared("string compression", compression).unwrap());
-    let mut out = ExrFormat.create(path, &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    let mut out = ExrFormat.create(path, &CreateOptions::new(&spec, 1)).unwrap();
     let ramp: Vec<f32> = (0..23 * 19 * 3).map(|i| (i % 37) as f32 * 0.1).collect();
     out.write_rows(&Pixels::from_floats(PixelType::Half, &ramp)).unwrap();
     out.close().unwrap();
@@ -99,4 +99,40 @@ fn a_window_of_a_million_pixels_a_side() {
         };
         assert!(error.to_string().contains("damaged.exr"), "{error}");
     }
+}
+
+/// Thousands of channels are refused before anything is done for each pair of them.
+#[test]
+fn the_number_of_channels_is_limited() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.exr");
+    let attribute = |name: &str, kind: &str, value: &[u8]| {
+        [name.as_bytes(), b"\0", kind.as_bytes(), b"\0", &(value.len() as u32).to_le_bytes(), value].concat()
+    };
+    let window: Vec<u8> = [0_i32, 0, 3, 0].iter().flat_map(|n| n.to_le_bytes()).collect();
+    let file = |channels: usize| {
+        let mut list = Vec::new();
+        for i in 0..channels {
+            list.extend(format!("c{i:06}\0").bytes());
+            list.extend([1_u32, 0, 1, 1].iter().flat_map(|n| n.to_le_bytes()));
+        }
+        list.push(0);
+        let header = [
+            attribute("channels", "chlist", &list),
+            attribute("compression", "compression", &[0]),
+            attribute("dataWindow", "box2i", &window),
+            attribute("displayWindow", "box2i", &window),
+            attribute("lineOrder", "lineOrder", &[0]),
+            attribute("pixelAspectRatio", "float", &1_f32.to_le_bytes()),
+            attribute("screenWindowCenter", "v2f", &[0; 8]),
+            attribute("screenWindowWidth", "float", &1_f32.to_le_bytes()),
+        ];
+        let front = [&[0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0][..], &header.concat(), &[0]].concat();
+        let pixels = vec![0; 8 * channels];
+        let at = (front.len() as u64 + 8).to_le_bytes();
+        [&front[..], &at, &[0; 4], &(pixels.len() as u32).to_le_bytes(), &pixels].concat()
+    };
+    assert!(read(&path, &file(100)).is_ok());
+    let error = read(&path, &file(60_000)).unwrap_err().to_string();
+    assert!(error.contains("number of channels 60000 exceeds the limit of 1024"), "{error}");
 }

@@ -27,7 +27,7 @@ fn string(params: &mut Params, name: &str, value: &str) {
 }
 
 fn write(path: &Path, levels: &[ImageSpec], rows_at_once: u32) -> Vec<Pixels> {
-    let mut out = ExrFormat.create(path, &CreateOptions { spec: &levels[0], levels: levels.len() }).unwrap();
+    let mut out = ExrFormat.create(path, &CreateOptions::new(&levels[0], levels.len())).unwrap();
     let mut all = Vec::new();
     for (i, spec) in levels.iter().enumerate() {
         if i > 0 {
@@ -128,7 +128,7 @@ fn levels_must_be_those_of_the_format() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.exr");
     let first = ImageSpec::new(8, 8, 1, PixelType::Half).tiled(8, 8);
-    let create = || ExrFormat.create(&path, &CreateOptions { spec: &first, levels: 4 }).unwrap();
+    let create = || ExrFormat.create(&path, &CreateOptions::new(&first, 4)).unwrap();
     let mut out = create();
     let wrong = ImageSpec::new(3, 4, 1, PixelType::Half).tiled(8, 8);
     assert!(out.next_level(&wrong).unwrap_err().to_string().contains("incomplete"));
@@ -136,9 +136,9 @@ fn levels_must_be_those_of_the_format() {
     assert!(out.next_level(&wrong).unwrap_err().to_string().contains("wants 4 x 4"));
     assert!(out.close().unwrap_err().to_string().contains("level 1"));
     let flat = ImageSpec::new(8, 8, 1, PixelType::Half);
-    assert!(ExrFormat.create(&path, &CreateOptions { spec: &flat, levels: 4 }).is_err());
+    assert!(ExrFormat.create(&path, &CreateOptions::new(&flat, 4)).is_err());
     let bytes = ImageSpec::new(8, 8, 1, PixelType::U8);
-    let refused = ExrFormat.create(&path, &CreateOptions { spec: &bytes, levels: 1 });
+    let refused = ExrFormat.create(&path, &CreateOptions::new(&bytes, 1));
     assert!(matches!(refused, Err(ImageError::Unsupported { .. })));
     drop(create());
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
@@ -157,7 +157,7 @@ fn lossy_compressions_come_close() {
             string(&mut spec.attributes, "compression", compression);
             let smooth = |i: usize| 1.0 + (i / 3 % 100) as f32 * 0.01 + (i / 300) as f32 * 0.005;
             let pixels = Pixels::Half((0..27000).map(|i| f16::from_f32(smooth(i))).collect());
-            let mut out = ExrFormat.create(&path, &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+            let mut out = ExrFormat.create(&path, &CreateOptions::new(&spec, 1)).unwrap();
             out.write_rows(&pixels).unwrap();
             out.close().unwrap();
             let input = ExrFormat.open(&path, &Limits::default()).unwrap();

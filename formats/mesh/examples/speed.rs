@@ -40,7 +40,7 @@ fn main() -> ExitCode {
         eprintln!("{file}: no mesh file that can be read");
         return ExitCode::from(2);
     };
-    let source = GeneratorSource::Bytes { name: file.clone(), bytes: bytes.into() };
+    let source = GeneratorSource::bytes(file.clone(), bytes);
     let GeneratorSource::Bytes { bytes, .. } = &source else { return ExitCode::FAILURE };
     let mut count = Count::default();
     let begin = ProcessTime::now();

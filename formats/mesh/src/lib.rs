@@ -24,7 +24,7 @@
 //! use granita_pyg::Writer;
 //! use granita_scene::{Generator, GeneratorSource};
 //! let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
-//! let source = GeneratorSource::Bytes { name: "<example>".into(), bytes: text.as_bytes().into() };
+//! let source = GeneratorSource::bytes("<example>", text.as_bytes());
 //! let mut writer = Writer::new(Vec::new());
 //! Obj.run(&source, &mut writer, &Reporter::silent())?;
 //! assert!(writer.into_inner()?.starts_with(b"Mesh (\"linear\", (3,), (0, 1, 2)"));

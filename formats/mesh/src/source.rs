@@ -1,5 +1,6 @@
 //! What a generator reads from, and the lines of it.
 
+use granita_base::Files;
 use granita_scene::{GeneratorError, GeneratorSource};
 use std::fs::File;
 use std::io::{self, Cursor, Read, Seek};
@@ -22,7 +23,7 @@ pub(crate) struct Opened {
 pub(crate) fn open(source: &GeneratorSource) -> Result<Opened, GeneratorError> {
     let name: Arc<str> = source.name().into();
     match source {
-        GeneratorSource::File(path) => match open_file(path) {
+        GeneratorSource::File { path, .. } => match open_file(path, source.files()) {
             Ok((file, size)) => Ok(Opened { name, stream: Box::new(file), size }),
             Err(source) => Err(GeneratorError::Io { name: name.to_string(), source }),
         },
@@ -34,13 +35,13 @@ pub(crate) fn open(source: &GeneratorSource) -> Result<Opened, GeneratorError> {
 }
 
 /// Opens a file and tells its size; pipes and devices are refused, which may never end.
-pub(crate) fn open_file(path: &Path) -> io::Result<(File, u64)> {
+pub(crate) fn open_file(path: &Path, files: &Files) -> io::Result<(File, u64)> {
     let data = std::fs::metadata(path)?;
     if !data.is_file() {
         let what = if data.is_dir() { "a folder, not a file" } else { "not a regular file" };
         return Err(io::Error::other(what));
     }
-    Ok((File::open(path)?, data.len()))
+    Ok((files.open(path)?, data.len()))
 }
 
 /// An error of reading `name`.

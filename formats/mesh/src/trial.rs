@@ -68,7 +68,7 @@ pub(crate) fn run_in(
 
 /// Text as bytes with the name "t".
 pub(crate) fn bytes(bytes: impl AsRef<[u8]>) -> GeneratorSource {
-    GeneratorSource::Bytes { name: "t".into(), bytes: bytes.as_ref().into() }
+    GeneratorSource::bytes("t", bytes.as_ref())
 }
 
 /// Lines that the writer broke, put together again.

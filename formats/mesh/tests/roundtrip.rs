@@ -77,7 +77,7 @@ impl SceneSink for Recorder {
 }
 
 fn read(generator: &dyn Generator, bytes: &[u8]) -> Corners {
-    let source = GeneratorSource::Bytes { name: "t".into(), bytes: bytes.into() };
+    let source = GeneratorSource::bytes("t", bytes);
     let (reporter, kept) = Reporter::collecting();
     let mut recorder = Recorder::default();
     generator.run(&source, &mut recorder, &reporter).unwrap();

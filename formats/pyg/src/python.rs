@@ -4,16 +4,22 @@
 //! output: one byte kind, four bytes length (little endian), payload. The child answers nothing but what it is
 //! asked, so the two never wait for each other.
 
+use crate::PygOptions;
 use crate::frames::{self, Frame, put_value, send};
 use crate::value::Value;
 use granita_base::Param;
+use granita_base::process::Process;
 use std::io::{self, BufReader, BufWriter, Read};
 use std::path::Path;
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::process::{ChildStdin, ChildStdout, Command, Stdio};
+use std::time::Duration;
 
 /// The frames, which the Python package has too, and what runs in the child.
 const SHIM: &str =
     concat!(include_str!("../../../bindings/python/gelato/_stream.py"), "\n", include_str!("shim.py"));
+
+/// How long an interpreter without output may take to end.
+const ENDING: Duration = Duration::from_secs(1);
 
 /// What the child tells.
 #[derive(Debug)]
@@ -54,28 +60,21 @@ pub(crate) struct Exception {
     pub(crate) name: String,
 }
 
-/// A running interpreter.
+/// A running interpreter. Dropped, it ends.
 pub(crate) struct Python {
-    child: Child,
+    child: Process,
     to: BufWriter<ChildStdin>,
     from: BufReader<ChildStdout>,
 }
 
 impl Python {
-    /// Starts `program` for the script `file`, with extra environment variables.
-    pub(crate) fn start<'a>(
-        program: &Path,
-        file: &str,
-        variables: impl Iterator<Item = (&'a str, &'a str)>,
-    ) -> io::Result<Self> {
-        let mut child = Command::new(program)
-            .arg("-c")
-            .arg(SHIM)
-            .envs(variables)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()?;
-        let (Some(to), Some(from)) = (child.stdin.take(), child.stdout.take()) else {
+    /// Starts `program` for the script `file`.
+    pub(crate) fn start(program: &Path, file: &str, options: &PygOptions) -> io::Result<Self> {
+        let mut command = Command::new(program);
+        command.arg("-c").arg(SHIM).envs(options.environment.iter());
+        command.stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut child = options.supervisor.spawn(&mut command, format!("running the script {file}"))?;
+        let (Some(to), Some(from)) = (child.take_stdin(), child.take_stdout()) else {
             return Err(io::Error::other("the interpreter has no pipes"));
         };
         let mut python =
@@ -123,18 +122,10 @@ impl Python {
         if !matches!(error.kind(), io::ErrorKind::UnexpectedEof | io::ErrorKind::BrokenPipe) {
             return error;
         }
-        match self.child.wait() {
+        match self.child.wait_for_end(ENDING) {
             Ok(status) => io::Error::other(format!("the interpreter ended early ({status})")),
             Err(error) => error,
         }
-    }
-}
-
-impl Drop for Python {
-    fn drop(&mut self) {
-        // Whatever it does, nobody listens any more. It may have ended by itself: then both fail.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 

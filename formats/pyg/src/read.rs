@@ -5,9 +5,8 @@ use crate::flat::{Parser, Statement, Why};
 use crate::run::{Script, object};
 use crate::value::Value;
 use crate::{calls, hint, names};
-use granita_base::{Environment, Location, Reporter, Severity};
+use granita_base::{Environment, Files, Location, Reporter, Severity, Supervisor};
 use granita_scene::{SceneSink, Stop};
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -47,9 +46,9 @@ impl PygSource {
         }
     }
 
-    fn open(self) -> Result<Box<dyn Read>, PygError> {
+    fn open(self, files: &Files) -> Result<Box<dyn Read>, PygError> {
         Ok(match self {
-            Self::Path(path) => match File::open(&path) {
+            Self::Path(path) => match files.open(&path) {
                 Ok(file) => Box::new(file),
                 Err(source) => {
                     return Err(PygError::Io { path: path.to_string_lossy().into_owned(), source });
@@ -88,6 +87,10 @@ pub struct PygOptions {
     pub environment: Environment,
     /// Refuse scripts: for scenes from strangers.
     pub safe: bool,
+    /// Opens files.
+    pub files: Files,
+    /// Knows the interpreter as long as it runs.
+    pub supervisor: Supervisor,
     /// Most bytes of one statement.
     pub statement_limit: usize,
 }
@@ -101,6 +104,8 @@ impl Default for PygOptions {
             python: None,
             environment: Environment::empty(),
             safe: false,
+            files: Files::default(),
+            supervisor: Supervisor::default(),
             statement_limit: 1 << 32,
         }
     }
@@ -148,7 +153,7 @@ pub fn read(
         PygSource::Path(path) => Some(path.clone()),
         PygSource::Bytes { .. } | PygSource::Stream { .. } => None,
     };
-    let stream = source.open()?;
+    let stream = source.open(&options.files)?;
     if let Some(path) = path {
         reporter.file_read(&path);
     }

@@ -8,7 +8,7 @@ use crate::python::{Event, Exception, Python};
 use crate::read::{Next, PygError, Reader};
 use crate::{hint, names, script};
 use granita_base::{Location, Severity};
-use granita_scene::SceneSink;
+use granita_scene::{SceneSink, Stop};
 use std::io;
 use std::path::Path;
 
@@ -217,7 +217,7 @@ impl Reader<'_> {
         }
         let default = Path::new("python3");
         let program = self.options.python.as_deref().unwrap_or(default);
-        match Python::start(program, &self.file, self.options.environment.iter()) {
+        match Python::start(program, &self.file, self.options) {
             Ok(python) => self.script.python = Some(python),
             Err(error) => {
                 let program = program.display();
@@ -286,6 +286,9 @@ impl Reader<'_> {
 
     /// Reports an interpreter that ended early; an error when it has happened too often.
     fn died(&mut self, line: u32, error: &io::Error) -> Result<Next, PygError> {
+        if self.options.supervisor.has_ended() {
+            return Err(PygError::Stopped(Stop::Exit));
+        }
         self.script.deaths += 1;
         self.script.rebound = false;
         let at = Location::line(&self.file, line);

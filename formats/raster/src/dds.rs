@@ -40,7 +40,7 @@ impl Format for DdsFormat {
     }
 
     fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>> {
-        let source = FileSource::open(path, "DDS")?;
+        let source = FileSource::open(path, "DDS", &limits.files)?;
         let header = layout::Header::read(&source)?;
         limits.within(path, "number of images", u64::from(header.images), u64::from(limits.images))?;
         let storage = header.storage.clone();

@@ -44,7 +44,7 @@ impl Format for IffFormat {
     }
 
     fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>> {
-        let source = FileSource::open(path, "Maya IFF")?;
+        let source = FileSource::open(path, "Maya IFF", &limits.files)?;
         let (spec, rows) = read_chunks(&source, limits)?;
         Ok(Box::new(RowsInput::new("iff", "Maya IFF", source, limits, vec![vec![spec]], rows)?))
     }
@@ -75,7 +75,7 @@ impl Format for IffFormat {
             let word = spec.string("compression").unwrap_or_default();
             format!("Maya IFF compression \"{word}\" is not supported")
         } else {
-            return Ok(Box::new(WholeOutput::create(path, spec, encode)?));
+            return Ok(Box::new(WholeOutput::create(path, options, encode)?));
         };
         Err(ImageError::Unsupported { path: path.to_owned(), what: fault })
     }
@@ -97,6 +97,8 @@ struct IffRows {
     /// Type of the colours, and how many there are.
     stored: PixelType,
     colors: usize,
+    /// Rows that are decoded together: those of the highest tile.
+    together: u32,
     /// Rows decoded last, from the first of them: rows are often asked for one by one.
     last: Mutex<Option<(u32, Arc<Pixels>)>>,
 }
@@ -179,7 +181,15 @@ fn read_chunks(source: &FileSource, limits: &Limits) -> Result<(ImageSpec, IffRo
     if flags & DEPTH != 0 {
         spec.channels.push("Z".to_owned());
     }
-    Ok((spec, IffRows { tiles, stored, colors: names.len(), last: Mutex::new(None) }))
+    // Tiles that cover each other would be decoded for nothing, as often as the file names them.
+    let area = |(width, height): (u32, u32)| u64::from(width) * u64::from(height);
+    let (held, most) = (tiles.iter().map(|t| area(t.size)).sum::<u64>(), 4 * area((spec.width, spec.height)));
+    if held > most {
+        let what = format!("its tiles hold {held} pixels, of which the picture has at most {most}");
+        return Err(source.malformed(what));
+    }
+    let together = tiles.iter().map(|t| t.size.1).max().unwrap_or(0).max(TILE as u32);
+    Ok((spec, IffRows { tiles, stored, colors: names.len(), together, last: Mutex::new(None) }))
 }
 
 fn word(name: &str, value: &str) -> Param {
@@ -210,14 +220,16 @@ impl Rows for IffRows {
         {
             return Ok(cut(*first, held));
         }
-        // Whole rows of the usual tiles, which count from the bottom; many rows are not held.
-        let tile = TILE as u32;
+        // Whole rows of tiles, which count from the bottom; many rows are not held.
+        let tile = self.together;
         let keep = y1 - y0 < tile;
         let (mut top, mut bottom) = (y0, y1);
         if keep {
             top = spec.height - (spec.height - y0).next_multiple_of(tile).min(spec.height);
             bottom = spec.height - (spec.height - y1) / tile * tile;
         }
+        let bytes = u64::from(bottom - top) * (values * spec.pixel_type.bytes()) as u64;
+        Limits::check_memory(source.path(), bytes.saturating_mul(3))?;
         let mut band = Pixels::zeros(spec.pixel_type, (bottom - top) as usize * values);
         for tile in &self.tiles {
             // Rows of the tile, from the top of the picture.
@@ -250,6 +262,10 @@ impl Rows for IffRows {
         let band = Arc::new(band);
         *last() = Some((top, band.clone()));
         Ok(cut(top, &band))
+    }
+
+    fn working_bytes(&self, spec: &ImageSpec) -> u64 {
+        spec.decoding_bytes(self.together)
     }
 }
 
@@ -436,7 +452,7 @@ fn encode(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result<()>
         });
     }
     chunk(b"FOR4", &group, &mut bytes);
-    file.write_all(&bytes).map_err(|e| file.io_error(e))
+    file.write_all(&bytes).map_err(|e| file.io_error(e).into())
 }
 
 #[cfg(test)]

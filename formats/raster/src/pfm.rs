@@ -27,7 +27,7 @@ impl Format for PfmFormat {
     }
 
     fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>> {
-        let source = FileSource::open(path, "PFM")?;
+        let source = FileSource::open(path, "PFM", &limits.files)?;
         // Four words of no more than 32 bytes, with blanks in between.
         let head = source.read_vec(0, source.len().min(256), "the header")?;
         let (header, at) = Header::read(&source, &head)?;
@@ -55,7 +55,7 @@ impl Format for PfmFormat {
             let what = format!("PFM holds 1 or 3 channels of floats, not {n} of {pixel_type:?}");
             return Err(ImageError::Unsupported { path: path.to_owned(), what });
         }
-        Ok(Box::new(WholeOutput::create(path, options.spec, encode)?))
+        Ok(Box::new(WholeOutput::create(path, options, encode)?))
     }
 }
 
@@ -104,5 +104,5 @@ fn encode(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result<()>
     for row in pixels.to_floats().chunks_exact(row).rev() {
         bytes.extend(row.iter().flat_map(|v| v.to_le_bytes()));
     }
-    file.write_all(&bytes).map_err(|e| file.io_error(e))
+    file.write_all(&bytes).map_err(|e| file.io_error(e).into())
 }

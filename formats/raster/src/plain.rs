@@ -160,7 +160,7 @@ impl Format for PlainFormat {
 
     fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>> {
         if self.image == ImageFormat::Pnm
-            && let Some(input) = crate::pnm::open(FileSource::open(path, "PNM")?, limits)?
+            && let Some(input) = crate::pnm::open(FileSource::open(path, "PNM", &limits.files)?, limits)?
         {
             return Ok(input);
         }
@@ -200,7 +200,7 @@ impl Format for PlainFormat {
         } else if !(self.channels.contains(&n) || drops_alpha) {
             format!("{} does not hold {n} channels", self.title)
         } else {
-            return Ok(Box::new(WholeOutput::create(path, spec, self.encode)?));
+            return Ok(Box::new(WholeOutput::create(path, options, self.encode)?));
         };
         Err(ImageError::Unsupported { path: path.to_owned(), what: fault })
     }
@@ -229,8 +229,33 @@ impl PlainFormat {
             let (ty, data) = (ParamType::of(BaseType::Int), 1.into());
             spec.attributes.set(Param { name: "unassociatedalpha".into(), ty, data });
         }
-        Ok(Box::new(WholeInput::new(self.name, place, spec, decode)?))
+        Ok(Box::new(WholeInput::new(self.name, place, spec, decode, most_packed(self.image, width))?))
     }
+}
+
+/// The most bytes of pixels that one byte of a file can stand for, with plenty to spare: files that end early have fewer.
+fn most_packed(format: ImageFormat, width: u32) -> u64 {
+    /// Of a file that ends early a sixteenth at least is there.
+    const SPARE: u64 = 16;
+    SPARE
+        * match format {
+            // Eight pixels of a bitmap.
+            ImageFormat::Pnm => 8,
+            // 255 pixels of a run in two bytes.
+            ImageFormat::Bmp => 384,
+            // 128 pixels of a run in two bytes, from a palette.
+            ImageFormat::Tga => 256,
+            // 62 pixels of a run in one byte.
+            ImageFormat::Qoi => 248,
+            // A row of runs in eight bytes at least.
+            ImageFormat::Hdr => 2 * u64::from(width.max(1)),
+            // Strings of up to 3838 pixels in 12 bits, each longer by one than the string before.
+            ImageFormat::Gif => 8192,
+            // One bit for a block of the greys of 64 pixels, of each of which colours may have four by four pixels.
+            ImageFormat::Jpeg => 2048,
+            // An image of one colour has no bytes of pixels at all. A side has at most 16384 pixels.
+            _ => u64::from(u32::MAX),
+        }
 }
 
 /// Whether colours are by definition not multiplied by alpha. Of Targa and BMP files nobody can tell.
@@ -441,7 +466,7 @@ fn encode_pnm(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result
         other => native_bytes(other),
     };
     let written = file.write_all(header.as_bytes()).and_then(|()| file.write_all(&bytes));
-    written.map_err(|e| file.io_error(e))
+    written.map_err(|e| file.io_error(e).into())
 }
 
 fn encode_hdr(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result<()> {

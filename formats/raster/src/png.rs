@@ -8,7 +8,7 @@ use granita_image::{
 };
 use png::{BitDepth, ColorType, DecodingError, EncodingError};
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// The format "png": 8 and 16 bits, grey or RGB, with or without alpha.
 ///
@@ -21,6 +21,16 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// texts; `compression` may be "none", "fast" or "zip" (the default).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PngFormat;
+
+/// The most bytes that deflate packs into one.
+const DEFLATE: u64 = 1032;
+
+/// The same in bytes of pixels: a bit of a palette's index becomes three bytes.
+const EXPANDED: u64 = 24 * DEFLATE;
+
+/// The most bytes of a text that is kept. Longer ones are left out: compressed, they may be a thousand times as long as
+/// the file.
+const LONGEST_TEXT: usize = 1 << 20;
 
 /// Keyword of a text chunk (PNG specification, 11.3.3.1) and name of the attribute.
 const TEXTS: [(&str, &str); 5] = [
@@ -63,7 +73,7 @@ impl Format for PngFormat {
         } else if !(1..=4).contains(&spec.nchannels()) {
             format!("PNG holds 1 to 4 channels, not {}", spec.nchannels())
         } else {
-            return Ok(Box::new(WholeOutput::create(path, spec, encode)?));
+            return Ok(Box::new(WholeOutput::create(path, options, encode)?));
         };
         Err(ImageError::Unsupported { path: path.to_owned(), what: fault })
     }
@@ -72,10 +82,13 @@ impl Format for PngFormat {
 fn open(place: Place) -> Result<Box<dyn ImageInput>> {
     let (spec, interlaced) = read_spec(&place)?;
     if interlaced {
-        return Ok(Box::new(WholeInput::new("png", place, spec, decode)?));
+        return Ok(Box::new(WholeInput::new("png", place, spec, decode, EXPANDED)?));
     }
     place.limits.check(&place.path, "PNG", &spec)?;
-    Ok(Box::new(PngRows { place, spec, state: Mutex::new(None) }))
+    // Rows cost little memory, but so many of nothing would cost hours.
+    let bytes = (spec.bytes().unwrap_or(u64::MAX), place.len()?);
+    place.limits.check_ratio(&place.path, "PNG", bytes, EXPANDED)?;
+    Ok(Box::new(PngRows { place, spec, state: Mutex::new(None), broken: OnceLock::new() }))
 }
 
 /// An open PNG that is not interlaced. Rows are decoded in their order and not kept: going back begins again.
@@ -84,6 +97,8 @@ struct PngRows {
     spec: ImageSpec,
     /// The decoder, and the row that it gives next.
     state: Mutex<Option<(png::Reader<Source>, u32)>>,
+    /// The first row that cannot be decoded, and why: nobody tries again.
+    broken: OnceLock<(u32, ImageError)>,
 }
 
 impl ImageInput for PngRows {
@@ -108,6 +123,19 @@ impl ImageInput for PngRows {
             );
         }
         let bytes = place.limits.check_read(&place.path, spec, spec.width, y1 - y0)?;
+        if let Some((row, error)) = self.broken.get()
+            && y1 > *row
+            && let Some(error) = error.lasting()
+        {
+            return Err(error);
+        }
+        let failed = |y: u32, error: DecodingError| {
+            let error = fault(place, error);
+            if let Some(lasting) = error.lasting() {
+                let _ = self.broken.set((y, lasting));
+            }
+            error
+        };
         // Taken out while it works: after a fault there is none, and the next call begins again.
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let (mut reader, mut y) = match state.take() {
@@ -121,7 +149,7 @@ impl ImageInput for PngRows {
             return Err(whole());
         }
         while y < y0 {
-            reader.next_row().map_err(|e| fault(place, e))?.ok_or_else(whole)?;
+            reader.next_row().map_err(|e| failed(y, e))?.ok_or_else(whole)?;
             y += 1;
         }
         // Grown as rows come, so that a short file with a tall header does not cost its height.
@@ -129,7 +157,7 @@ impl ImageInput for PngRows {
         while y < y1 {
             let at = out.len();
             out.resize(at + row, 0);
-            reader.read_row(&mut out[at..]).map_err(|e| fault(place, e))?.ok_or_else(whole)?;
+            reader.read_row(&mut out[at..]).map_err(|e| failed(y, e))?.ok_or_else(whole)?;
             y += 1;
         }
         *state = Some((reader, y));
@@ -147,8 +175,12 @@ impl ImageInput for PngRows {
 
 /// Opens the decoder behind the header.
 fn reader(place: &Place) -> Result<png::Reader<Source>> {
-    let bytes = usize::try_from(place.limits.bytes).unwrap_or(usize::MAX);
+    /// Rows and texts. Pixels do not count.
+    const MOST: u64 = 64 << 20;
+    let bytes = usize::try_from(place.limits.bytes.min(MOST)).unwrap_or(usize::MAX);
     let mut decoder = png::Decoder::new_with_limits(place.source()?, png::Limits { bytes });
+    // No use is made of colour profiles, which may unpack to a thousand times their length.
+    decoder.set_ignore_iccp_chunk(true);
     decoder.set_transformations(png::Transformations::EXPAND);
     decoder.read_info().map_err(|e| fault(place, e))
 }
@@ -181,7 +213,11 @@ fn read_spec(place: &Place) -> Result<(ImageSpec, bool)> {
     for (keyword, name) in TEXTS {
         let latin =
             info.uncompressed_latin1_text.iter().find(|t| t.keyword == keyword).map(|t| t.text.clone());
-        let utf8 = || info.utf8_text.iter().find(|t| t.keyword == keyword)?.get_text().ok();
+        let utf8 = || {
+            let mut chunk = info.utf8_text.iter().find(|t| t.keyword == keyword)?.clone();
+            chunk.decompress_text_with_limit(LONGEST_TEXT).ok()?;
+            chunk.get_text().ok()
+        };
         if let Some(text) = latin.or_else(utf8) {
             let ty = ParamType::of(BaseType::String);
             spec.attributes.set(Param { name: name.into(), ty, data: text.as_str().into() });

@@ -13,6 +13,12 @@ pub(crate) trait Rows: Send + Sync {
         y0: u32,
         y1: u32,
     ) -> Result<Pixels>;
+
+    /// Bytes of memory that reading rows takes beside the rows.
+    fn working_bytes(&self, spec: &ImageSpec) -> u64 {
+        let _ = spec;
+        0
+    }
 }
 
 /// An open file of such a format: nothing is read that was not asked for, and from any thread.
@@ -39,7 +45,7 @@ impl<R: Rows> RowsInput<R> {
         for spec in images.iter().flatten() {
             limits.check(path, format, spec)?;
         }
-        Ok(Self { name, source, limits: *limits, images, rows })
+        Ok(Self { name, source, limits: limits.clone(), images, rows })
     }
 }
 
@@ -80,6 +86,10 @@ impl<R: Rows> ImageInput for RowsInput<R> {
 
     fn bytes_read(&self) -> u64 {
         self.source.bytes_read()
+    }
+
+    fn working_bytes(&self, image: usize, level: usize) -> u64 {
+        self.spec(image, level).map_or(0, |spec| self.rows.working_bytes(spec))
     }
 }
 

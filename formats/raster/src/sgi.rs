@@ -34,7 +34,7 @@ impl Format for SgiFormat {
     }
 
     fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>> {
-        let source = FileSource::open(path, "SGI")?;
+        let source = FileSource::open(path, "SGI", &limits.files)?;
         let (spec, rows) = read_header(&source, limits)?;
         Ok(Box::new(RowsInput::new("sgi", "SGI", source, limits, vec![vec![spec]], rows)?))
     }
@@ -53,7 +53,7 @@ impl Format for SgiFormat {
         } else if !matches!(spec.string("compression"), None | Some("rle" | "none")) {
             format!("SGI compression \"{}\" is not supported", spec.string("compression").unwrap_or_default())
         } else {
-            return Ok(Box::new(WholeOutput::create(path, spec, encode)?));
+            return Ok(Box::new(WholeOutput::create(path, options, encode)?));
         };
         Err(ImageError::Unsupported { path: path.to_owned(), what: fault })
     }
@@ -257,7 +257,7 @@ fn encode(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result<()>
     [head, starts, lengths, body]
         .iter()
         .try_for_each(|part| file.write_all(part))
-        .map_err(|e| file.io_error(e))
+        .map_err(|e| file.io_error(e).into())
 }
 
 #[cfg(test)]

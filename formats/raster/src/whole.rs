@@ -1,6 +1,8 @@
 //! Files that are read and written in one piece: decoded at the first touch, encoded at `close`.
 
-use granita_image::{AtomicFile, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, Pixels, Result};
+use granita_image::{
+    AtomicFile, CreateOptions, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, Pixels, Result,
+};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -54,7 +56,7 @@ pub(crate) struct Place {
 
 impl Place {
     pub(crate) fn new(path: &Path, format: &'static str, limits: &Limits) -> Self {
-        Self { path: path.to_owned(), format, limits: *limits, bytes: None, count: Arc::default() }
+        Self { path: path.to_owned(), format, limits: limits.clone(), bytes: None, count: Arc::default() }
     }
 
     /// In memory; `path` stands for it in errors.
@@ -74,13 +76,21 @@ impl Place {
         Ok(bytes)
     }
 
+    /// Bytes of the file.
+    pub(crate) fn len(&self) -> Result<u64> {
+        match &self.bytes {
+            Some(bytes) => Ok(bytes.len() as u64),
+            None => std::fs::metadata(&self.path).map(|m| m.len()).map_err(|e| self.io(e)),
+        }
+    }
+
     /// Opens the file from its beginning.
     pub(crate) fn source(&self) -> Result<Source> {
         let counted = |from| BufReader::new(Counted { from, count: self.count.clone() });
         if let Some(bytes) = &self.bytes {
             return Ok(counted(From::Bytes(io::Cursor::new(bytes.clone()))));
         }
-        let file = File::open(&self.path).map_err(|e| self.io(e))?;
+        let file = self.limits.files.open(&self.path).map_err(|e| self.io(e))?;
         if file.metadata().map_err(|e| self.io(e))?.is_dir() {
             return Err(self.io(io::Error::new(io::ErrorKind::IsADirectory, "is a directory")));
         }
@@ -141,15 +151,34 @@ pub(crate) struct WholeInput {
     spec: ImageSpec,
     decode: Decode,
     decoded: OnceLock<Decoded>,
+    /// Why it cannot be decoded, so that nobody tries again.
+    broken: OnceLock<ImageError>,
     /// Held while decoding, so that two threads do not both do it.
     decoding: Mutex<()>,
 }
 
 impl WholeInput {
-    /// Checks the size against the limits.
-    pub(crate) fn new(name: &'static str, place: Place, spec: ImageSpec, decode: Decode) -> Result<Self> {
+    /// Checks the size against the limits, and against the length of the file: its codec packs at most `ratio` bytes of
+    /// pixels into one.
+    pub(crate) fn new(
+        name: &'static str,
+        place: Place,
+        spec: ImageSpec,
+        decode: Decode,
+        ratio: u64,
+    ) -> Result<Self> {
         place.limits.check(&place.path, place.format, &spec)?;
-        Ok(Self { name, place, spec, decode, decoded: OnceLock::new(), decoding: Mutex::new(()) })
+        let bytes = (spec.bytes().unwrap_or(u64::MAX), place.len()?);
+        place.limits.check_ratio(&place.path, place.format, bytes, ratio)?;
+        Ok(Self {
+            name,
+            place,
+            spec,
+            decode,
+            decoded: OnceLock::new(),
+            broken: OnceLock::new(),
+            decoding: Mutex::new(()),
+        })
     }
 
     /// The pixels that are kept.
@@ -165,10 +194,23 @@ impl WholeInput {
         Ok(self.decoded.get_or_init(|| decoded))
     }
 
-    /// Decodes the file.
+    /// Decodes the file, unless that was found to be in vain.
     fn decode(&self) -> Result<Decoded> {
+        if let Some(error) = self.broken.get().and_then(ImageError::lasting) {
+            return Err(error);
+        }
+        self.decode_now().inspect_err(|error| {
+            if let Some(error) = error.lasting() {
+                let _ = self.broken.set(error);
+            }
+        })
+    }
+
+    fn decode_now(&self) -> Result<Decoded> {
         let spec = &self.spec;
         let bytes = self.place.limits.check_read(&self.place.path, spec, spec.width, spec.height)?;
+        // The decoders keep the pixels once or twice more while they work.
+        Limits::check_memory(&self.place.path, 3 * bytes as u64)?;
         let decoded = (self.decode)(&self.place, spec)?;
         let pixels = &decoded.pixels;
         if pixels.pixel_type() != spec.pixel_type || pixels.len() != bytes / spec.pixel_type.bytes() {
@@ -230,6 +272,11 @@ impl ImageInput for WholeInput {
     fn bytes_read(&self) -> u64 {
         self.place.bytes_read()
     }
+
+    /// The pixels that are kept, and those of the decoder.
+    fn working_bytes(&self, _image: usize, _level: usize) -> u64 {
+        self.spec.bytes().unwrap_or(u64::MAX).saturating_mul(2)
+    }
 }
 
 /// Encodes a complete picture; `Err` says what the format cannot do, or what the system refused.
@@ -245,8 +292,9 @@ pub(crate) struct WholeOutput {
 }
 
 impl WholeOutput {
-    /// Begins a file; the format has checked that it can hold `spec`.
-    pub(crate) fn create(path: &Path, spec: &ImageSpec, encode: Encode) -> Result<Self> {
+    /// Begins a file; the format has checked that it can hold the image.
+    pub(crate) fn create(path: &Path, options: &CreateOptions<'_>, encode: Encode) -> Result<Self> {
+        let spec = options.spec;
         let misuse = |what: String| ImageError::Misuse { path: path.to_owned(), what };
         if spec.is_tiled() {
             return Err(misuse("this format does not store tiles".to_owned()));
@@ -256,7 +304,7 @@ impl WholeOutput {
             .and_then(|b| usize::try_from(b).ok())
             .filter(|b| *b > 0 && *b <= isize::MAX as usize);
         let n = n.ok_or_else(|| misuse(format!("an image of {} x {} pixels", spec.width, spec.height)))?;
-        let file = AtomicFile::create(path)?;
+        let file = options.files.create(path)?;
         let pixels = Pixels::zeros(spec.pixel_type, n / spec.pixel_type.bytes());
         Ok(Self { file, spec: spec.clone(), pixels, filled: 0, encode })
     }
@@ -304,7 +352,7 @@ impl ImageOutput for WholeOutput {
         }
         let Self { mut file, spec, pixels, encode, .. } = *self;
         encode(&spec, pixels, &mut file)?;
-        file.commit()
+        Ok(file.commit()?)
     }
 }
 

@@ -81,7 +81,7 @@ fn radiance() {
     let path = folder.path().join("a.hdr");
     let mut spec = ImageSpec::new(96, 64, 3, PixelType::Float);
     spec.channels = vec!["R".into(), "G".into(), "B".into()];
-    let mut file = format("hdr").create(&path, &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    let mut file = format("hdr").create(&path, &CreateOptions::new(&spec, 1)).unwrap();
     // Black rows among others: they are there as well.
     let values = (0..96 * 64 * 3).map(|i| if i / 288 % 5 == 0 { 0.0 } else { (i % 251) as f32 * 0.37 });
     file.write_rows(&Pixels::Float(values.collect())).unwrap();

@@ -24,7 +24,7 @@ fn noise(pixel_type: PixelType, n: usize, seed: u32) -> Pixels {
 }
 
 fn write(path: &Path, format: &dyn Format, spec: &ImageSpec, pixels: &Pixels, rows: u32) {
-    let mut out = format.create(path, &CreateOptions { spec, levels: 1 }).unwrap();
+    let mut out = format.create(path, &CreateOptions::new(spec, 1)).unwrap();
     let row = spec.width as usize * spec.nchannels();
     for y in (0..spec.height).step_by(rows as usize) {
         let n = rows.min(spec.height - y) as usize * row;
@@ -128,12 +128,12 @@ fn what_a_format_cannot_hold_is_refused_by_name() {
         ("qoi", 2, PixelType::U8, "2"),
     ] {
         let spec = ImageSpec::new(4, 4, n, pixel_type);
-        let result = format(name).create(&path, &CreateOptions { spec: &spec, levels: 1 });
+        let result = format(name).create(&path, &CreateOptions::new(&spec, 1));
         let Err(ImageError::Unsupported { what, .. }) = result else { panic!("{name}") };
         assert!(what.contains(word), "{what}");
     }
     let tiled = ImageSpec::new(4, 4, 3, PixelType::U8).tiled(16, 16);
-    assert!(format("png").create(&path, &CreateOptions { spec: &tiled, levels: 1 }).is_err());
+    assert!(format("png").create(&path, &CreateOptions::new(&tiled, 1)).is_err());
     assert!(!path.exists());
 }
 
@@ -143,7 +143,7 @@ fn nothing_appears_before_all_is_there() {
     for f in formats().iter().filter(|f| f.supports("write")) {
         let path = dir.path().join(f.name());
         let spec = ImageSpec::new(4, 4, 3, f.output_type(PixelType::U8));
-        let mut out = f.create(&path, &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+        let mut out = f.create(&path, &CreateOptions::new(&spec, 1)).unwrap();
         out.write_rows(&Pixels::zeros(spec.pixel_type, 24)).unwrap();
         let error = out.close().unwrap_err().to_string();
         assert!(error.contains(f.name()) && error.contains("2 of 4 rows"), "{error}");

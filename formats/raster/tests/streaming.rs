@@ -24,7 +24,7 @@ fn noise(pixel_type: PixelType, n: usize, seed: u32) -> Pixels {
 }
 
 fn write(path: &Path, format: &dyn Format, levels: &[(ImageSpec, Pixels)]) {
-    let options = CreateOptions { spec: &levels[0].0, levels: levels.len() };
+    let options = CreateOptions::new(&levels[0].0, levels.len());
     let mut out = format.create(path, &options).unwrap();
     for (i, (spec, pixels)) in levels.iter().enumerate() {
         if i > 0 {
@@ -127,7 +127,7 @@ fn levels_and_types_of_dds() {
     }
     // Sizes that do not halve, and levels that do not come.
     let spec = ImageSpec::new(8, 8, 3, PixelType::U8);
-    let begin = || format("dds").create(&path, &CreateOptions { spec: &spec, levels: 2 }).unwrap();
+    let begin = || format("dds").create(&path, &CreateOptions::new(&spec, 2)).unwrap();
     let mut out = begin();
     out.write_rows(&Pixels::zeros(PixelType::U8, 192)).unwrap();
     assert!(out.next_level(&ImageSpec::new(3, 4, 3, PixelType::U8)).is_err());

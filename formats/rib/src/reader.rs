@@ -8,7 +8,8 @@ use crate::lex::Lexer;
 use crate::quadrics;
 use crate::request::{Arg, Request, Requests};
 use granita_base::{
-    BaseType, Environment, Location, Param, ParamType, Params, Reporter, SearchPath, Severity, ShapeDesc,
+    BaseType, Environment, Files, Location, Param, ParamType, Params, Reporter, SearchPath, Severity,
+    ShapeDesc,
 };
 use granita_scene::{Call, GeneratorError, GeneratorSource, SceneSink, Stop};
 use std::collections::{BTreeMap, BTreeSet};
@@ -123,6 +124,8 @@ pub(crate) struct Reader<'a> {
     repeated: usize,
     /// Files being read, outermost first.
     files: Vec<PathBuf>,
+    /// Opens them.
+    opens: Files,
     pub(crate) file: Arc<str>,
     pub(crate) line: u32,
     said: BTreeSet<String>,
@@ -157,6 +160,7 @@ impl<'a> Reader<'a> {
             objects: BTreeMap::new(),
             repeated: 0,
             files: Vec::new(),
+            opens: Files::default(),
             file: name.into(),
             line: 0,
             said: BTreeSet::new(),
@@ -171,10 +175,11 @@ impl<'a> Reader<'a> {
     /// Reads a whole source.
     pub(crate) fn run(&mut self, source: &GeneratorSource) -> Result<(), GeneratorError> {
         let failed = |source_error| GeneratorError::Io { name: source.name(), source: source_error };
+        self.opens = source.files().clone();
         let stream: Box<dyn Read> = match source {
-            GeneratorSource::File(path) => {
+            GeneratorSource::File { path, .. } => {
                 self.files.push(std::fs::canonicalize(path).unwrap_or_else(|_| path.clone()));
-                Box::new(std::fs::File::open(path).map_err(failed)?)
+                Box::new(self.opens.open(path).map_err(failed)?)
             }
             GeneratorSource::Bytes { bytes, .. } => Box::new(io::Cursor::new(bytes.clone())),
         };
@@ -644,7 +649,7 @@ impl<'a> Reader<'a> {
     /// Where an archive lies: beside the file that names it, then on the path of inputs.
     pub(crate) fn find_archive(&self, name: &str) -> Option<PathBuf> {
         let beside = self.files.last().and_then(|f| f.parent()).map(|folder| folder.join(name));
-        if let Some(file) = beside.filter(|f| f.is_file()) {
+        if let Some(file) = beside.filter(|f| self.opens.is_file(f)) {
             return Some(file);
         }
         let path = self.attribute_value("path:input");
@@ -653,8 +658,10 @@ impl<'a> Reader<'a> {
             _ => None,
         });
         let path = path.unwrap_or_else(|| ".".to_owned());
-        let path = SearchPath::parse(&path.replace('&', "."), &SearchPath::default(), &Environment::empty());
-        path.find(name).or_else(|| Path::new(name).is_file().then(|| PathBuf::from(name)))
+        let mut environment = Environment::empty();
+        environment.set_files(self.opens.clone());
+        let path = SearchPath::parse(&path.replace('&', "."), &SearchPath::default(), &environment);
+        path.find(name).or_else(|| self.opens.is_file(Path::new(name)).then(|| PathBuf::from(name)))
     }
 
     fn archive(&mut self, request: &Request) -> Done {
@@ -672,7 +679,7 @@ impl<'a> Reader<'a> {
         if self.files.len() >= MAX_DEPTH {
             return Err(Fault::Mistake(format!("archives are nested deeper than {MAX_DEPTH}")));
         }
-        let stream = match std::fs::File::open(&path) {
+        let stream = match self.opens.open(&path) {
             Ok(file) => Box::new(file),
             Err(error) => return Err(Fault::Mistake(format!("{}: {error}", path.display()))),
         };

@@ -47,7 +47,7 @@ fn rib() -> Arc<dyn Generator> {
 
 fn run(bytes: &[u8], sink: &mut Recorder) -> (Result<(), GeneratorError>, Vec<String>) {
     let (reporter, kept) = Reporter::collecting();
-    let source = GeneratorSource::Bytes { name: "t.rib".into(), bytes: bytes.into() };
+    let source = GeneratorSource::bytes("t.rib", bytes);
     let result = rib().run(&source, sink, &reporter);
     let said = kept.lock().unwrap().iter().map(ToString::to_string).collect();
     (result, said)
@@ -405,7 +405,7 @@ fn archives_and_procedurals() {
     );
     let (reporter, kept) = Reporter::collecting();
     let mut sink = Recorder::default();
-    rib().run(&GeneratorSource::File(main), &mut sink, &reporter).unwrap();
+    rib().run(&GeneratorSource::file(main), &mut sink, &reporter).unwrap();
     let from = sink.calls.iter().position(|c| *c == Call::World).unwrap();
     assert_eq!(names(&sink.calls[from..]), "World Shader Sphere Patch Sphere Input Input Sphere Render");
     let inputs: Vec<_> = sink

@@ -31,7 +31,7 @@ impl TiffInput {
     /// When a directory is damaged, or the first image is of a kind that is not handled. Further
     /// images that are legal but not handled are left out.
     pub fn open(path: &Path, limits: &Limits) -> Result<Self> {
-        let source = FileSource::open(path, "TIFF")?;
+        let source = FileSource::open(path, "TIFF", &limits.files)?;
         let (layout, directories) = read_directories(&source, limits)?;
         let mut images: Vec<Vec<Level>> = Vec::new();
         for directory in directories {
@@ -45,7 +45,7 @@ impl TiffInput {
                 None => images.push(vec![level]),
             }
         }
-        Ok(Self { source, layout, limits: *limits, images, last_strip: Mutex::new(None) })
+        Ok(Self { source, layout, limits: limits.clone(), images, last_strip: Mutex::new(None) })
     }
 
     fn level(&self, image: usize, level: usize) -> Result<&Level> {
@@ -61,7 +61,9 @@ impl TiffInput {
         let width = level.chunk.0;
         let height =
             if spec.is_tiled() { level.chunk.1 } else { level.chunk.1.min(spec.height - cy * level.chunk.1) };
-        self.limits.check_read(self.source.path(), spec, width, height)?;
+        let bytes = self.limits.check_read(self.source.path(), spec, width, height)? as u64;
+        // Packed, unpacked and in order.
+        Limits::check_memory(self.source.path(), bytes.saturating_mul(3))?;
         let (across, down) = level.chunks();
         let index = cy as usize * across as usize + cx as usize;
         let size = (width as usize, height as usize);
@@ -253,6 +255,11 @@ impl ImageInput for TiffInput {
 
     fn bytes_read(&self) -> u64 {
         self.source.bytes_read()
+    }
+
+    /// A strip, or a row of tiles.
+    fn working_bytes(&self, image: usize, level: usize) -> u64 {
+        self.level(image, level).map_or(0, |l| l.spec.decoding_bytes(l.chunk.1))
     }
 }
 

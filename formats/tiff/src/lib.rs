@@ -34,7 +34,7 @@
 //! # let folder = tempfile::tempdir().unwrap();
 //! # let path = folder.path().join("grey.tif");
 //! let spec = ImageSpec::new(20, 10, 1, PixelType::Float).tiled(16, 16);
-//! let mut file = TiffFormat.create(&path, &CreateOptions { spec: &spec, levels: 1 })?;
+//! let mut file = TiffFormat.create(&path, &CreateOptions::new(&spec, 1))?;
 //! file.write_rows(&Pixels::Float(vec![0.5; 200]))?;
 //! file.close()?;
 //! let file = TiffFormat.open(&path, &Limits::default())?;
@@ -148,6 +148,6 @@ impl Format for ShadowFormat {
             return Err(granita_image::ImageError::Misuse { path: path.to_owned(), what });
         }
         let spec = Self::adapted(options.spec);
-        TiffFormat.create(path, &CreateOptions { spec: &spec, levels: options.levels })
+        TiffFormat.create(path, &CreateOptions::new(&spec, options.levels))
     }
 }

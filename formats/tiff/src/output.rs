@@ -169,7 +169,7 @@ impl TiffOutput {
         let all = if options.levels > 1 { first.saturating_mul(2) } else { first };
         let forced = options.spec.attributes.int("bigtiff").unwrap_or(0) != 0;
         let big_tiff = forced || all.saturating_add(all / 16) > u64::from(u32::MAX) - (1 << 20);
-        let mut file = AtomicFile::create(path)?;
+        let mut file = options.files.create(path)?;
         let header: &[u8] =
             if big_tiff { b"II\x2b\0\x08\0\0\0\0\0\0\0\0\0\0\0" } else { b"II\x2a\0\0\0\0\0" };
         file.write_all(header).map_err(|e| file.io_error(e))?;
@@ -552,6 +552,6 @@ impl ImageOutput for TiffOutput {
             let io = |f: &mut AtomicFile| f.seek(SeekFrom::Start(link)).and_then(|_| f.write_all(bytes));
             io(&mut self.file).map_err(|e| self.file.io_error(e))?;
         }
-        self.file.commit()
+        Ok(self.file.commit()?)
     }
 }

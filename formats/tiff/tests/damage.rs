@@ -20,7 +20,7 @@ fn sample(path: &Path, compression: &str, pixel_type: PixelType, tiled: bool, se
     spec.attributes.set(Param::declared("matrix worldtocamera", &[0.5; 16][..]).unwrap());
     let mut small = spec.clone();
     (small.width, small.height) = (11, 9);
-    let mut out = TiffFormat.create(path, &CreateOptions { spec: &spec, levels: 2 }).unwrap();
+    let mut out = TiffFormat.create(path, &CreateOptions::new(&spec, 2)).unwrap();
     for (level, spec) in [&spec, &small].into_iter().enumerate() {
         if level > 0 {
             out.next_level(spec).unwrap();

@@ -34,7 +34,7 @@ fn values(spec: &ImageSpec) -> usize {
 }
 
 fn write(path: &Path, levels: &[ImageSpec], rows_at_once: u32) -> Vec<Pixels> {
-    let mut out = TiffFormat.create(path, &CreateOptions { spec: &levels[0], levels: levels.len() }).unwrap();
+    let mut out = TiffFormat.create(path, &CreateOptions::new(&levels[0], levels.len())).unwrap();
     let mut all = Vec::new();
     for (i, spec) in levels.iter().enumerate() {
         if i > 0 {
@@ -171,7 +171,7 @@ fn tiles_in_any_order_each_once() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.tif");
     let spec = ImageSpec::new(40, 40, 1, PixelType::Float).tiled(16, 16);
-    let mut out = TiffFormat.create(&path, &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    let mut out = TiffFormat.create(&path, &CreateOptions::new(&spec, 1)).unwrap();
     let tile = |tx: u32, ty: u32| Pixels::Float(vec![(tx + 10 * ty) as f32; 256]);
     for i in (0..9).rev() {
         out.write_tile(i % 3, i / 3, &tile(i % 3, i / 3)).unwrap();
@@ -192,7 +192,7 @@ fn nothing_appears_before_all_is_there() {
     let path = dir.path().join("a.tif");
     std::fs::write(&path, "old").unwrap();
     let spec = ImageSpec::new(4, 4, 1, PixelType::U8);
-    let options = CreateOptions { spec: &spec, levels: 1 };
+    let options = CreateOptions::new(&spec, 1);
     let mut out = TiffFormat.create(&path, &options).unwrap();
     out.write_rows(&Pixels::U8(vec![1; 12])).unwrap();
     assert!(out.write_rows(&Pixels::U8(vec![1; 8])).is_err());
@@ -246,7 +246,7 @@ fn shadow_maps() {
     let mut spec = ImageSpec::new(70, 50, 1, PixelType::Float);
     spec.attributes.set(Param::declared("matrix worldtocamera", &matrix[..]).unwrap());
     spec.attributes.set(Param::declared("matrix worldtoscreen", &matrix[..]).unwrap());
-    let mut out = ShadowFormat.create(&path, &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    let mut out = ShadowFormat.create(&path, &CreateOptions::new(&spec, 1)).unwrap();
     let depth = Pixels::Float((0..3500).map(|i| i as f32).collect());
     out.write_rows(&depth).unwrap();
     out.close().unwrap();
@@ -258,5 +258,5 @@ fn shadow_maps() {
     assert_eq!(got.matrix("worldtoscreen").unwrap()[..], matrix);
     assert_eq!(input.read_level(0, 0).unwrap(), depth);
     spec.pixel_type = PixelType::U8;
-    assert!(ShadowFormat.create(&path, &CreateOptions { spec: &spec, levels: 1 }).is_err());
+    assert!(ShadowFormat.create(&path, &CreateOptions::new(&spec, 1)).is_err());
 }

@@ -17,7 +17,7 @@ fn ramp(n: usize) -> Vec<f32> {
 fn write(path: &Path, spec: &ImageSpec) -> Pixels {
     let n = spec.width as usize * spec.height as usize * spec.nchannels();
     let pixels = Pixels::from_floats(spec.pixel_type, &ramp(n));
-    let mut out = TiffFormat.create(path, &CreateOptions { spec, levels: 1 }).unwrap();
+    let mut out = TiffFormat.create(path, &CreateOptions::new(spec, 1)).unwrap();
     out.write_rows(&pixels).unwrap();
     out.close().unwrap();
     pixels

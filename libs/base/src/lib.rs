@@ -8,8 +8,10 @@
 //! - [`number`]: numbers in text, read fast;
 //! - [`param`]: typed, named values as the scene interface passes them (`"vertex point P"`);
 //! - [`shape`]: the description of a geometric primitive, shared by scene, readers and geometry;
+//! - [`process`]: what a run is busy with, and the processes that it started;
 //! - [`report`]: messages for the user, sorted by severity, said once per cause;
 //! - [`search`]: search paths with `&` and variables;
+//! - [`files`]: every file that is read or written is opened here, by the rules of the run;
 //! - [`filter`]: reconstruction filters by name;
 //! - [`hash`] and [`sample`]: random numbers that depend on nothing but their coordinates.
 //!
@@ -27,10 +29,12 @@
 
 mod bits;
 pub mod bound;
+pub mod files;
 pub mod filter;
 pub mod hash;
 pub mod number;
 pub mod param;
+pub mod process;
 pub mod report;
 pub mod sample;
 pub mod search;
@@ -38,10 +42,12 @@ pub mod shape;
 pub mod transform;
 
 pub use bound::Bound;
+pub use files::{AtomicFile, Confinement, FileError, Files, Rules};
 pub use filter::Filter;
-pub use glam::{Vec2, Vec3, Vec4};
+pub use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
 pub use number::{Number, scan_number};
 pub use param::{BaseType, Interp, Param, ParamData, ParamType, Params};
+pub use process::Supervisor;
 pub use report::{Location, Reporter, Severity};
 pub use search::{Environment, SearchPath};
 pub use shape::{CurveBasis, ShapeDesc, TrimDesc};

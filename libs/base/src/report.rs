@@ -4,6 +4,7 @@
 //! counted and not shown; [`Reporter::summary`] tells how often. The reporter also hears of every file that was read
 //! ([`Reporter::file_read`]), so that a frame can say what it depends on.
 
+use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -112,6 +113,25 @@ pub struct Message {
     pub text: String,
 }
 
+impl Message {
+    /// Without what terminals and logs would take for something else: names and texts come from files.
+    fn new(severity: Severity, at: &Location, text: String) -> Self {
+        let clean = match severity {
+            Severity::Message => printable(&text),
+            _ => one_line(&text),
+        };
+        let clean = match clean {
+            Cow::Borrowed(_) => None,
+            Cow::Owned(clean) => Some(clean),
+        };
+        let mut at = at.clone();
+        if let Cow::Owned(file) = shown(&at.file, |_| false) {
+            at.file = file.into();
+        }
+        Self { severity, at, text: clean.unwrap_or(text) }
+    }
+}
+
 impl fmt::Display for Message {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.severity == Severity::Message {
@@ -122,6 +142,41 @@ impl fmt::Display for Message {
         }
         write!(f, "{}: {}", self.severity, self.text)
     }
+}
+
+/// The text as it may go to a terminal or a log: control characters, and those that change the direction of writing, become
+/// escapes as `\\u{1b}`; tabs and ends of lines stay.
+pub fn printable(text: &str) -> Cow<'_, str> {
+    shown(text, |_| true)
+}
+
+/// The text of a message of one line. Further lines stay when they are indented by four blanks, as those that quote a source
+/// are, so that no text of a scene looks like a message of its own.
+fn one_line(text: &str) -> Cow<'_, str> {
+    shown(text, |rest| rest.starts_with("    "))
+}
+
+/// Escapes what is not printed; `may_end` says whether a line may end before the rest of the text.
+fn shown(text: &str, may_end: impl Fn(&str) -> bool) -> Cow<'_, str> {
+    // Bidirectional embeddings, overrides and isolates make text look like another one.
+    let is_shown = |at: usize, c: char| match c {
+        '\t' => true,
+        '\n' => may_end(&text[at + 1..]),
+        '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => false,
+        other => !other.is_control(),
+    };
+    if text.char_indices().all(|(at, c)| is_shown(at, c)) {
+        return Cow::Borrowed(text);
+    }
+    let mut out = String::with_capacity(text.len() + 16);
+    for (at, c) in text.char_indices() {
+        if is_shown(at, c) {
+            out.push(c);
+        } else {
+            out.extend(c.escape_default());
+        }
+    }
+    Cow::Owned(out)
 }
 
 /// Receives messages; called from any thread, one at a time.
@@ -138,6 +193,8 @@ struct Inner {
     verbosity: AtomicU8,
     said: Mutex<Said>,
     counts: [AtomicUsize; 5],
+    /// Messages that were shown, but [`Severity::Message`].
+    shown: AtomicUsize,
     files: Mutex<BTreeSet<PathBuf>>,
 }
 
@@ -158,6 +215,8 @@ struct Again {
 
 /// So many different messages are remembered for comparing; who says more than that says them all.
 const MANY: usize = 10_000;
+/// So many messages are shown; what a broken file causes beyond them fills no disk.
+const MOST_SHOWN: usize = 2000;
 /// So many repeated messages are listed in a summary.
 const LISTED: usize = 20;
 
@@ -187,6 +246,7 @@ impl Reporter {
             verbosity: AtomicU8::new(VERBOSITY_NORMAL),
             said: Mutex::default(),
             counts: Default::default(),
+            shown: AtomicUsize::new(0),
             files: Mutex::default(),
         }))
     }
@@ -238,7 +298,7 @@ impl Reporter {
     /// Passes a message on, if the verbosity lets it through. A warning or an error that was said before in the same
     /// words about the same place is only counted.
     pub fn say(&self, severity: Severity, at: &Location, text: impl Into<String>) {
-        let message = Message { severity, at: at.clone(), text: text.into() };
+        let message = Message::new(severity, at, text.into());
         if severity >= Severity::Warning {
             let look = message.to_string();
             let mut said = lock(&self.0.said);
@@ -266,7 +326,7 @@ impl Reporter {
     }
 
     fn first(&self, cause: &str, severity: Severity, at: &Location, text: impl Into<String>, counts: usize) {
-        let message = Message { severity, at: at.clone(), text: text.into() };
+        let message = Message::new(severity, at, text.into());
         {
             let mut said = lock(&self.0.said);
             if let Some(&entry) = said.index.get(cause) {
@@ -286,8 +346,20 @@ impl Reporter {
             Severity::Warning => VERBOSITY_NORMAL,
             Severity::Info => VERBOSITY_INFO,
         };
-        if self.verbosity() >= least {
-            self.show(message);
+        if self.verbosity() < least {
+            return;
+        }
+        if message.severity == Severity::Message {
+            return self.show(message);
+        }
+        match self.0.shown.fetch_add(1, Ordering::Relaxed) {
+            0..MOST_SHOWN => self.show(message),
+            MOST_SHOWN => self.show(&Message {
+                severity: Severity::Warning,
+                at: Location::default(),
+                text: format!("more than {MOST_SHOWN} messages: further ones are counted only"),
+            }),
+            _ => (),
         }
     }
 
@@ -434,6 +506,37 @@ mod tests {
         assert_eq!(codes.lock().unwrap().last(), Some(&-2048));
         let texts: Vec<String> = kept.lock().unwrap().iter().map(|m| m.text.clone()).collect();
         assert_eq!(texts, ["g", "h"]);
+    }
+
+    #[test]
+    fn a_flood_of_messages_is_counted() {
+        let (r, kept) = Reporter::collecting();
+        (0..MOST_SHOWN + 100).for_each(|i| r.error(format!("mistake {i}")));
+        r.say(Severity::Message, &Location::default(), "printed");
+        let kept = kept.lock().unwrap();
+        assert_eq!(kept.len(), MOST_SHOWN + 2);
+        assert_eq!(kept[MOST_SHOWN].text, "more than 2000 messages: further ones are counted only");
+        assert_eq!((r.errors(), kept[MOST_SHOWN + 1].text.as_str()), (MOST_SHOWN + 100, "printed"));
+    }
+
+    #[test]
+    fn control_characters_are_escaped() {
+        let (r, kept) = Reporter::collecting();
+        let at = Location::line(&"a\nb\u{1b}[2J.pyg".into(), 3);
+        r.say(Severity::Error, &at, "no \"\u{1b}]0;x\u{7}\"\nerror: forged\r\u{202e}");
+        r.error("bad\n    float x;\n    ^");
+        r.once("c", Severity::Warning, &Location::default(), "a\u{9b}b\n");
+        r.say(Severity::Message, &Location::default(), "1\t2\u{8}\n3\n");
+        let lines: Vec<String> = kept.lock().unwrap().iter().map(ToString::to_string).collect();
+        assert_eq!(
+            lines,
+            [
+                "a\\nb\\u{1b}[2J.pyg:3: error: no \"\\u{1b}]0;x\\u{7}\"\\nerror: forged\\r\\u{202e}",
+                "error: bad\n    float x;\n    ^",
+                "warning: a\\u{9b}b\\n",
+                "1\t2\\u{8}\n3\n",
+            ]
+        );
     }
 
     #[test]

@@ -1,13 +1,18 @@
 //! Search paths: colon-separated folders, with `&` for the previous path and variables
 //! (reference 4.3.6). The environment is a value handed in; nothing here reads the process's own.
 
+use crate::Files;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// Variables that search paths and scenes may name. Tools fill it from the process's environment.
+/// What a run sees of the machine: variables that search paths and scenes may name, and [`Files`]. Tools fill it from the
+/// process's environment.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Environment(BTreeMap<String, String>);
+pub struct Environment {
+    variables: BTreeMap<String, String>,
+    files: Files,
+}
 
 impl Environment {
     /// No variables at all.
@@ -15,19 +20,29 @@ impl Environment {
         Self::default()
     }
 
+    /// Opens files by `files` from now on.
+    pub fn set_files(&mut self, files: Files) {
+        self.files = files;
+    }
+
+    /// What opens the files of the run.
+    pub fn files(&self) -> &Files {
+        &self.files
+    }
+
     /// Sets one variable.
     pub fn set(&mut self, name: impl Into<String>, value: impl Into<String>) {
-        self.0.insert(name.into(), value.into());
+        self.variables.insert(name.into(), value.into());
     }
 
     /// The value of a variable.
     pub fn get(&self, name: &str) -> Option<&str> {
-        self.0.get(name).map(String::as_str)
+        self.variables.get(name).map(String::as_str)
     }
 
     /// All variables, in order of their names.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
-        self.0.iter().map(|(name, value)| (name.as_str(), value.as_str()))
+        self.variables.iter().map(|(name, value)| (name.as_str(), value.as_str()))
     }
 
     /// Replaces `$VAR`, `${VAR}`, `$(VAR)` and `%VAR%`; what is not set stays as written.
@@ -75,7 +90,7 @@ impl Environment {
 
 impl FromIterator<(String, String)> for Environment {
     fn from_iter<T: IntoIterator<Item = (String, String)>>(iter: T) -> Self {
-        Self(iter.into_iter().collect())
+        Self { variables: iter.into_iter().collect(), files: Files::default() }
     }
 }
 
@@ -90,6 +105,7 @@ impl FromIterator<(OsString, OsString)> for Environment {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SearchPath {
     folders: Vec<PathBuf>,
+    files: Files,
 }
 
 impl SearchPath {
@@ -109,7 +125,7 @@ impl SearchPath {
                 add(Path::new(part));
             }
         }
-        Self { folders }
+        Self { folders, files: environment.files.clone() }
     }
 
     /// In order.
@@ -117,14 +133,26 @@ impl SearchPath {
         &self.folders
     }
 
-    /// The first place where `name` is a file. Absolute names, and names that begin with `./` or
-    /// `../`, are not searched for. The current folder is looked into only when it is on the path.
+    /// What opens the files of the run.
+    pub fn files(&self) -> &Files {
+        &self.files
+    }
+
+    /// The first place where `name` is a file that may be read; else the first where it is one that may not, so that
+    /// opening it says why. Absolute names, and names that begin with `./` or `../`, are not searched for. The current
+    /// folder is looked into only when it is on the path. Before all of them come files that the run itself wrote
+    /// under this name elsewhere ([`Files::written`]).
     pub fn find(&self, name: &str) -> Option<PathBuf> {
         let path = Path::new(name);
+        if let Some(written) = self.files.written(path) {
+            return Some(written);
+        }
         if path.is_absolute() || name.starts_with("./") || name.starts_with("../") {
             return path.is_file().then(|| path.to_owned());
         }
-        self.folders.iter().map(|f| f.join(path)).find(|p| p.is_file()).map(|p| match p.strip_prefix(".") {
+        let places = || self.folders.iter().map(|f| f.join(path));
+        let found = places().find(|p| self.files.is_file(p)).or_else(|| places().find(|p| p.is_file()));
+        found.map(|p| match p.strip_prefix(".") {
             Ok(plain) => plain.to_owned(),
             Err(_) => p,
         })

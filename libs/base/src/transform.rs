@@ -1,14 +1,19 @@
 //! 4x4 matrices that act on row vectors, and transformations that move.
 
-use glam::{DMat4, Mat4, Vec3, Vec4};
+use glam::{DMat4, DVec4, Mat4, Vec3, Vec4};
 use std::sync::Arc;
 
 /// A 4x4 matrix acting on row vectors: `p' = p * M`, translation in the last row.
 ///
 /// Stored as a `glam::Mat4` of the same memory order (row-major for row vectors is column-major for
-/// column vectors), so conversion costs nothing.
+/// column vectors), so conversion costs nothing. What rounding takes from the translation of a product or an inverse is
+/// kept beside it, and counts in [`Transform::as_dmat4`] only: far from the origin that is more than a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Transform(Mat4);
+pub struct Transform {
+    rounded: Mat4,
+    /// What is missing of the translation.
+    rest: Vec3,
+}
 
 impl Default for Transform {
     fn default() -> Self {
@@ -18,26 +23,42 @@ impl Default for Transform {
 
 impl Transform {
     /// The transformation that changes nothing.
-    pub const IDENTITY: Self = Self(Mat4::IDENTITY);
+    pub const IDENTITY: Self = Self::exact(Mat4::IDENTITY);
+
+    const fn exact(rounded: Mat4) -> Self {
+        Self { rounded, rest: Vec3::ZERO }
+    }
+
+    /// `rounded`, of which `exact` is what it should be.
+    fn of(rounded: Mat4, exact: &DMat4) -> Self {
+        let rest = exact.w_axis.truncate() - rounded.w_axis.truncate().as_dvec3();
+        let rest = if rest.is_finite() { rest.as_vec3() } else { Vec3::ZERO };
+        Self { rounded, rest }
+    }
+
+    /// Whether it never divides points.
+    pub fn is_affine(&self) -> bool {
+        self.rounded.row(3) == Vec4::W
+    }
 
     /// From 16 numbers, row by row (`m[12..15]` is the translation).
     pub fn from_rows(m: &[f32; 16]) -> Self {
-        Self(Mat4::from_cols_array(m))
+        Self::exact(Mat4::from_cols_array(m))
     }
 
     /// The 16 numbers, row by row.
     pub fn to_rows(&self) -> [f32; 16] {
-        self.0.to_cols_array()
+        self.rounded.to_cols_array()
     }
 
     /// Moves by `t`.
     pub fn translate(t: Vec3) -> Self {
-        Self(Mat4::from_translation(t))
+        Self::exact(Mat4::from_translation(t))
     }
 
     /// Scales about the origin.
     pub fn scale(s: Vec3) -> Self {
-        Self(Mat4::from_scale(s))
+        Self::exact(Mat4::from_scale(s))
     }
 
     /// Rotates by `angle_rad` about `axis` (any length; a zero axis gives the identity).
@@ -45,25 +66,38 @@ impl Transform {
     /// Positive angles turn x towards y when the axis is +z.
     pub fn rotate(angle_rad: f32, axis: Vec3) -> Self {
         match axis.try_normalize() {
-            Some(axis) => Self(Mat4::from_axis_angle(axis, angle_rad)),
+            Some(axis) => Self::exact(Mat4::from_axis_angle(axis, angle_rad)),
             None => Self::IDENTITY,
         }
     }
 
     /// Applies `self` first, then `next`.
     pub fn then(&self, next: &Self) -> Self {
-        Self(next.0 * self.0)
+        let product = next.rounded * self.rounded;
+        // Most have no translation that could be rounded.
+        if self.rounded.w_axis == Vec4::W && self.rest == Vec3::ZERO {
+            return Self { rounded: product, rest: next.rest };
+        }
+        if !self.is_affine() || !next.is_affine() {
+            return Self::exact(product);
+        }
+        Self::of(product, &(next.as_dmat4() * self.as_dmat4()))
     }
 
     /// The inverse, computed in double precision; `None` for a singular matrix.
     pub fn try_inverse(&self) -> Option<Self> {
-        let m: DMat4 = self.0.as_dmat4();
+        let m: DMat4 = self.rounded.as_dmat4();
         let det = m.determinant();
         if !det.is_finite() || det == 0.0 {
             return None;
         }
-        let inverse = m.inverse().as_mat4();
-        inverse.is_finite().then_some(Self(inverse))
+        let rounded = m.inverse().as_mat4();
+        // What the translation led to comes back to the origin, also when the axes are rounded.
+        let mut exact = rounded.as_dmat4();
+        exact.w_axis = DVec4::W - exact * self.as_dmat4().w_axis.truncate().extend(0.0);
+        rounded
+            .is_finite()
+            .then(|| if self.is_affine() { Self::of(rounded, &exact) } else { Self::exact(rounded) })
     }
 
     /// The inverse; the identity for a singular matrix.
@@ -73,29 +107,30 @@ impl Transform {
 
     /// Determinant of the whole matrix.
     pub fn determinant(&self) -> f32 {
-        self.0.as_dmat4().determinant() as f32
+        self.rounded.as_dmat4().determinant() as f32
     }
 
     /// Whether the transformation exchanges left and right handed coordinates.
     pub fn flips_handedness(&self) -> bool {
-        let (x, y, z) = (self.0.x_axis.truncate(), self.0.y_axis.truncate(), self.0.z_axis.truncate());
+        let (x, y, z) =
+            (self.rounded.x_axis.truncate(), self.rounded.y_axis.truncate(), self.rounded.z_axis.truncate());
         x.cross(y).dot(z) < 0.0
     }
 
     /// Transforms a position, dividing by the homogeneous coordinate when it is not one.
     pub fn point(&self, p: Vec3) -> Vec3 {
-        let h = self.0 * p.extend(1.0);
+        let h = self.rounded * p.extend(1.0);
         if h.w == 1.0 { h.truncate() } else { h.truncate() / h.w }
     }
 
     /// Transforms a homogeneous point without dividing.
     pub fn hpoint(&self, p: Vec4) -> Vec4 {
-        self.0 * p
+        self.rounded * p
     }
 
     /// Transforms a direction (the translation does not count).
     pub fn vector(&self, v: Vec3) -> Vec3 {
-        self.0.transform_vector3(v)
+        self.rounded.transform_vector3(v)
     }
 
     /// Transforms a normal by the inverse transpose. Costs an inversion: for many normals take
@@ -106,20 +141,20 @@ impl Transform {
 
     /// The matrix that transforms normals as [`Transform::vector`] transforms directions.
     pub fn normal_matrix(&self) -> Self {
-        let mut linear = self.0.as_dmat4();
-        linear.w_axis = glam::DVec4::W;
+        let mut linear = self.rounded.as_dmat4();
+        linear.w_axis = DVec4::W;
         linear.x_axis.w = 0.0;
         linear.y_axis.w = 0.0;
         linear.z_axis.w = 0.0;
         if linear.determinant() == 0.0 {
-            return Self(linear.as_mat4());
+            return Self::exact(linear.as_mat4());
         }
-        Self(linear.inverse().transpose().as_mat4())
+        Self::exact(linear.inverse().transpose().as_mat4())
     }
 
     /// Rows and columns exchanged.
     pub fn transpose(&self) -> Self {
-        Self(self.0.transpose())
+        Self::exact(self.rounded.transpose())
     }
 
     /// Component-wise linear blend: `self` at `alpha` 0, `other` at 1.
@@ -130,23 +165,31 @@ impl Transform {
         if alpha >= 1.0 {
             return *other;
         }
-        Self(self.0 * (1.0 - alpha) + other.0 * alpha)
+        let rounded = self.rounded * (1.0 - alpha) + other.rounded * alpha;
+        Self::exact(rounded)
     }
 
     /// Whether all 16 numbers are finite.
     pub fn is_finite(&self) -> bool {
-        self.0.is_finite()
+        self.rounded.is_finite()
+    }
+
+    /// The matrix in double precision, for column vectors.
+    pub fn as_dmat4(&self) -> DMat4 {
+        let mut m = self.rounded.as_dmat4();
+        m.w_axis += self.rest.as_dvec3().extend(0.0);
+        m
     }
 
     /// The underlying matrix, for column vectors.
     pub fn as_mat4(&self) -> &Mat4 {
-        &self.0
+        &self.rounded
     }
 }
 
 impl From<Mat4> for Transform {
     fn from(m: Mat4) -> Self {
-        Self(m)
+        Self::exact(m)
     }
 }
 
@@ -237,6 +280,23 @@ impl MotionTransform {
         }
     }
 
+    /// As [`MotionTransform::at`], blended in double precision, for column vectors.
+    pub fn precise_at(&self, time: f32) -> DMat4 {
+        let keys = self.keys();
+        let next = keys.partition_point(|(t, _)| *t <= time);
+        if next == 0 {
+            return keys[0].1.as_dmat4();
+        }
+        let (t0, a) = &keys[next - 1];
+        match keys.get(next) {
+            None => a.as_dmat4(),
+            Some((t1, b)) => {
+                let alpha = f64::from(time - t0) / f64::from(t1 - t0);
+                a.as_dmat4() * (1.0 - alpha) + b.as_dmat4() * alpha
+            }
+        }
+    }
+
     /// Applies `self` first, then `next`, at the union of both key times.
     pub fn then(&self, next: &Self) -> Self {
         self.combine(next, |a, b| a.then(b))
@@ -288,6 +348,22 @@ mod tests {
     }
 
     #[test]
+    fn what_rounding_takes_from_translations_is_kept() {
+        let eye = Vec3::new(1e7, 3e6, -2e7);
+        let turned = Transform::rotate(0.3, Vec3::new(0.2, 1.0, 0.1));
+        let to_camera = Transform::translate(-eye).then(&turned);
+        let to_world = turned.inverse().then(&Transform::translate(eye));
+        let (around, back) = (Transform::translate(Vec3::X).then(&to_world), to_world.inverse());
+        for (m, p) in [(to_camera, eye), (back, eye), (around.then(&to_camera), -Vec3::X)] {
+            let place = m.as_dmat4() * p.as_dvec3().extend(1.0);
+            assert!(place.truncate().length() < 1e-6, "{place}");
+        }
+        // To the bit as if nothing were kept.
+        assert_eq!(*to_camera.as_mat4(), *turned.as_mat4() * Mat4::from_translation(-eye));
+        assert_eq!(to_camera.then(&Transform::IDENTITY), to_camera);
+    }
+
+    #[test]
     fn singular_matrices_have_no_inverse() {
         assert!(Transform::scale(Vec3::new(1.0, 0.0, 1.0)).try_inverse().is_none());
         assert_eq!(Transform::scale(Vec3::ZERO).inverse(), Transform::IDENTITY);
@@ -309,6 +385,9 @@ mod tests {
         .unwrap();
         assert_eq!(m.at(-1.0).point(Vec3::ZERO), Vec3::ZERO);
         assert_eq!(m.at(0.25).point(Vec3::ZERO), Vec3::new(0.25, 0.0, 0.0));
+        for time in [-1.0, 0.0, 0.25, 1.0, 9.0] {
+            assert_eq!(m.precise_at(time).as_mat4(), *m.at(time).as_mat4());
+        }
         assert_eq!(m.at(9.0).point(Vec3::ZERO), Vec3::X);
         assert!(MotionTransform::from_keys(vec![]).is_none());
         assert!(MotionTransform::from_keys(vec![(f32::NAN, Transform::IDENTITY)]).is_none());

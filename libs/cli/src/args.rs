@@ -5,7 +5,10 @@ use std::ffi::OsString;
 
 /// Parses a command line that begins with the tool's name, as [`std::env::args_os`] gives it; on a mistake,
 /// or `-help` or `-version`, prints and exits (2, 0, 0).
+///
+/// Every tool begins with it, so it also does what all of them need first: it raises the limit of open files.
 pub fn parse<T: CommandFactory + FromArgMatches>(words: Vec<OsString>) -> T {
+    crate::files::raise_limit();
     let command = prepared(T::command());
     let args = with_two_dashes(&command, words.into_iter());
     let matches = command.get_matches_from(args);

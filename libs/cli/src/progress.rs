@@ -3,6 +3,8 @@
 use granita_base::Reporter;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// How long the rest will take if it goes on as it did so far, as "1 min 20 s"; `None` while there is too little to
@@ -31,6 +33,7 @@ pub fn time_left(elapsed: Duration, done: u64, total: u64) -> Option<String> {
 pub struct Bar {
     all: MultiProgress,
     bar: ProgressBar,
+    muted: Arc<AtomicBool>,
 }
 
 impl Default for Bar {
@@ -44,7 +47,11 @@ impl Bar {
     pub fn new(visible: bool) -> Self {
         let target =
             if visible { ProgressDrawTarget::stderr_with_hz(10) } else { ProgressDrawTarget::hidden() };
-        Self { all: MultiProgress::with_draw_target(target), bar: ProgressBar::hidden() }
+        Self {
+            all: MultiProgress::with_draw_target(target),
+            bar: ProgressBar::hidden(),
+            muted: Arc::default(),
+        }
     }
 
     /// Starts to show `total` steps of `what`.
@@ -78,8 +85,16 @@ impl Bar {
         self.bar.finish_and_clear();
     }
 
+    /// Lets warnings and errors be printed no more: what fails because the tool is being ended is not worth a line.
+    pub fn mute(&self) {
+        self.muted.store(true, Ordering::SeqCst);
+    }
+
     /// Prints a line to standard error above the bar.
     fn line(&self, text: &str) {
+        if self.muted.load(Ordering::SeqCst) {
+            return;
+        }
         if self.all.is_hidden() {
             use std::io::Write;
             // Nobody is left to tell when standard error is closed.

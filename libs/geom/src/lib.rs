@@ -56,6 +56,7 @@ mod sphere;
 mod spline;
 mod subdiv;
 mod surface;
+mod sweep;
 mod trim;
 mod vars;
 mod width;

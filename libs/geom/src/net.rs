@@ -9,7 +9,7 @@ use crate::side::{Lattice, Settled, SidePart, SidePoints};
 use crate::surface::{Piece, SplitDirection, Surface};
 use crate::trim::Trim;
 use crate::vars::{Vars, emit, position, take_normals};
-use granita_base::{Bound, Vec3};
+use granita_base::{Bound, DVec3, Vec3};
 use std::ops::Deref;
 use std::sync::Arc;
 
@@ -82,6 +82,9 @@ pub(crate) struct NetPiece {
     settled: Settled,
     bounds: Vec<Bound>,
 }
+
+/// Most segments whose Bezier vertices bound a piece.
+const MOST_HULL_SEGMENTS: usize = 16;
 
 /// Parts of a block.
 const BLOCK: usize = 16;
@@ -176,6 +179,59 @@ impl NetPiece {
         } else {
             net_bound(&**self.net, self.part(), self.range, key)
         }
+    }
+
+    /// Positions at a motion key of a lattice of places.
+    fn positions_at(&self, key: usize, places: [&[Place]; 2]) -> impl Iterator<Item = DVec3> + use<> {
+        let dim = self.net.dim();
+        let key = key.min(self.bounds.len() - 1);
+        let values = self.block(places, key * dim..(key + 1) * dim, None);
+        precise(values, dim)
+    }
+
+    /// As [`NetPiece::positions_at`], at `n` places spread evenly over a part of a side.
+    fn positions_along(&self, key: usize, part: &SidePart, n: usize) -> impl Iterator<Item = DVec3> + use<> {
+        let along: Vec<Place> = (0..n).map(|i| part.range.place(i, n)).collect();
+        let across = [self.range[1 - part.side / 2].place(part.side % 2, 2)];
+        self.positions_at(key, if part.side < 2 { [&along[..], &across] } else { [&across, &along[..]] })
+    }
+
+    /// Bezier vertices of all that the piece covers; `None` where their hull does not hold it, or where they are many.
+    fn vertices(&self, key: usize) -> Option<Vec<DVec3>> {
+        let (dim, degrees) = (self.net.dim(), self.net.degrees());
+        let segments = self.range.iter().map(|r| r.count() as usize).product::<usize>();
+        // Blended are quotients, not their weights.
+        let blends = dim == 3 || self.bounds.len() == 1;
+        if self.parts.len() > 1 || segments > MOST_HULL_SEGMENTS || !blends {
+            return None;
+        }
+        let key = key.min(self.bounds.len() - 1);
+        let (mut all, mut of_key, mut out) = (Vec::new(), Vec::new(), Vec::new());
+        for sv in self.range[1].segments() {
+            for su in self.range[0].segments() {
+                self.net.gather(self.part(), [su, sv], &mut all);
+                of_key.clear();
+                for vertex in all.chunks_exact(self.net.channels()) {
+                    of_key.extend_from_slice(&vertex[key * dim..(key + 1) * dim]);
+                }
+                for axis in 0..2 {
+                    let range = self.range[axis];
+                    cut(&mut of_key, degrees, dim, axis, range.ends(), range.is_whole());
+                }
+                if dim == 4 && !of_key.chunks_exact(4).all(|v| v[3] > 0.0) {
+                    return None;
+                }
+                out.extend(
+                    of_key
+                        .chunks_exact(dim)
+                        .map(|v| DVec3::new(v[0], v[1], v[2]) / if dim == 4 { v[3] } else { 1.0 }),
+                );
+            }
+        }
+        for [u, v] in self.settled.outside(&self.range) {
+            out.extend(self.positions_at(key, [&[u], &[v]]));
+        }
+        Some(out)
     }
 
     /// Evaluates the channels `wanted` at all points; where `derivatives` is given, also dP/du and dP/dv at key 0.
@@ -317,6 +373,11 @@ impl NetPiece {
         }
         out
     }
+}
+
+/// Positions from their channels, divided by weights where there are any.
+fn precise(values: Vec<f64>, dim: usize) -> impl Iterator<Item = DVec3> {
+    (0..values.len() / dim).map(move |i| DVec3::from_slice(&values[i * dim..]))
 }
 
 fn scaled(d: [f64; 3], length: f64) -> Vec3 {
@@ -628,12 +689,41 @@ impl Surface for NetPiece {
     }
 
     fn positions(&self, key: usize, nu: usize, nv: usize, out: &mut Vec<Vec3>) {
+        let Lattice { places: [us, vs], .. } = Lattice::even(&self.range, [nu.max(2), nv.max(2)]);
+        out.clear();
+        out.extend(self.positions_at(key, [&us, &vs]).map(|p| p.as_vec3()));
+    }
+
+    fn hull(&self, key: usize, out: &mut Vec<DVec3>) {
+        out.clear();
+        match self.vertices(key) {
+            Some(vertices) => out.extend(vertices),
+            None => out.extend(self.bound(key).corners().map(|p| p.as_dvec3())),
+        }
+    }
+
+    fn precise_positions(&self, key: usize, nu: usize, nv: usize, out: &mut Vec<DVec3>) {
+        let Lattice { places: [us, vs], .. } = Lattice::even(&self.range, [nu.max(2), nv.max(2)]);
+        out.clear();
+        out.extend(self.positions_at(key, [&us, &vs]));
+    }
+
+    fn precise_side_positions(&self, key: usize, part: &SidePart, n: usize, out: &mut Vec<DVec3>) {
+        out.clear();
+        out.extend(self.positions_along(key, part, n));
+    }
+
+    fn precise_between(
+        &self,
+        key: usize,
+        nu: usize,
+        nv: usize,
+        sides: &[SidePoints; 4],
+    ) -> Option<Vec<DVec3>> {
         let dim = self.net.dim();
         let key = key.min(self.bounds.len() - 1);
-        let Lattice { places: [us, vs], .. } = Lattice::even(&self.range, [nu.max(2), nv.max(2)]);
-        let values = self.block([&us, &vs], key * dim..(key + 1) * dim, None);
-        out.clear();
-        out.extend(values.chunks_exact(dim).map(|v| position(v, 3)));
+        let lattice = Lattice::between(&self.range, [nu.max(2), nv.max(2)], &self.settled, sides);
+        Some(precise(self.evaluate(&lattice, key * dim..(key + 1) * dim, None), dim).collect())
     }
 
     fn side(&self, side: usize) -> Option<SidePart> {
@@ -649,14 +739,8 @@ impl Surface for NetPiece {
     }
 
     fn side_positions(&self, key: usize, part: &SidePart, n: usize, out: &mut Vec<Vec3>) {
-        let dim = self.net.dim();
-        let key = key.min(self.bounds.len() - 1);
-        let along: Vec<Place> = (0..n).map(|i| part.range.place(i, n)).collect();
-        let across = [self.range[1 - part.side / 2].place(part.side % 2, 2)];
-        let places = if part.side < 2 { [&along[..], &across] } else { [&across, &along[..]] };
-        let values = self.block(places, key * dim..(key + 1) * dim, None);
         out.clear();
-        out.extend(values.chunks_exact(dim).map(|v| position(v, 3)));
+        out.extend(self.positions_along(key, part, n).map(|p| p.as_vec3()));
     }
 
     fn facets(&self) -> usize {
@@ -690,7 +774,8 @@ impl Surface for NetPiece {
     }
 
     fn is_splittable(&self) -> bool {
-        self.must_split() || self.range.iter().any(|r| r.halves().is_some())
+        // Where one parameter no longer divides, parts along the other would be as long.
+        self.must_split() || self.range.iter().all(|r| r.halves().is_some())
     }
 
     fn is_group(&self) -> bool {

@@ -1,25 +1,36 @@
 //! Cutting polygons into triangles.
 
-/// Most tests of corners against triangles; a polygon that asks for more is cut without regard to its shape.
-const MOST_TESTS: usize = 400_000_000;
+use crate::sweep;
+
+/// Most tests of corners, for each corner of a polygon and for a small one. A polygon that needs more is cut by sweeping over
+/// it, and where that fails, because it crosses itself or has no area, without regard to its shape.
+const TESTS_PER_CORNER: usize = 256;
+const TESTS_OF_ANY: usize = 1 << 20;
 
 /// Corners of the triangles of a polygon, in its winding.
 ///
-/// Convex polygons are cut into rounds of ears, every other corner; concave ones by ear clipping in the plane of the Newell normal. What
-/// cannot be cut properly (crossing edges, no area) is cut anyhow: there are always `n - 2` triangles.
+/// Convex polygons are cut into rounds of ears, every other corner; concave ones by ear clipping in the plane of the Newell normal,
+/// or, where that would take long, by [`sweep`]. What cannot be cut properly (crossing edges, no area) is cut anyhow: there
+/// are always `n - 2` triangles.
 pub(crate) fn triangulate(points: &[[f64; 3]]) -> Vec<[usize; 3]> {
-    let n = points.len();
-    if n < 3 {
+    if points.len() < 3 {
         return Vec::new();
     }
-    let flat = project(points);
+    cut(&project(points)).0
+}
+
+/// The same of a polygon in its plane; also the number of corners that were tested.
+fn cut(flat: &[[f64; 2]]) -> (Vec<[usize; 3]>, usize) {
+    let n = flat.len();
+    let most_tests = TESTS_OF_ANY + TESTS_PER_CORNER * n;
+    let mut shapeless = false;
     let mut ring = Ring::new(n);
     let bends_in = |ring: &Ring, i: usize| {
         let [a, b, c] = ring.corners(i);
         turn(flat[a], flat[b], flat[c]) <= 0.0
     };
     let mut reflex: Vec<usize> = (0..n).filter(|&i| bends_in(&ring, i)).collect();
-    let mut near = Nearby::new(&flat, &reflex);
+    let mut near = Nearby::new(flat, &reflex);
     let (mut tests, mut looked_up_at) = (0_usize, n);
     let mut triangles = Vec::with_capacity(n - 2);
     // Where to look for the next ear; going on behind the last one avoids slivers around one corner.
@@ -29,7 +40,14 @@ pub(crate) fn triangulate(points: &[[f64; 3]]) -> Vec<[usize; 3]> {
         if !reflex.is_empty() && ring.left < looked_up_at / 4 * 3 {
             looked_up_at = ring.left;
             reflex.retain(|&i| ring.is_in(i) && bends_in(&ring, i));
-            near = Nearby::new(&flat, &reflex);
+            near = Nearby::new(flat, &reflex);
+        }
+        tests += 1;
+        if tests > most_tests && !shapeless {
+            if let Some(swept) = sweep::triangulate(flat) {
+                return (swept, tests);
+            }
+            shapeless = true;
         }
         let [a, b, c] = ring.corners(at);
         let triangle = [flat[a], flat[b], flat[c]];
@@ -38,9 +56,10 @@ pub(crate) fn triangulate(points: &[[f64; 3]]) -> Vec<[usize; 3]> {
             ring.is_in(r) && r != a && r != b && r != c && inside(flat[r], triangle) && bends_in(&ring, r)
         };
         let is_ear = reflex.is_empty()
+            || shapeless
             || (turn(triangle[0], triangle[1], triangle[2]) > 0.0 && !near.any(triangle, &mut tests, blocks));
         // Without an ear all around the polygon crosses itself or has no area.
-        if is_ear || since_ear >= ring.left || tests > MOST_TESTS {
+        if is_ear || since_ear >= ring.left {
             triangles.push([a, b, c]);
             ring.remove(at);
             since_ear = 0;
@@ -52,7 +71,7 @@ pub(crate) fn triangulate(points: &[[f64; 3]]) -> Vec<[usize; 3]> {
         }
     }
     triangles.push(ring.corners(at));
-    triangles
+    (triangles, tests)
 }
 
 /// Corners that are not cut off yet, in order.
@@ -187,7 +206,7 @@ fn project(points: &[[f64; 3]]) -> Vec<[f64; 2]> {
 }
 
 /// Positive for a left turn at `b`.
-fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
+pub(crate) fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
 }
 
@@ -252,6 +271,39 @@ mod tests {
             let parts: f64 = triangles.iter().map(|t| newell(&t.map(|i| polygon[i]))[2]).sum();
             let whole = newell(&polygon)[2];
             assert!((parts / whole - 1.0).abs() < 1e-9, "{parts} {whole}");
+        }
+    }
+
+    /// Of no polygon are the corners tested more than some hundred times each.
+    #[test]
+    fn no_shape_takes_long() {
+        const N: usize = 90_000;
+        let at = |i: usize, r: f64| {
+            let (y, x) = (i as f64 / N as f64 * std::f64::consts::TAU).sin_cos();
+            [r * x, r * y]
+        };
+        let star: Vec<[f64; 2]> = (0..N).map(|i| at(i, if i % 2 == 0 { 1.0 } else { 0.3 })).collect();
+        let spiked: Vec<[f64; 2]> = (0..N).map(|i| at(i, 0.01 + ((i * i) % 1009) as f64)).collect();
+        let line: Vec<[f64; 2]> = (0..N).map(|i| [i as f64, 0.0]).collect();
+        let again: Vec<[f64; 2]> = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].repeat(N / 4);
+        let wound: Vec<[f64; 2]> = (0..N).map(|i| at(i * 34_377, 1.0)).collect();
+        // Simple ones are covered, the others cut anyhow.
+        for (polygon, simple) in [
+            (star, true),
+            (spiked, true),
+            (line, false),
+            (again, false),
+            (vec![[0.0; 2]; N], false),
+            (wound, false),
+        ] {
+            let (triangles, tests) = cut(&polygon);
+            assert_eq!(triangles.len(), N - 2);
+            // The last lookup may end beyond.
+            assert!(tests < TESTS_OF_ANY + (TESTS_PER_CORNER + 3) * N, "{tests}");
+            let of = |t: &[usize; 3]| turn(polygon[t[0]], polygon[t[1]], polygon[t[2]]);
+            let parts: f64 = triangles.iter().map(|t| of(t).abs()).sum();
+            let whole: f64 = (1..N - 1).map(|i| turn(polygon[0], polygon[i], polygon[i + 1])).sum();
+            assert!(!simple || (parts / whole - 1.0).abs() < 1e-9, "{parts} {whole}");
         }
     }
 

@@ -11,13 +11,14 @@ pub(crate) struct Range {
     /// Number of segments; 1 when `level > 0`.
     count: u32,
     /// Which part, of `2^level`, of the segment.
-    k: u32,
+    k: u64,
     /// How often the segment was halved.
     level: u8,
 }
 
-/// Beyond this many halvings points can no longer be told apart in single precision.
-const MAX_LEVEL: u8 = 20;
+/// Most halvings of a segment. A ground of 1e8 units below an eye one unit above it takes 32; with 4096 steps of each part
+/// the numbers of [`Range::place`] fill 62 bits.
+const MAX_LEVEL: u8 = 50;
 
 /// A place in a segment: `a + b = 1`, `b = 0` at the start. Exchanging `a` and `b` reverses the segment exactly.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,8 +56,9 @@ impl Range {
 
     /// Start and end within the first and last segment.
     pub(crate) fn ends(&self) -> (f64, f64) {
-        let parts = f64::from(1_u32 << self.level);
-        (f64::from(self.k) / parts, f64::from(self.k + 1) / parts)
+        // Both are below 2^53: exact.
+        let parts = (1_u64 << self.level) as f64;
+        (self.k as f64 / parts, (self.k + 1) as f64 / parts)
     }
 
     /// Start and end, counted in segments; exact.
@@ -75,7 +77,7 @@ impl Range {
         let steps = (n.max(2) - 1) as u64;
         let i = (i as u64).min(steps);
         let den = steps << self.level;
-        let num = (u64::from(self.k) * steps + i) * u64::from(self.count);
+        let num = (self.k * steps + i) * u64::from(self.count);
         // The end belongs to the last segment, not to one behind it.
         let whole = (num / den).min(u64::from(self.count) - 1);
         let rest = num - whole * den;
@@ -141,7 +143,7 @@ mod tests {
             r = right;
             depth += 1;
         }
-        assert_eq!(depth, 22);
+        assert_eq!(depth, 2 + usize::from(MAX_LEVEL));
         assert_eq!(r.place(1, 2), Place { segment: 3, a: 0.0, b: 1.0 });
     }
 }

@@ -8,10 +8,13 @@ use crate::range::{Place, Range};
 use crate::side::{Lattice, Settled, SidePart, SidePoints};
 use crate::surface::{Piece, SplitDirection, Surface};
 use crate::vars::{Counts, Report, Vars, take_normals};
-use granita_base::{Bound, Severity, Vec3};
+use granita_base::{Bound, DVec3, Severity, Vec3};
 use std::sync::Arc;
 
 const CALL: &str = "Sphere";
+
+/// Largest radius: squares of larger ones are no numbers any more.
+const LARGEST: f32 = 1e18;
 
 struct Sphere {
     radius: f64,
@@ -38,6 +41,10 @@ pub(crate) fn build(
 ) -> Result<Vec<Piece>, GeomError> {
     if ![radius, zmin, zmax, theta_deg].iter().all(|x| x.is_finite()) {
         let what = format!("arguments {radius}, {zmin}, {zmax}, {theta_deg} are not all finite");
+        return Err(GeomError::Malformed { call: CALL, what });
+    }
+    if radius.abs() > LARGEST {
+        let what = format!("radius {radius:?} is larger than {LARGEST:?}");
         return Err(GeomError::Malformed { call: CALL, what });
     }
     let (radius, size) = (f64::from(radius), f64::from(radius.abs()));
@@ -104,6 +111,15 @@ impl SpherePiece {
     }
 
     fn find_bound(&self) -> Bound {
+        let [x, y, z] = self.extents();
+        rounded_out(Bound {
+            min: Vec3::new(x.0 as f32, y.0 as f32, z.0 as f32),
+            max: Vec3::new(x.1 as f32, y.1 as f32, z.1 as f32),
+        })
+    }
+
+    /// Smallest and largest x, y and z.
+    fn extents(&self) -> [(f64, f64); 3] {
         let s = &*self.sphere;
         let (u, v) = (self.range[0].ends(), self.range[1].ends());
         let theta = (u.0 * s.theta_deg, u.1 * s.theta_deg);
@@ -114,10 +130,7 @@ impl SpherePiece {
         let x = product(around, cos_range(theta.0, theta.1));
         let y = product(around, cos_range(theta.0 - 90.0, theta.1 - 90.0));
         let z = product(r, cos_range(phi[0] - 90.0, phi[1] - 90.0));
-        rounded_out(Bound {
-            min: Vec3::new(x.0 as f32, y.0 as f32, z.0 as f32),
-            max: Vec3::new(x.1 as f32, y.1 as f32, z.1 as f32),
-        })
+        [x, y, z]
     }
 
     /// Sine and cosine of an angle.
@@ -128,15 +141,31 @@ impl SpherePiece {
     }
 
     /// The point at two angles.
-    fn point(&self, (st, ct): (f64, f64), (sp, cp): (f64, f64)) -> Vec3 {
+    fn point(&self, u: (f64, f64), v: (f64, f64)) -> Vec3 {
+        self.precise_point(u, v).as_vec3()
+    }
+
+    fn precise_point(&self, (st, ct): (f64, f64), (sp, cp): (f64, f64)) -> DVec3 {
         let r = self.sphere.radius;
-        Vec3::new((r * ct * cp) as f32, (r * st * cp) as f32, (r * sp) as f32)
+        DVec3::new(r * ct * cp, r * st * cp, r * sp)
     }
 
     /// The points of a lattice.
-    fn points(&self, lattice: &Lattice) -> Vec<Vec3> {
+    fn points(&self, lattice: &Lattice) -> impl Iterator<Item = DVec3> + '_ {
         let [us, vs] = [0, 1].map(|axis| lattice.along(axis, |p| self.angle(axis, p)));
-        us.into_iter().zip(vs).map(|(u, v)| self.point(u, v)).collect()
+        us.into_iter().zip(vs).map(|(u, v)| self.precise_point(u, v))
+    }
+
+    /// Points spread evenly over a part of a side.
+    fn along_side(&self, part: &SidePart, n: usize) -> impl Iterator<Item = DVec3> + '_ {
+        let (axis, range) = (part.side / 2, part.range);
+        let across = self.angle(1 - axis, &self.range[1 - axis].place(part.side % 2, 2));
+        let along = (0..n).map(move |i| self.angle(axis, &range.place(i, n)));
+        along.map(
+            move |x| {
+                if axis == 0 { self.precise_point(x, across) } else { self.precise_point(across, x) }
+            },
+        )
     }
 }
 
@@ -150,7 +179,41 @@ impl Surface for SpherePiece {
     }
 
     fn positions(&self, _key: usize, nu: usize, nv: usize, out: &mut Vec<Vec3>) {
-        *out = self.points(&Lattice::even(&self.range, [nu.max(2), nv.max(2)]));
+        out.clear();
+        let lattice = Lattice::even(&self.range, [nu.max(2), nv.max(2)]);
+        out.extend(self.points(&lattice).map(|p| p.as_vec3()));
+    }
+
+    fn hull(&self, _key: usize, out: &mut Vec<DVec3>) {
+        let extents = self.extents();
+        let corner = |i: usize| -> [f64; 3] {
+            std::array::from_fn(|x| if i >> x & 1 == 0 { extents[x].0 } else { extents[x].1 })
+        };
+        out.clear();
+        out.extend((0..8).map(|i| DVec3::from(corner(i))));
+        let outside = self.settled.outside(&self.range);
+        out.extend(outside.iter().map(|[u, v]| self.precise_point(self.angle(0, u), self.angle(1, v))));
+    }
+
+    fn precise_positions(&self, _key: usize, nu: usize, nv: usize, out: &mut Vec<DVec3>) {
+        out.clear();
+        out.extend(self.points(&Lattice::even(&self.range, [nu.max(2), nv.max(2)])));
+    }
+
+    fn precise_side_positions(&self, _key: usize, part: &SidePart, n: usize, out: &mut Vec<DVec3>) {
+        out.clear();
+        out.extend(self.along_side(part, n));
+    }
+
+    fn precise_between(
+        &self,
+        _key: usize,
+        nu: usize,
+        nv: usize,
+        sides: &[SidePoints; 4],
+    ) -> Option<Vec<DVec3>> {
+        let size = [nu.max(2), nv.max(2)];
+        Some(self.points(&Lattice::between(&self.range, size, &self.settled, sides)).collect())
     }
 
     fn side(&self, side: usize) -> Option<SidePart> {
@@ -163,11 +226,8 @@ impl Surface for SpherePiece {
     }
 
     fn side_positions(&self, _key: usize, part: &SidePart, n: usize, out: &mut Vec<Vec3>) {
-        let axis = part.side / 2;
-        let across = self.angle(1 - axis, &self.range[1 - axis].place(part.side % 2, 2));
-        let along = (0..n).map(|i| self.angle(axis, &part.range.place(i, n)));
         out.clear();
-        out.extend(along.map(|x| if axis == 0 { self.point(x, across) } else { self.point(across, x) }));
+        out.extend(self.along_side(part, n).map(|p| p.as_vec3()));
     }
 
     fn domain(&self) -> [f32; 4] {
@@ -176,7 +236,8 @@ impl Surface for SpherePiece {
     }
 
     fn is_splittable(&self) -> bool {
-        self.range.iter().any(|r| r.halves().is_some())
+        // Where one parameter no longer divides, parts along the other would be as long.
+        self.range.iter().all(|r| r.halves().is_some())
     }
 
     fn split(&self, direction: SplitDirection) -> Vec<Piece> {

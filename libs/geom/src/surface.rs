@@ -2,7 +2,7 @@
 
 use crate::dice::{Dice, View};
 use crate::side::{SidePart, SidePoints};
-use granita_base::{Bound, Vec3};
+use granita_base::{Bound, DVec3, Vec3};
 
 /// A piece of a primitive.
 pub type Piece = Box<dyn Surface>;
@@ -41,6 +41,22 @@ pub trait Surface: Send + Sync {
     ) {
         let _ = view;
         self.positions(key, nu, nv, out);
+    }
+
+    /// Replaces `out` by points whose convex hull holds the piece at motion key `key`, in double precision. All keys give
+    /// equally many, and those between two keys are blended point by point.
+    fn hull(&self, key: usize, out: &mut Vec<DVec3>) {
+        out.clear();
+        out.extend(self.bound(key).corners().map(|p| p.as_dvec3()));
+    }
+
+    /// As [`Surface::positions`], in double precision: for pieces whose coordinates are large beside their distance
+    /// from the viewer. Rounded to single precision these are the same.
+    fn precise_positions(&self, key: usize, nu: usize, nv: usize, out: &mut Vec<DVec3>) {
+        let mut rounded = Vec::new();
+        self.positions(key, nu, nv, &mut rounded);
+        out.clear();
+        out.extend(rounded.iter().map(|p| p.as_dvec3()));
     }
 
     /// `[u0, u1, v0, v1]`: the range of the primitive's (for meshes: the face's) parameters that the piece covers.
@@ -93,6 +109,27 @@ pub trait Surface: Send + Sync {
     fn side_positions(&self, key: usize, part: &SidePart, n: usize, out: &mut Vec<Vec3>) {
         let _ = (key, part, n);
         out.clear();
+    }
+
+    /// As [`Surface::side_positions`], in double precision.
+    fn precise_side_positions(&self, key: usize, part: &SidePart, n: usize, out: &mut Vec<DVec3>) {
+        let mut rounded = Vec::new();
+        self.side_positions(key, part, n, &mut rounded);
+        out.clear();
+        out.extend(rounded.iter().map(|p| p.as_dvec3()));
+    }
+
+    /// The positions of [`Surface::dice_between`] at motion key `key` in double precision; `None` for primitives that have
+    /// no more than single precision.
+    fn precise_between(
+        &self,
+        key: usize,
+        nu: usize,
+        nv: usize,
+        sides: &[SidePoints; 4],
+    ) -> Option<Vec<DVec3>> {
+        let _ = (key, nu, nv, sides);
+        None
     }
 
     /// As [`Surface::dice`], with the points on each side where `sides` says. Where the lattice has more points than the

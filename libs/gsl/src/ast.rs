@@ -104,7 +104,8 @@ pub(crate) enum StmtKind {
     Block(Vec<Stmt>),
     Variables(ValueType, Vec<Definition>),
     Function(Function),
-    If(Expr, Box<Stmt>, Option<Box<Stmt>>),
+    /// Conditions with what they run, from `if` along `else if`, and the last `else`.
+    If(Vec<(Expr, Stmt)>, Option<Box<Stmt>>),
     While(Expr, Box<Stmt>),
     DoWhile(Box<Stmt>, Expr),
     For(Box<Stmt>, Option<Expr>, Option<Expr>, Box<Stmt>),
@@ -118,8 +119,18 @@ pub(crate) enum StmtKind {
 pub(crate) struct Expr {
     pub(crate) kind: ExprKind,
     pub(crate) pos: Pos,
-    /// Nodes from here to the deepest leaf; the parser bounds it, so that walks may recurse.
+    /// Nodes from here to the deepest leaf; the parser bounds it, so that walks may recurse. However many operators
+    /// stand beside each other, they are one node.
     pub(crate) height: u16,
+}
+
+/// An operator and its right operand; the left one is all that stands before it.
+#[derive(Debug)]
+pub(crate) struct Link {
+    pub(crate) operator: Binary,
+    /// Of the operator.
+    pub(crate) pos: Pos,
+    pub(crate) right: Expr,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -168,8 +179,10 @@ pub(crate) enum ExprKind {
     Cast(ValueType, Box<Expr>),
     Negate(Box<Expr>),
     Not(Box<Expr>),
-    Binary(Binary, Box<Expr>, Box<Expr>),
-    Ternary(Box<Expr>, Box<Expr>, Box<Expr>),
+    /// An operand and what is done to it, from left to right.
+    Chain(Box<Expr>, Vec<Link>),
+    /// Conditions with their values along `c ? a : d ? b : ...`, and the value where none holds.
+    Select(Vec<(Expr, Expr)>, Box<Expr>),
     /// `=`, or the operator of `+=` and so on; the left side is a `Variable`.
     Assign(Option<Binary>, Box<Expr>, Box<Expr>),
     /// `++` or `--` of a `Variable`.

@@ -423,11 +423,14 @@ impl Checker<'_> {
                 self.function(function);
                 return;
             }
-            ast::StmtKind::If(condition, then, otherwise) => {
-                let condition = self.condition(&condition);
-                let then = self.scoped(*then);
+            ast::StmtKind::If(arms, otherwise) => {
+                let mut checked = Vec::with_capacity(arms.len());
+                for (condition, body) in arms {
+                    let condition = self.condition(&condition);
+                    checked.push(Arm { condition, body: self.scoped(body) });
+                }
                 let otherwise = otherwise.map_or_else(Vec::new, |s| self.scoped(*s));
-                StmtKind::If(condition, then, otherwise)
+                StmtKind::If(checked, otherwise)
             }
             ast::StmtKind::While(test, body) => {
                 self.around.push(Around::Loop);
@@ -482,18 +485,21 @@ impl Checker<'_> {
     /// An expression for what it does.
     fn effect(&mut self, expr: &ast::Expr) -> Expr {
         let checked = self.statement_expr(expr);
-        let useless = !matches!(
-            checked.kind,
-            ExprKind::Builtin { .. }
-                | ExprKind::Call { .. }
-                | ExprKind::Assign { .. }
-                | ExprKind::Step { .. }
-                | ExprKind::Exit
-                | ExprKind::And(..)
-                | ExprKind::Or(..)
-                | ExprKind::Ternary(..)
-                | ExprKind::Bad
-        );
+        let useless = match &checked.kind {
+            ExprKind::Chain(_, links) => {
+                links.last().is_none_or(|link| matches!(link.operator, Operator::Op(_)))
+            }
+            kind => !matches!(
+                kind,
+                ExprKind::Builtin { .. }
+                    | ExprKind::Call { .. }
+                    | ExprKind::Assign { .. }
+                    | ExprKind::Step { .. }
+                    | ExprKind::Exit
+                    | ExprKind::Select(..)
+                    | ExprKind::Bad
+            ),
+        };
         if useless {
             self.diags.warning(expr.pos, "this statement does nothing");
         }

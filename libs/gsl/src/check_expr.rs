@@ -57,18 +57,18 @@ impl Checker<'_> {
             }
             ast::ExprKind::Construct(ty, _) | ast::ExprKind::Cast(ty, _) => Value(*ty),
             ast::ExprKind::Negate(inner) => self.possible(inner),
-            ast::ExprKind::Binary(op, a, b) => match op {
-                Binary::Mul | Binary::Div | Binary::Add | Binary::Sub => {
-                    self.possible_arithmetic(*op, self.possible(a), self.possible(b))
-                }
-                _ => Value(ValueType::Float),
-            },
-            ast::ExprKind::Ternary(_, a, b) => match (self.possible(a), self.possible(b)) {
-                (Possible::Wanted(_), Value(ValueType::Float)) => self.possible(a),
-                (Value(ValueType::Float), other) => other,
-                (Possible::Wanted(_), other) => other,
-                (a, _) => a,
-            },
+            ast::ExprKind::Chain(first, links) => links
+                .iter()
+                .fold(self.possible(first), |a, l| possible_link(l.operator, a, self.possible(&l.right))),
+            ast::ExprKind::Select(arms, otherwise) => {
+                arms.iter().rev().fold(self.possible(otherwise), |rest, (_, a)| {
+                    match (self.possible(a), rest) {
+                        (a @ Possible::Wanted(_), Value(ValueType::Float)) => a,
+                        (Value(ValueType::Float) | Possible::Wanted(_), rest) => rest,
+                        (a, _) => a,
+                    }
+                })
+            }
             ast::ExprKind::Assign(_, target, _) | ast::ExprKind::Step { target, .. } => self.possible(target),
         }
     }
@@ -83,17 +83,6 @@ impl Checker<'_> {
             (Some(_), 0) => Possible::Array(ty.value),
             (None, 0) | (Some(_), 1) => Possible::Value(ty.value),
             _ => Possible::Value(ValueType::Float),
-        }
-    }
-
-    fn possible_arithmetic(&self, op: Binary, a: Possible, b: Possible) -> Possible {
-        use Possible::{Value, Wanted};
-        match (a, b) {
-            (Wanted(a), Wanted(b)) => Wanted(a.intersection(b)),
-            (Wanted(set), Value(ValueType::Float)) | (Value(ValueType::Float), Wanted(set)) => Wanted(set),
-            (Wanted(_), Value(ty)) | (Value(ty), Wanted(_)) => Value(ty),
-            (Value(a), Value(b)) => arithmetic_type(op, a, b).map_or(Possible::Bad, Value),
-            _ => Possible::Bad,
         }
     }
 
@@ -190,17 +179,8 @@ impl Checker<'_> {
                 }
                 Expr { ty: float, kind: ExprKind::Unary(OpCode::Not, Box::new(value)), pos }
             }
-            ast::ExprKind::Binary(op, a, b) => self.binary(*op, a, b, pos, wanted),
-            ast::ExprKind::Ternary(condition, a, b) => {
-                let condition = self.condition(condition);
-                let (a, b) = (self.expr(a, wanted), self.expr(b, wanted));
-                let Some(ty) = common_type(a.ty, b.ty) else {
-                    return self.operands("?:", &[&a, &b], pos, wanted);
-                };
-                let (a, b) = (self.coerce(a, ty), self.coerce(b, ty));
-                let kind = ExprKind::Ternary(Box::new(condition), Box::new(a), Box::new(b));
-                Expr { ty: SymbolType::of(ty), kind, pos }
-            }
+            ast::ExprKind::Chain(first, links) => self.chain(first, links, wanted),
+            ast::ExprKind::Select(arms, otherwise) => self.select(arms, otherwise, pos, wanted),
             ast::ExprKind::Assign(op, target, value) => self.assign(*op, target, value, pos, wanted),
             ast::ExprKind::Step { target, up, postfix } => {
                 let Some((place, ty)) = self.place(target) else { return self.bad(pos, wanted) };
@@ -342,49 +322,106 @@ impl Checker<'_> {
 
     // Operators.
 
-    fn binary(
-        &mut self,
-        op: Binary,
-        a: &ast::Expr,
-        b: &ast::Expr,
-        pos: Pos,
-        wanted: Option<ValueType>,
-    ) -> Expr {
-        let float = SymbolType::of(ValueType::Float);
+    /// Operators beside each other, however many: what is wanted goes from the last to the first, types go from the
+    /// first to the last.
+    fn chain(&mut self, first: &ast::Expr, links: &[ast::Link], wanted: Option<ValueType>) -> Expr {
+        let mut left = self.possible(first);
+        let mut sides = Vec::with_capacity(links.len());
+        for link in links {
+            let right = self.possible(&link.right);
+            sides.push((left, right));
+            left = possible_link(link.operator, left, right);
+        }
+        // What each operator should give.
+        let mut results = vec![wanted; links.len()];
+        for k in (1..links.len()).rev() {
+            let (left, right) = sides[k];
+            results[k - 1] = side_wanted(links[k].operator, left, right, results[k]);
+        }
+        let (left, right) = sides[0];
+        let mut value = self.expr(first, side_wanted(links[0].operator, left, right, results[0]));
+        for ((link, (left, right)), wanted) in links.iter().zip(sides).zip(results) {
+            let operand = self.expr(&link.right, side_wanted(link.operator, right, left, wanted));
+            value = self.link(value, link, operand, wanted);
+        }
+        value
+    }
+
+    /// One operator of a chain.
+    fn link(&mut self, a: Expr, link: &ast::Link, b: Expr, wanted: Option<ValueType>) -> Expr {
+        let (op, pos) = (link.operator, link.pos);
+        let linked = |a: Expr, left, operator, right, ty| {
+            let link = Link { left, operator, right, ty, pos };
+            let kind = match a.kind {
+                ExprKind::Chain(first, mut links) => {
+                    links.push(link);
+                    ExprKind::Chain(first, links)
+                }
+                kind => ExprKind::Chain(Box::new(Expr { kind, ..a }), vec![link]),
+            };
+            Expr { ty: SymbolType::of(ty), kind, pos }
+        };
+        // What is done to the left operand: a link of its own would nest chains.
+        let within = matches!(a.kind, ExprKind::Chain(..));
         match op {
             Binary::And | Binary::Or => {
-                let (a, b) = (self.condition(a), self.condition(b));
-                let (a, b) = (Box::new(a), Box::new(b));
-                let kind = if op == Binary::And { ExprKind::And(a, b) } else { ExprKind::Or(a, b) };
-                Expr { ty: float, kind, pos }
+                let asks = within && a.ty != SymbolType::of(ValueType::Float);
+                let left = asks.then_some((OpCode::Truth, ValueType::Float));
+                let a = if within { a } else { self.truth(a) };
+                let b = self.truth(b);
+                let operator = if op == Binary::And { Operator::And } else { Operator::Or };
+                linked(a, left, operator, b, ValueType::Float)
             }
             Binary::Mul | Binary::Div | Binary::Add | Binary::Sub => {
-                let (left, right) = (self.possible(a), self.possible(b));
-                let a = self.expr(a, operand_type(op, left, right, wanted));
-                let b = self.expr(b, operand_type(op, right, left, wanted));
                 let ty = match (a.ty.array, b.ty.array) {
                     (None, None) => arithmetic_type(op, a.ty.value, b.ty.value),
                     _ => None,
                 };
                 let Some(ty) = ty else { return self.arithmetic_mistake(op, &a, &b, pos, wanted) };
-                let kind = ExprKind::Binary(opcode(op), Box::new(a), Box::new(b));
-                fold(Expr { ty: SymbolType::of(ty), kind, pos })
+                fold(linked(a, None, Operator::Op(opcode(op)), b, ty))
             }
             _ => {
-                let (left, right) = (self.possible(a), self.possible(b));
-                let value = |p: Possible| match p {
-                    Possible::Value(t) => Some(t),
-                    _ => None,
-                };
-                let a = self.expr(a, value(left).or(value(right)).or(Some(ValueType::Float)));
-                let b = self.expr(b, value(right).or(value(left)).or(Some(ValueType::Float)));
                 let ordered = !matches!(op, Binary::Eq | Binary::Ne);
                 let common = common_type(a.ty, b.ty).filter(|t| !ordered || *t == ValueType::Float);
                 let Some(common) = common else { return self.operands(op.word(), &[&a, &b], pos, wanted) };
-                let (a, b) = (convert(a, common), convert(b, common));
-                Expr { ty: float, kind: ExprKind::Binary(opcode(op), Box::new(a), Box::new(b)), pos }
+                let converts = within && a.ty.value.components() != common.components();
+                let left = converts.then_some((OpCode::Assign, common));
+                let a = if within { a } else { convert(a, common) };
+                linked(a, left, Operator::Op(opcode(op)), convert(b, common), ValueType::Float)
             }
         }
+    }
+
+    /// `c ? a : d ? b : ...`: all values become what the first one and the rest have in common.
+    fn select(
+        &mut self,
+        arms: &[(ast::Expr, ast::Expr)],
+        otherwise: &ast::Expr,
+        pos: Pos,
+        wanted: Option<ValueType>,
+    ) -> Expr {
+        let mut checked = Vec::with_capacity(arms.len());
+        for (condition, value) in arms {
+            let condition = self.condition(condition);
+            checked.push((condition, self.expr(value, wanted)));
+        }
+        let otherwise = self.expr(otherwise, wanted);
+        let mut common = otherwise.ty;
+        for (_, value) in checked.iter().rev() {
+            let Some(ty) = common_type(value.ty, common) else {
+                let rest = Expr { ty: common, kind: ExprKind::Const(crate::check::zero(common.value)), pos };
+                let bad = matches!(otherwise.kind, ExprKind::Bad);
+                let rest = if bad { self.bad(pos, wanted) } else { rest };
+                return self.operands("?:", &[value, &rest], pos, wanted);
+            };
+            common = SymbolType::of(ty);
+        }
+        let mut coerced = Vec::with_capacity(arms.len());
+        for (condition, value) in checked {
+            coerced.push((condition, self.coerce(value, common.value)));
+        }
+        let otherwise = self.coerce(otherwise, common.value);
+        Expr { ty: common, kind: ExprKind::Select(coerced, Box::new(otherwise)), pos }
     }
 
     fn arithmetic_mistake(
@@ -551,7 +588,10 @@ impl Checker<'_> {
         let checked: Vec<Expr> = args.iter().map(|a| self.expr(a, None)).collect();
         let bad = checked.iter().any(|c| matches!(c.kind, ExprKind::Bad));
         if !(bad && (before || self.diags.has_errors())) {
-            let types: Vec<String> = checked.iter().map(|c| spell_type(c.ty)).collect();
+            let mut types: Vec<String> = checked.iter().take(24).map(|c| spell_type(c.ty)).collect();
+            if types.len() < checked.len() {
+                types.push("...".into());
+            }
             let what = format!("no form of `{}` takes ({})", name.text, types.join(", "));
             let mut forms: Vec<String> = builtins::named(&name.text).map(Signature::spell).collect();
             if forms.len() > 6 {
@@ -676,5 +716,37 @@ impl Checker<'_> {
             let what = format!("the template prints {wanted} values, {given} given");
             self.diags.warning(template.pos, what);
         }
+    }
+}
+
+/// What type an operator's result can have.
+fn possible_link(op: Binary, a: Possible, b: Possible) -> Possible {
+    use Possible::{Value, Wanted};
+    if !is_arithmetic(op) {
+        return Value(ValueType::Float);
+    }
+    match (a, b) {
+        (Wanted(a), Wanted(b)) => Wanted(a.intersection(b)),
+        (Wanted(set), Value(ValueType::Float)) | (Value(ValueType::Float), Wanted(set)) => Wanted(set),
+        (Wanted(_), Value(ty)) | (Value(ty), Wanted(_)) => Value(ty),
+        (Value(a), Value(b)) => arithmetic_type(op, a, b).map_or(Possible::Bad, Value),
+        _ => Possible::Bad,
+    }
+}
+
+fn is_arithmetic(op: Binary) -> bool {
+    matches!(op, Binary::Mul | Binary::Div | Binary::Add | Binary::Sub)
+}
+
+/// What one operand of an operator should be, whose result should be `wanted`.
+fn side_wanted(op: Binary, this: Possible, other: Possible, wanted: Option<ValueType>) -> Option<ValueType> {
+    let value = |p: Possible| match p {
+        Possible::Value(ty) => Some(ty),
+        _ => None,
+    };
+    match op {
+        Binary::And | Binary::Or => Some(ValueType::Float),
+        _ if is_arithmetic(op) => operand_type(op, this, other, wanted),
+        _ => value(this).or(value(other)).or(Some(ValueType::Float)),
     }
 }

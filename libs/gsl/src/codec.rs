@@ -241,11 +241,14 @@ impl Encoder {
                 self.byte(0);
                 match op.code {
                     OpCode::Call(func) => {
-                        let place = functions.0.iter().position(|f| *f == func).unwrap_or(functions.0.len());
+                        let place = functions.0.iter().position(|f| *f == func);
+                        let place = place.expect("invariant: the table was made of this module's functions");
                         self.number(CODES.len() as u32 + place as u32);
                     }
                     code => {
-                        let place = CODES.iter().position(|c| *c == code).unwrap_or(CODES.len());
+                        let place = CODES.iter().position(|c| *c == code);
+                        // A number beyond the table would be read as a call.
+                        let place = place.expect("invariant: what linking makes is not written to files");
                         self.number(place as u32);
                     }
                 }

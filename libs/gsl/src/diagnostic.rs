@@ -6,6 +6,10 @@ use std::fmt;
 
 /// So many errors end a compilation.
 const MAX_ERRORS: usize = 25;
+/// More warnings are counted and not shown.
+const MAX_WARNINGS: usize = 200;
+/// Characters of a source line that are shown on either side of the caret.
+const AROUND: usize = 90;
 
 /// One error or warning about a source text.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -16,7 +20,7 @@ pub struct Diagnostic {
     pub at: Location,
     /// What is wrong, in lower case, without a full stop.
     pub message: String,
-    /// The line of the source it stands in.
+    /// The line of the source it stands in; of very long lines the part around the place.
     pub line: Option<String>,
     /// Column of the caret in `line`, counted from 1 in characters.
     pub caret: u32,
@@ -52,6 +56,7 @@ pub(crate) struct Diagnostics {
     pub(crate) sources: Sources,
     list: Vec<(Pos, Diagnostic)>,
     errors: usize,
+    warnings: usize,
 }
 
 impl Diagnostics {
@@ -80,10 +85,21 @@ impl Diagnostics {
             if self.errors > MAX_ERRORS {
                 return;
             }
+        } else {
+            self.warnings += 1;
+            if self.warnings > MAX_WARNINGS {
+                return;
+            }
         }
-        let line = self.sources.line_text(pos).map(|l| l.trim_end().to_owned());
+        let (line, caret) = match self.sources.line_text(pos) {
+            Some(line) => {
+                let (line, caret) = excerpt(line.trim_end(), pos.column);
+                (Some(line), caret)
+            }
+            None => (None, pos.column),
+        };
         let at = self.sources.location(pos);
-        self.list.push((pos, Diagnostic { severity, at, message, line, caret: pos.column, help }));
+        self.list.push((pos, Diagnostic { severity, at, message, line, caret, help }));
     }
 
     pub(crate) fn has_errors(&self) -> bool {
@@ -99,18 +115,31 @@ impl Diagnostics {
     pub(crate) fn finish(mut self) -> Vec<Diagnostic> {
         self.list.sort_by_key(|(p, _)| *p);
         let mut list: Vec<Diagnostic> = self.list.into_iter().map(|(_, d)| d).collect();
-        if self.errors > MAX_ERRORS {
-            list.push(Diagnostic {
-                severity: Severity::Error,
-                at: Location::default(),
-                message: format!("too many errors: {} more are not shown", self.errors - MAX_ERRORS),
-                line: None,
-                caret: 0,
-                help: None,
-            });
+        for (severity, word, count, max) in [
+            (Severity::Warning, "warnings", self.warnings, MAX_WARNINGS),
+            (Severity::Error, "errors", self.errors, MAX_ERRORS),
+        ] {
+            if count > max {
+                let message = format!("too many {word}: {} more are not shown", count - max);
+                let at = Location::default();
+                list.push(Diagnostic { severity, at, message, line: None, caret: 0, help: None });
+            }
         }
         list
     }
+}
+
+/// The part of a line around a column (counted from 1), and the column in it.
+fn excerpt(line: &str, column: u32) -> (String, u32) {
+    let count = line.chars().count();
+    if count <= 2 * AROUND {
+        return (line.to_owned(), column);
+    }
+    let at = (column as usize).clamp(1, count) - 1;
+    let (first, end) = (at.saturating_sub(AROUND), (at + AROUND).min(count));
+    let (before, after) = (if first > 0 { "..." } else { "" }, if end < count { "..." } else { "" });
+    let shown: String = line.chars().skip(first).take(end - first).collect();
+    (format!("{before}{shown}{after}"), (at - first + before.len() + 1) as u32)
 }
 
 /// The name in `candidates` that `name` probably meant: at most a third of its letters differ.

@@ -1,6 +1,6 @@
 //! Constants: expressions of constants become constants.
 
-use crate::hir::{Expr, ExprKind};
+use crate::hir::{Expr, ExprKind, Link, Operator};
 use crate::ir::{ConstValue, OpCode, SymbolType, ValueType};
 use crate::source::Pos;
 use std::sync::Arc;
@@ -47,24 +47,30 @@ pub(crate) fn fold(expr: Expr) -> Expr {
             let parts: Option<Vec<f32>> = parts.iter().map(|p| floats(p).map(|v| v[0])).collect();
             parts.and_then(|p| spread(&p, ty))
         }
-        ExprKind::Binary(op, a, b) if ty != ValueType::Matrix => {
-            floats(a).zip(floats(b)).and_then(|(a, b)| spread(a, ty).zip(spread(b, ty))).and_then(|(a, b)| {
-                let f = match op {
-                    OpCode::Add => |a, b| a + b,
-                    OpCode::Sub => |a, b| a - b,
-                    OpCode::Mul => |a, b| a * b,
-                    OpCode::Div => |a: f32, b: f32| a / b,
-                    _ => return None,
-                };
-                // What division by zero gives is the executor's to say.
-                let all: Vec<f32> = a.iter().zip(&b).map(|(a, b)| f(*a, *b)).collect();
-                all.iter().all(|x| x.is_finite()).then_some(all)
-            })
-        }
+        ExprKind::Chain(a, links) if ty != ValueType::Matrix => match &links[..] {
+            [Link { left: None, operator: Operator::Op(op), right, .. }] => {
+                floats(a).zip(floats(right)).and_then(|(a, b)| arithmetic(*op, a, b, ty))
+            }
+            _ => None,
+        },
         _ => None,
     };
     match value {
         Some(v) => Expr { kind: ExprKind::Const(ConstValue::Floats(Arc::from(v))), ..expr },
         None => expr,
     }
+}
+
+/// `a op b`, component by component; `None` for what is not finite, which is the executor's to say.
+fn arithmetic(op: OpCode, a: &[f32], b: &[f32], ty: ValueType) -> Option<Vec<f32>> {
+    let f = match op {
+        OpCode::Add => |a, b| a + b,
+        OpCode::Sub => |a, b| a - b,
+        OpCode::Mul => |a, b| a * b,
+        OpCode::Div => |a: f32, b: f32| a / b,
+        _ => return None,
+    };
+    let (a, b) = spread(a, ty).zip(spread(b, ty))?;
+    let all: Vec<f32> = a.iter().zip(&b).map(|(a, b)| f(*a, *b)).collect();
+    all.iter().all(|x| x.is_finite()).then_some(all)
 }

@@ -86,15 +86,34 @@ pub(crate) struct Expr {
     pub(crate) pos: Pos,
 }
 
+/// An operator and its right operand.
+#[derive(Debug)]
+pub(crate) struct Link {
+    /// Done to the left operand first: a conversion to this type, or (`Truth`) the question whether it is true.
+    pub(crate) left: Option<(OpCode, ValueType)>,
+    pub(crate) operator: Operator,
+    pub(crate) right: Expr,
+    /// Of the result.
+    pub(crate) ty: ValueType,
+    pub(crate) pos: Pos,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Operator {
+    Op(OpCode),
+    And,
+    Or,
+}
+
 #[derive(Debug)]
 pub(crate) enum ExprKind {
     Const(ConstValue),
     Read(Place),
     Unary(OpCode, Box<Expr>),
-    Binary(OpCode, Box<Expr>, Box<Expr>),
-    And(Box<Expr>, Box<Expr>),
-    Or(Box<Expr>, Box<Expr>),
-    Ternary(Box<Expr>, Box<Expr>, Box<Expr>),
+    /// A value and what is done to it, from left to right: never empty.
+    Chain(Box<Expr>, Vec<Link>),
+    /// Conditions with their values, and the value where none holds.
+    Select(Vec<(Expr, Expr)>, Box<Expr>),
     /// To the type of this expression.
     Convert(Box<Expr>),
     Construct {
@@ -140,12 +159,20 @@ pub(crate) enum Init {
     List(Vec<Expr>),
 }
 
+/// A condition and what it runs.
+#[derive(Debug)]
+pub(crate) struct Arm {
+    pub(crate) condition: Expr,
+    pub(crate) body: Vec<Stmt>,
+}
+
 #[derive(Debug)]
 pub(crate) enum StmtKind {
     Expr(Expr),
     Declare(VarId, Init),
     Block(Vec<Stmt>),
-    If(Expr, Vec<Stmt>, Vec<Stmt>),
+    /// As [`crate::ast::StmtKind::If`].
+    If(Vec<Arm>, Vec<Stmt>),
     Loop {
         body_first: bool,
         test: Option<Expr>,

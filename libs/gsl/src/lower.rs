@@ -22,6 +22,8 @@ use std::sync::Arc;
 const MAX_SIZE: usize = 400_000;
 /// Blocks within blocks, functions in place.
 const MAX_BLOCKS: usize = 256;
+/// Conditions of one `if`, with its `else if`, that are nested in each other's `else`.
+const MANY_ARMS: usize = 16;
 /// Recursion of this module's walk.
 const MAX_DEPTH: usize = 800;
 
@@ -179,6 +181,13 @@ impl<'a> Lowerer<'a> {
         }
     }
 
+    /// Frees what was taken since `live` had this length, but `kept`.
+    fn release_but(&mut self, mark: usize, kept: SymbolId) {
+        let is_live = self.live[mark..].contains(&kept);
+        self.live[mark..].sort_by_key(|id| *id != kept);
+        self.release(mark + usize::from(is_live));
+    }
+
     fn constant(&mut self, ty: SymbolType, value: &ConstValue) -> SymbolId {
         let key = match value {
             ConstValue::Floats(v) => {
@@ -287,12 +296,7 @@ impl<'a> Lowerer<'a> {
                 self.initialize(symbol, init, pos, true);
             }
             StmtKind::Block(list) => self.statements(list),
-            StmtKind::If(condition, then, otherwise) => {
-                let cond = self.expr(condition);
-                let then = self.inner(pos, |s| s.statements(then));
-                let otherwise = self.inner(pos, |s| s.statements(otherwise));
-                self.emit(Stmt::If { cond, then, otherwise }, pos);
-            }
+            StmtKind::If(arms, otherwise) => self.arms(arms, otherwise, pos),
             StmtKind::Loop { body_first, test, body, step } => {
                 let forever = test.as_ref().is_none_or(|t| {
                     matches!(&t.kind, ExprKind::Const(ConstValue::Floats(v)) if v.first().is_some_and(|v| *v != 0.0))
@@ -335,6 +339,48 @@ impl<'a> Lowerer<'a> {
                 }
             }
         }
+    }
+
+    /// `if` with all of its `else if`: one within the other's `else` while they are few. Many are tried in turn in a
+    /// scope that the first whose condition holds leaves, so that they nest no deeper than one.
+    fn arms(&mut self, arms: &'a [hir::Arm], otherwise: &'a [hir::Stmt], pos: Pos) {
+        let Some((arm, rest)) = arms.split_first() else { return self.statements(otherwise) };
+        if arms.len() <= MANY_ARMS {
+            let cond = self.expr(&arm.condition);
+            let then = self.inner(pos, |s| s.statements(&arm.body));
+            let otherwise = self.inner(pos, |s| {
+                let mark = s.live.len();
+                s.arms(rest, otherwise, pos);
+                s.release(mark);
+            });
+            self.emit(Stmt::If { cond, then, otherwise }, pos);
+            return;
+        }
+        self.in_scope(pos, |s, scope| {
+            for arm in arms {
+                let mark = s.live.len();
+                let cond = s.expr(&arm.condition);
+                let then = s.inner(pos, |s| {
+                    s.statements(&arm.body);
+                    s.emit(Stmt::Leave(scope), pos);
+                });
+                s.emit(Stmt::If { cond, then, otherwise: Vec::new() }, pos);
+                s.release(mark);
+            }
+            s.statements(otherwise);
+        });
+    }
+
+    /// A new scope.
+    fn in_scope(&mut self, pos: Pos, fill: impl FnOnce(&mut Self, ScopeId)) {
+        let id = self.scope_id();
+        let body = self.inner(pos, |s| fill(s, id));
+        self.emit(Stmt::Scope { id, body }, pos);
+    }
+
+    fn scope_id(&mut self) -> ScopeId {
+        self.next_scope += 1;
+        ScopeId(self.next_scope - 1)
     }
 
     fn lighting(&mut self, problem: Option<String>, pos: Pos) {

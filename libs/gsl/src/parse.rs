@@ -514,11 +514,18 @@ impl Parser<'_> {
         }
         match &*word {
             "if" => {
-                self.next();
-                let condition = self.parenthesized()?;
-                let then = self.statement()?;
-                let otherwise = if self.eat_word("else") { Some(Box::new(self.statement()?)) } else { None };
-                Ok(StmtKind::If(condition, Box::new(then), otherwise))
+                let mut arms = Vec::new();
+                loop {
+                    self.next();
+                    let condition = self.parenthesized()?;
+                    arms.push((condition, self.statement()?));
+                    if !self.eat_word("else") {
+                        return Ok(StmtKind::If(arms, None));
+                    }
+                    if !self.is_word("if") {
+                        return Ok(StmtKind::If(arms, Some(Box::new(self.statement()?))));
+                    }
+                }
             }
             "else" => {
                 let pos = self.pos();
@@ -684,26 +691,30 @@ impl Parser<'_> {
     }
 
     fn ternary(&mut self) -> Parsed<Expr> {
-        let condition = self.binary(0)?;
+        let first = self.binary(0)?;
         if !self.is("?") {
-            return Ok(condition);
+            return Ok(first);
         }
         let pos = self.pos();
-        self.next();
-        let yes = self.expr()?;
-        self.expect(":")?;
-        self.deeper()?;
-        let no = self.ternary()?;
-        self.depth -= 1;
-        let below = condition.height.max(yes.height).max(no.height);
-        self.node(ExprKind::Ternary(Box::new(condition), Box::new(yes), Box::new(no)), pos, below)
+        let mut below = 0;
+        let mut arms = Vec::new();
+        let mut rest = first;
+        while self.eat("?") {
+            let yes = self.expr()?;
+            self.expect(":")?;
+            below = below.max(rest.height).max(yes.height);
+            arms.push((rest, yes));
+            rest = self.binary(0)?;
+        }
+        below = below.max(rest.height);
+        self.node(ExprKind::Select(arms, Box::new(rest)), pos, below)
     }
 
     /// Operators that bind at least as tightly as `least`; all of them group from the left.
     fn binary(&mut self, least: u8) -> Parsed<Expr> {
-        let mut left = self.unary()?;
-        loop {
-            let TokenKind::Mark(mark) = self.peek() else { return Ok(left) };
+        let first = self.unary()?;
+        let mut links: Vec<Link> = Vec::new();
+        while let TokenKind::Mark(mark) = self.peek() {
             let (operator, strength) = match *mark {
                 "||" => (Binary::Or, 1),
                 "&&" => (Binary::And, 2),
@@ -727,17 +738,19 @@ impl Parser<'_> {
                     self.diags.error_help(pos, format!("there is no operator `{other}`"), help);
                     return Err(Failed);
                 }
-                _ => return Ok(left),
+                _ => break,
             };
             if strength < least {
-                return Ok(left);
+                break;
             }
             let pos = self.pos();
             self.next();
-            let right = self.binary(strength + 1)?;
-            let below = left.height.max(right.height);
-            left = self.node(ExprKind::Binary(operator, Box::new(left), Box::new(right)), pos, below)?;
+            links.push(Link { operator, pos, right: self.binary(strength + 1)? });
         }
+        let Some(last) = links.last() else { return Ok(first) };
+        let pos = last.pos;
+        let below = links.iter().map(|l| l.right.height).fold(first.height, u16::max);
+        self.node(ExprKind::Chain(Box::new(first), links), pos, below)
     }
 
     fn unary(&mut self) -> Parsed<Expr> {

@@ -19,15 +19,14 @@ fn deep_nesting_is_an_error() {
     refused(&format!("surface t () {{ C = {}1; }}", "-".repeat(n)), deep);
     refused(&format!("surface t () {{ C = {}1; }}", "! ".repeat(n)), deep);
     refused(&format!("surface t () {{ C = {}1; }}", "(color) ".repeat(n)), deep);
-    refused(&format!("surface t () {{ C = 1{}; }}", " + 1".repeat(n)), deep);
     refused(&format!("surface t () {{ C = u{}; }}", " = u".repeat(n)), deep);
-    refused(&format!("surface t () {{ C = u{}; }}", " ? u : u".repeat(n)), deep);
+    refused(&format!("surface t () {{ C = {}u{}; }}", "u ? ".repeat(n), " : u".repeat(n)), deep);
     refused(&format!("surface t () {{ C = {}1{}; }}", "sin (".repeat(n), ")".repeat(n)), deep);
     refused(&format!("surface t () {{ C = {}1{}; }}", "C[".repeat(n), "]".repeat(n)), deep);
     refused(&format!("surface t () {{ C = u{}; }}", "++".repeat(n)), "needs a variable");
     refused(&format!("surface t () {{ {}{} }}", "{".repeat(n), "}".repeat(n)), deep);
     refused(&format!("surface t () {{ {} C = 1; }}", "if (u) ".repeat(n)), deep);
-    refused(&format!("surface t () {{ {} C = 1; }}", "if (u) ; else ".repeat(n)), deep);
+    refused(&format!("surface t () {{ {} C = 1; }}", "if (u) ; else while (u) ".repeat(1000)), deep);
     refused(&format!("surface t () {{ {} C = 1; }}", "while (u) ".repeat(n)), deep);
     refused(&format!("surface t () {{ {} }}", "float f () {".repeat(n)), deep);
     refused(&format!("surface t {}", "[[ float a = 1 ]]".repeat(n)), "expected");
@@ -54,6 +53,62 @@ fn as_deep_as_may_be() {
     ok(&format!("surface t () {{ {} C = 1; }}", "if (u) ; else ".repeat(190)));
     ok(&format!("surface t () {{ C = u{}; }}", " ? u : v".repeat(90)));
     ok(&format!("surface t () {{ C = {}noise (P){}; }}", "noise (".repeat(60), ")".repeat(60)));
+}
+
+#[test]
+fn long_is_not_deep() {
+    // What stands beside each other is no nesting, however much of it there is.
+    let n = 10_000;
+    let ok = |source: &str| {
+        let compiled = compile(source, "t.gsl", &CompileOptions::default());
+        let module = compiled.unwrap_or_else(|l| panic!("{}", l[0])).module;
+        assert_eq!(gso::read(&gso::write(&module, true), "t").unwrap(), module);
+        module.symbols.len()
+    };
+    // Sums are made in a few temporaries.
+    let few = 100;
+    for term in [" + u", " - u * v", " * 2 / u", " + C[1]", " + (u + 1)", " + noise (P)"] {
+        let symbols = ok(&format!("surface t () {{ C = u{}; }}", term.repeat(n)));
+        assert!(symbols < few, "{term}: {symbols}");
+    }
+    for term in [" + 1", " < u", " == C", " != P", " && u", " || C", " && u || v < 1", " ? u : v"] {
+        ok(&format!("surface t () {{ C = u{}; }}", term.repeat(n)));
+    }
+    let arms = |k: usize| format!("if (u < {k}) C = {k};");
+    let chain: Vec<String> = (0..n).map(arms).collect();
+    ok(&format!("surface t () {{ {} else C = 7; }}", chain.join(" else ")));
+    ok(&format!("float f () {{ {} return 3; }} surface t () {{ C = f (); }}", chain.join(" else ")));
+    ok(&format!("surface t () {{ {} }}", chain.join(" ")));
+    let choice: Vec<String> = (0..n).map(|k| format!("u < {k} ? {k} : ")).collect();
+    ok(&format!("surface t () {{ C = {}C; }}", choice.concat()));
+    let list: Vec<String> = (0..n).map(|k| format!("u + {k}")).collect();
+    ok(&format!("surface t () {{ float a[{n}] = {{ {} }}; C = a[3]; }}", list.join(", ")));
+    ok(&format!("surface t () {{ C = spline (u, {}); }}", list.join(", ")));
+    ok(&format!("surface t (string s = \"a\") {{ string r = concat (s{}); }}", ", s".repeat(n)));
+    ok(&format!("surface t () {{ {} }}", "C = C + 1; ".repeat(n)));
+    ok(&format!("#if 1{}\n#endif\nsurface t () {{ }}", " + 1".repeat(n)));
+    let functions: Vec<String> = (0..n).map(|k| format!("float f{k} (float x) {{ return x; }}\n")).collect();
+    ok(&format!("{}surface t () {{ C = f{} (u); }}", functions.concat(), n - 1));
+}
+
+#[test]
+fn nested_choices_take_no_time() {
+    // Each level asked twice what its value could be.
+    let n = 60;
+    let source = format!("surface t () {{ C = {}noise (P){}; }}", "u ? ".repeat(n), " : 1".repeat(n));
+    compile(&source, "t.gsl", &CompileOptions::default()).unwrap();
+}
+
+#[test]
+fn messages_are_short() {
+    let words = |source: &str| said(source).len();
+    let long = " + u".repeat(10_000);
+    assert!(words(&format!("surface t () {{ C = u{long} + unknown{long}; }}")) < 400);
+    assert!(words(&format!("surface t () {{ C = min (u{}); }}", ", u".repeat(10_000))) < 600);
+    let source = format!("surface t () {{ {} C = P; }}", "u + 1;\n".repeat(5000));
+    let compiled = compile(&source, "t.gsl", &CompileOptions::default()).unwrap_err();
+    assert_eq!(compiled.len(), 202);
+    assert_eq!(compiled[201].message, "too many warnings: 4800 more are not shown");
 }
 
 #[test]

@@ -63,5 +63,28 @@ pub enum ImageError {
     },
 }
 
+impl ImageError {
+    /// The same error, when reading again would only find it again: what is wrong with a file stays wrong. `None` for what the
+    /// system said, which may have been for the moment.
+    pub fn lasting(&self) -> Option<Self> {
+        Some(match self {
+            Self::Malformed { path, format, what } => {
+                Self::Malformed { path: path.clone(), format, what: what.clone() }
+            }
+            Self::Unsupported { path, what } => Self::Unsupported { path: path.clone(), what: what.clone() },
+            Self::Limit { path, what, asked, max } => {
+                Self::Limit { path: path.clone(), what, asked: *asked, max: *max }
+            }
+            Self::Io { .. } | Self::Misuse { .. } | Self::Plugin { .. } => return None,
+        })
+    }
+}
+
 /// Result of an image operation.
 pub type Result<T> = std::result::Result<T, ImageError>;
+
+impl From<granita_base::FileError> for ImageError {
+    fn from(error: granita_base::FileError) -> Self {
+        Self::Io { path: error.path, source: error.source }
+    }
+}

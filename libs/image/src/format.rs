@@ -1,11 +1,12 @@
 //! The contract between files and everybody else: input, output, format, registry.
 
 use crate::{ImageError, ImageSpec, PixelRect, PixelType, Pixels, Request, Result, one};
+use granita_base::Files;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What a reader may take in. Checked before anything is allocated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What a reader may take in, and how it opens files. Checked before anything is allocated.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Largest width or height.
     pub dimension: u32,
@@ -17,12 +18,21 @@ pub struct Limits {
     pub channels: u32,
     /// Largest number of images or MIP levels in one file.
     pub images: u32,
+    /// Opens the files.
+    pub files: Files,
 }
 
 impl Default for Limits {
     /// Generous: 1 Mi pixels a side, 64 Gi pixels, 8 GiB at once, 1024 channels, 4096 images.
     fn default() -> Self {
-        Self { dimension: 1 << 20, pixels: 1 << 36, bytes: 8 << 30, channels: 1024, images: 4096 }
+        Self {
+            dimension: 1 << 20,
+            pixels: 1 << 36,
+            bytes: 8 << 30,
+            channels: 1024,
+            images: 4096,
+            files: Files::default(),
+        }
     }
 }
 
@@ -57,7 +67,48 @@ impl Limits {
             .and_then(|b| b.checked_mul(spec.pixel_type.bytes() as u64))
             .unwrap_or(u64::MAX);
         self.within(path, "bytes of one read", bytes, self.bytes.min(isize::MAX as u64))?;
+        Self::check_memory(path, bytes)?;
         Ok(bytes as usize)
+    }
+
+    /// `Ok` when the system grants so many bytes of memory now. To be called before large allocations: one that fails
+    /// ends the process.
+    pub fn check_memory(path: &Path, bytes: u64) -> Result<()> {
+        /// Fewer bytes than these are not worth the question.
+        const LARGE: u64 = 64 << 20;
+        if bytes >= LARGE {
+            let mut room: Vec<u8> = Vec::new();
+            let granted = usize::try_from(bytes).is_ok_and(|bytes| room.try_reserve_exact(bytes).is_ok());
+            // Without this the compiler may leave out an allocation that is not used.
+            std::hint::black_box(&mut room);
+            if !granted {
+                let text = format!("it needs {bytes} bytes of memory, which the system does not grant");
+                let source = std::io::Error::new(std::io::ErrorKind::OutOfMemory, text);
+                return Err(ImageError::Io { path: path.to_owned(), source });
+            }
+        }
+        Ok(())
+    }
+
+    /// `Ok` when `file_bytes` of a file can hold `pixel_bytes` of pixels, of which its codec packs at most `ratio` into
+    /// one byte. Small images pass in any case, so that what is there of a file that ends early can be read.
+    pub fn check_ratio(
+        &self,
+        path: &Path,
+        format: &'static str,
+        (pixel_bytes, file_bytes): (u64, u64),
+        ratio: u64,
+    ) -> Result<()> {
+        /// Bytes of pixels that any file may promise.
+        const SMALL: u64 = 64 << 20;
+        let most = file_bytes.saturating_mul(ratio).max(SMALL);
+        if pixel_bytes <= most {
+            return Ok(());
+        }
+        let what = format!(
+            "the header promises {pixel_bytes} bytes of pixels, and {file_bytes} bytes of data hold at most {most}"
+        );
+        Err(ImageError::Malformed { path: path.to_owned(), format, what })
     }
 
     /// `Ok` when `asked` is at most `max`.
@@ -107,6 +158,13 @@ pub trait ImageInput: Send + Sync {
 
     /// Bytes read from the file so far, headers included; for statistics and tests.
     fn bytes_read(&self) -> u64;
+
+    /// Bytes of memory that reading rows of a level takes beside the rows themselves: all pixels of formats that are
+    /// decoded as a whole, a strip or a row of tiles of others where these are high. Known without reading. 0 where it does not depend on the image.
+    fn working_bytes(&self, image: usize, level: usize) -> u64 {
+        let _ = (image, level);
+        0
+    }
 }
 
 /// A file being written: levels in order, each in rows or in tiles, then [`ImageOutput::close`].
@@ -180,6 +238,20 @@ pub struct CreateOptions<'a> {
     pub spec: &'a ImageSpec,
     /// How many levels will follow in all, at least 1; formats that need to know it up front rely on it.
     pub levels: usize,
+    /// Creates the file.
+    pub files: Files,
+}
+
+impl<'a> CreateOptions<'a> {
+    /// For a file wherever the process may write.
+    pub fn new(spec: &'a ImageSpec, levels: usize) -> Self {
+        Self { spec, levels, files: Files::default() }
+    }
+
+    /// The same for a file that `files` creates.
+    pub fn with_files(self, files: &Files) -> Self {
+        Self { files: files.clone(), ..self }
+    }
 }
 
 /// One file format.
@@ -238,7 +310,10 @@ pub trait Format: Send + Sync {
 
 /// Finds formats beyond those of a registry, when they are asked for.
 pub trait FormatFinder: Send + Sync {
-    /// The format that is installed under this very name; it comes before the registry's own.
+    /// The format of this very name that comes before the registry's own: the user named it.
+    fn preferred(&self, name: &str) -> Option<Arc<dyn Format>>;
+
+    /// The format that is installed under this very name; it comes after the registry's own.
     fn named(&self, name: &str) -> Option<Arc<dyn Format>>;
 
     /// One that says that it writes, or reads, files with this extension; it comes after the registry's own.
@@ -290,7 +365,11 @@ impl FormatRegistry {
                 .or_else(|| self.formats.iter().find(|f| f.extensions().iter().any(|e| same(e))))
                 .cloned()
         };
-        finder.and_then(|f| f.named(name)).or_else(own).or_else(|| finder.and_then(|f| f.listed(name, true)))
+        finder
+            .and_then(|f| f.preferred(name))
+            .or_else(own)
+            .or_else(|| finder.and_then(|f| f.named(name)))
+            .or_else(|| finder.and_then(|f| f.listed(name, true)))
     }
 
     /// What its readers may take in.
@@ -316,7 +395,9 @@ impl FormatRegistry {
     /// own.
     pub fn open(&self, path: &Path) -> Result<Box<dyn ImageInput>> {
         match one::split_path(path) {
-            Some((file, image)) if !path.exists() => one::one_image(self.open_file(&file)?, path, image),
+            Some((file, image)) if !self.limits.files.is_file(path) => {
+                one::one_image(self.open_file(&file)?, path, image)
+            }
             _ => self.open_file(path),
         }
     }
@@ -344,7 +425,7 @@ impl FormatRegistry {
         use std::io::Read;
         let io = |source| ImageError::Io { path: path.to_owned(), source };
         let mut head = Vec::with_capacity(64);
-        std::fs::File::open(path).map_err(io)?.take(64).read_to_end(&mut head).map_err(io)?;
+        self.limits.files.open(path).map_err(io)?.take(64).read_to_end(&mut head).map_err(io)?;
         if head.is_empty() {
             return Err(ImageError::Unsupported {
                 path: path.to_owned(),
@@ -361,7 +442,7 @@ impl FormatRegistry {
             };
         };
         let mut refused = None;
-        if let Some(plugin) = finder.named(&extension) {
+        if let Some(plugin) = finder.preferred(&extension) {
             match plugin.open(path, &self.limits) {
                 Ok(input) => return Ok(input),
                 Err(error) => refused = Some(error),
@@ -371,14 +452,19 @@ impl FormatRegistry {
             // Not what the plugin says: the bundled format knows the file by its contents.
             return format.open(path, &self.limits);
         }
-        if let Some(plugin) = finder.listed(&extension, false) {
+        if let Some(plugin) = finder.named(&extension).or_else(|| finder.listed(&extension, false)) {
             return plugin.open(path, &self.limits);
         }
         let probed = finder.readers().into_iter().find_map(|plugin| plugin.open(path, &self.limits).ok());
         probed.ok_or_else(|| refused.unwrap_or_else(|| self.unknown(path)))
     }
 
-    /// Creates a file in the format called `format`.
+    /// How its files are opened.
+    pub fn files(&self) -> &Files {
+        &self.limits.files
+    }
+
+    /// Creates a file in the format called `format`, by [`FormatRegistry::files`].
     pub fn create(
         &self,
         path: &Path,
@@ -390,6 +476,6 @@ impl FormatRegistry {
                 path: path.to_owned(),
                 what: format!("unknown image format \"{format}\" (known: {})", self.names().join(", ")),
             })?
-            .create(path, options)
+            .create(path, &CreateOptions::new(options.spec, options.levels).with_files(self.files()))
     }
 }

@@ -13,7 +13,6 @@
 
 #![forbid(unsafe_code)]
 
-mod atomic;
 mod block;
 mod contain;
 mod error;
@@ -25,11 +24,11 @@ mod quantize;
 mod source;
 mod spec;
 
-pub use atomic::AtomicFile;
 pub use block::{BlockCopy, TileRows, rows_from_tiles};
 pub use contain::contained;
 pub use error::{ImageError, Result};
 pub use format::{CreateOptions, Format, FormatFinder, FormatRegistry, ImageInput, ImageOutput, Limits};
+pub use granita_base::AtomicFile;
 pub use live::{Draw, PixelRect, Request, Wishes};
 pub use one::split_image_name;
 pub use pixels::Pixels;

@@ -81,6 +81,10 @@ impl ImageInput for OneImage {
     fn bytes_read(&self) -> u64 {
         self.input.bytes_read()
     }
+
+    fn working_bytes(&self, image: usize, level: usize) -> u64 {
+        self.input.working_bytes(self.of(image), level)
+    }
 }
 
 #[cfg(test)]

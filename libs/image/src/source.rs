@@ -1,6 +1,7 @@
 //! Positioned reads from an open file, counted and checked.
 
 use crate::{ImageError, Result};
+use granita_base::Files;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -19,10 +20,10 @@ pub struct FileSource {
 }
 
 impl FileSource {
-    /// Opens `path`; `format` is the name used in errors, as "TIFF".
-    pub fn open(path: &Path, format: &'static str) -> Result<Self> {
+    /// Opens `path` with `files`; `format` is the name used in errors, as "TIFF".
+    pub fn open(path: &Path, format: &'static str, files: &Files) -> Result<Self> {
         let io = |source| ImageError::Io { path: path.to_owned(), source };
-        let file = File::open(path).map_err(io)?;
+        let file = files.open(path).map_err(io)?;
         let meta = file.metadata().map_err(io)?;
         if meta.is_dir() {
             return Err(io(std::io::Error::new(std::io::ErrorKind::IsADirectory, "is a directory")));
@@ -118,7 +119,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("f");
         std::fs::write(&path, b"0123456789").unwrap();
-        let s = FileSource::open(&path, "TEST").unwrap();
+        let s = FileSource::open(&path, "TEST", &Files::default()).unwrap();
         assert_eq!(s.read_vec(3, 4, "x").unwrap(), b"3456");
         assert_eq!(s.bytes_read(), 4);
         assert_eq!(s.read_vec(10, 0, "x").unwrap(), b"");
@@ -131,6 +132,9 @@ mod tests {
     #[test]
     fn folders_are_no_files() {
         let dir = tempfile::tempdir().unwrap();
-        assert!(matches!(FileSource::open(dir.path(), "TEST"), Err(ImageError::Io { .. })));
+        assert!(matches!(
+            FileSource::open(dir.path(), "TEST", &Files::default()),
+            Err(ImageError::Io { .. })
+        ));
     }
 }

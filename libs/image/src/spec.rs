@@ -144,6 +144,15 @@ impl ImageSpec {
             .checked_mul(self.pixel_type.bytes() as u64)
     }
 
+    /// Bytes of memory that it takes to decode so many rows together, packed, unpacked and in order. 0 where they are as few as
+    /// any reader asks for at once.
+    pub fn decoding_bytes(&self, rows: u32) -> u64 {
+        const FEW: u32 = 256;
+        let row = u64::from(self.width).saturating_mul((self.nchannels() * self.pixel_type.bytes()) as u64);
+        let rows = rows.min(self.height);
+        if rows > FEW { row.saturating_mul(3 * u64::from(rows)) } else { 0 }
+    }
+
     /// Value of a string attribute.
     pub fn string(&self, name: &str) -> Option<&str> {
         self.attributes.string(name).map(|s| &**s)

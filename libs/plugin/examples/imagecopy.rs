@@ -17,7 +17,7 @@ fn copy(from: &Path, to: &Path, format: &str) -> Result<(), ImageError> {
     if let Some(known) = formats.by_name(format) {
         spec.pixel_type = known.output_type(spec.pixel_type);
     }
-    let mut output = formats.create(to, format, &CreateOptions { spec: &spec, levels: 1 })?;
+    let mut output = formats.create(to, format, &CreateOptions::new(&spec, 1))?;
     for y in (0..spec.height).step_by(64) {
         let rows = input.read_rows(0, 0, y, spec.height.min(y + 64))?;
         output.write_rows(&rows.converted(spec.pixel_type))?;

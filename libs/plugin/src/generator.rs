@@ -102,13 +102,27 @@ impl PluginGenerator {
 enum Params {
     Text(String),
     File(tempfile::TempPath),
+    /// A file without a name, and the name by which this process and its children find it: nothing is left when the process is killed.
+    #[cfg(target_os = "linux")]
+    Unnamed(#[expect(dead_code, reason = "the file lives as long as it is open")] std::fs::File, String),
 }
 
 impl Params {
     fn of(source: &GeneratorSource) -> std::io::Result<Self> {
         match source {
-            GeneratorSource::File(path) => Ok(Self::Text(path.to_string_lossy().into_owned())),
+            GeneratorSource::File { path, .. } => Ok(Self::Text(path.to_string_lossy().into_owned())),
             GeneratorSource::Bytes { bytes, .. } => {
+                #[cfg(target_os = "linux")]
+                {
+                    use std::os::fd::AsRawFd;
+                    let mut file = tempfile::tempfile()?;
+                    file.write_all(bytes)?;
+                    let name = format!("/proc/{}/fd/{}", std::process::id(), file.as_raw_fd());
+                    // Where that folder is not there, the file needs a name.
+                    if std::fs::File::open(&name).is_ok() {
+                        return Ok(Self::Unnamed(file, name));
+                    }
+                }
                 let mut file = tempfile::NamedTempFile::new()?;
                 file.write_all(bytes)?;
                 file.flush()?;
@@ -121,6 +135,8 @@ impl Params {
         match self {
             Self::Text(text) => text.clone(),
             Self::File(path) => path.to_string_lossy().into_owned(),
+            #[cfg(target_os = "linux")]
+            Self::Unnamed(_, name) => name.clone(),
         }
     }
 }
@@ -180,7 +196,7 @@ impl Generator for PluginGenerator {
 
     fn bound(&self, source: &GeneratorSource) -> Option<[f32; 6]> {
         let params = match source {
-            GeneratorSource::File(path) => path.to_string_lossy().into_owned(),
+            GeneratorSource::File { path, .. } => path.to_string_lossy().into_owned(),
             GeneratorSource::Bytes { .. } => return None,
         };
         match self.kind {

@@ -24,12 +24,14 @@ mod generator;
 mod images;
 mod interface;
 mod plugins;
+mod rules;
 mod shadeop;
 
 pub use errors::{ErrorManager, Messages};
 pub use ffi::Errors;
 pub use interface::{GeneratorObject, Interface, InterfaceHost, InterfaceObject, Meanwhile};
 pub use plugins::{Plugins, ProgramImages};
+pub use rules::PluginRules;
 pub use shadeop::noise;
 
 use granita_base::{Environment, Reporter, SearchPath};
@@ -55,16 +57,17 @@ pub fn bundled_formats(limits: Limits) -> FormatRegistry {
     registry
 }
 
-/// The bundled formats, and those of plugins in `$GELATO_IMAGEIO_PATH`, the current folder and `$GELATOHOME/lib`.
+/// The bundled formats, and those of plugins that `rules` allow in the folders of `$GELATO_IMAGEIO_PATH` and in `$GELATOHOME/lib`.
 /// `debug` tells about every file that is tried.
 pub fn formats_with_plugins(
     limits: Limits,
     environment: &Environment,
     reporter: &Reporter,
+    rules: PluginRules,
     debug: bool,
 ) -> FormatRegistry {
-    let plugins = Plugins::new(reporter.clone(), true);
-    let parts = [environment.get("GELATO_IMAGEIO_PATH"), Some(".:$GELATOHOME/lib")];
+    let plugins = Plugins::new(reporter.clone(), rules);
+    let parts = [environment.get("GELATO_IMAGEIO_PATH"), Some("$GELATOHOME/lib")];
     let path = parts.into_iter().flatten().collect::<Vec<_>>().join(":");
     plugins.set_image_path(SearchPath::parse(&path, &SearchPath::default(), environment));
     plugins.set_debug(debug);

@@ -3,6 +3,7 @@
 use crate::dso::Dso;
 use crate::generator::PluginGenerator;
 use crate::images::PluginFormat;
+use crate::rules::PluginRules;
 use granita_base::{Location, Reporter, SearchPath, Severity};
 use granita_image::{Format, FormatFinder};
 use granita_scene::Generator;
@@ -42,7 +43,7 @@ pub type ProgramImages = Arc<dyn Fn(usize) -> Arc<dyn Format> + Send + Sync>;
 
 struct Inner {
     reporter: Reporter,
-    allowed: bool,
+    rules: PluginRules,
     debug: AtomicBool,
     image_path: RwLock<SearchPath>,
     images: Mutex<BTreeMap<PathBuf, Option<Arc<PluginFormat>>>>,
@@ -64,11 +65,11 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Plugins {
-    /// None found yet. With `allowed` false none will be: for scenes from strangers.
-    pub fn new(reporter: Reporter, allowed: bool) -> Self {
+    /// None found yet; `rules` say which may be.
+    pub fn new(reporter: Reporter, rules: PluginRules) -> Self {
         Self(Arc::new(Inner {
             reporter,
-            allowed,
+            rules,
             debug: AtomicBool::new(false),
             image_path: RwLock::default(),
             images: Mutex::default(),
@@ -110,12 +111,20 @@ impl Plugins {
         lock(&self.0.granted).clear();
     }
 
-    /// The generator `name` in the folders of `path`, or one that a program gave.
-    pub fn generator(&self, name: &str, path: &SearchPath) -> Option<Arc<dyn Generator>> {
+    /// The generator `name` that comes before bundled ones: one that a program gave, or whose library the user named.
+    pub fn preferred_generator(&self, name: &str) -> Option<Arc<dyn Generator>> {
         if let Some(kept) = lock(&self.0.kept).get(name) {
             return Some(kept.clone());
         }
-        let file = self.find(Kind::Generator, name, path)?;
+        self.generator_in(self.named(Kind::Generator, name)?)
+    }
+
+    /// The generator `name` in the folders of `path`, for a name that no bundled generator has.
+    pub fn generator(&self, name: &str, path: &SearchPath) -> Option<Arc<dyn Generator>> {
+        self.generator_in(self.find(Kind::Generator, name, path)?)
+    }
+
+    fn generator_in(&self, file: PathBuf) -> Option<Arc<dyn Generator>> {
         if let Some(known) = lock(&self.0.generators).get(&file) {
             return known.clone().map(|g| g as Arc<dyn Generator>);
         }
@@ -132,8 +141,13 @@ impl Plugins {
         }
     }
 
-    pub(crate) fn allowed(&self) -> bool {
-        self.0.allowed
+    pub(crate) fn rules(&self) -> &PluginRules {
+        &self.0.rules
+    }
+
+    /// Tells that a folder of a search path does not count.
+    pub(crate) fn tell_passed_over(&self, folder: &Path) {
+        self.tell(folder, "passed over: a relative folder counts only when -plugins names it");
     }
 
     pub(crate) fn keep(&self, generator: Arc<dyn Generator>) -> Arc<str> {
@@ -142,12 +156,28 @@ impl Plugins {
         name
     }
 
-    /// The file of a plugin of this name.
+    /// The library of a plugin of this name that the user named.
+    fn named(&self, kind: Kind, name: &str) -> Option<PathBuf> {
+        let ends = endings();
+        let is_it = |file: &str| ends.iter().any(|end| file == format!("{name}{}.{end}", kind.suffix()));
+        let file = self.0.rules.libraries(is_it).filter(|_| !self.0.rules.none)?;
+        self.tell(&file, "named by -plugins");
+        Some(file)
+    }
+
+    /// The library of a plugin of this name.
     fn find(&self, kind: Kind, name: &str, path: &SearchPath) -> Option<PathBuf> {
-        if !self.0.allowed || name.is_empty() || name.contains(['/', '\\', '\0']) {
+        if self.0.rules.none || name.is_empty() || name.contains(['/', '\\', '\0']) {
             return None;
         }
-        for folder in path.folders() {
+        if let Some(file) = self.named(kind, name) {
+            return Some(file);
+        }
+        for (folder, counts) in self.0.rules.folders(path.folders(), kind == Kind::Generator) {
+            if !counts {
+                self.tell_passed_over(folder);
+                continue;
+            }
             for ending in endings() {
                 let file = folder.join(format!("{name}{}.{ending}", kind.suffix()));
                 if file.is_file() {
@@ -203,20 +233,27 @@ impl Plugins {
     /// All image plugins, by folder and name.
     fn images(&self) -> Vec<Arc<PluginFormat>> {
         let mut files = Vec::new();
-        if self.0.allowed {
-            for folder in self.image_path().folders() {
+        if !self.0.rules.none {
+            let ends: Vec<String> =
+                endings().iter().map(|e| format!("{}.{e}", Kind::Image.suffix())).collect();
+            let is_image = |path: &&PathBuf| {
+                let name = path.file_name().unwrap_or_default().to_string_lossy();
+                path.is_file() && ends.iter().any(|end| name.ends_with(end))
+            };
+            files.extend(self.0.rules.named.iter().filter(is_image).cloned());
+            let path = self.image_path();
+            for (folder, counts) in self.0.rules.folders(path.folders(), false) {
+                if !counts {
+                    self.tell_passed_over(folder);
+                    continue;
+                }
                 let Ok(entries) = std::fs::read_dir(folder) else {
                     self.tell(folder, "is no folder that can be read");
                     continue;
                 };
-                let ends: Vec<String> =
-                    endings().iter().map(|e| format!("{}.{e}", Kind::Image.suffix())).collect();
                 let mut here: Vec<PathBuf> = entries
                     .filter_map(|entry| Some(entry.ok()?.path()))
-                    .filter(|path| {
-                        let name = path.file_name().unwrap_or_default().to_string_lossy();
-                        ends.iter().any(|end| name.ends_with(end))
-                    })
+                    .filter(|path| is_image(&path))
                     .collect();
                 here.sort();
                 files.extend(here);
@@ -244,6 +281,11 @@ impl Plugins {
 }
 
 impl FormatFinder for Plugins {
+    fn preferred(&self, name: &str) -> Option<Arc<dyn Format>> {
+        let file = self.named(Kind::Image, name)?;
+        self.image(&file, Severity::Error).map(|f| f as Arc<dyn Format>)
+    }
+
     fn named(&self, name: &str) -> Option<Arc<dyn Format>> {
         if let Some(address) = address(name) {
             let elsewhere = self.0.program_images.read().unwrap_or_else(PoisonError::into_inner);

@@ -479,10 +479,17 @@ impl Plugins {
     /// Libraries in the folders of a path that may hold shadeops: the one called `name` first, then the others by name.
     fn libraries(&self, name: &str, path: &SearchPath) -> Vec<PathBuf> {
         let mut list = Vec::new();
-        if !self.allowed() {
+        if self.rules().none {
             return list;
         }
-        for folder in path.folders() {
+        let is_it = |file: &str| endings().iter().any(|end| file == format!("{name}.{end}"));
+        list.extend(self.rules().libraries(is_it));
+        let folders = || self.rules().folders(path.folders(), true);
+        for (folder, counts) in folders() {
+            if !counts {
+                self.tell_passed_over(folder);
+                continue;
+            }
             for ending in endings() {
                 let file = folder.join(format!("{name}.{ending}"));
                 self.tell(&file, if file.is_file() { "found" } else { "not there" });
@@ -491,7 +498,7 @@ impl Plugins {
                 }
             }
         }
-        for folder in path.folders() {
+        for (folder, _) in folders().filter(|(_, counts)| *counts) {
             let Ok(entries) = std::fs::read_dir(folder) else { continue };
             let is_library = |path: &Path| {
                 let file = path.file_name().unwrap_or_default().to_string_lossy();
@@ -561,8 +568,11 @@ impl Plugins {
             return Ok(Arc::new(PluginShadeop { function, safe, title }));
         }
         let folders: Vec<String> = path.folders().iter().map(|f| f.display().to_string()).collect();
-        let looked =
-            if self.allowed() { folders.join(", ") } else { "no folder: plugins are not allowed".to_owned() };
+        let looked = if !self.rules().none {
+            folders.join(", ")
+        } else {
+            "no folder: plugins are not allowed".to_owned()
+        };
         Err(format!("no library declares shadeop `{}` (looked in {looked})", call.name))
     }
 }

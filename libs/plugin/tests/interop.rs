@@ -56,7 +56,7 @@ fn picture(spec: &ImageSpec, seed: u32) -> Pixels {
 fn write(folder: &Path, name: &str, format: &str, levels: &[ImageSpec], tolerance: f32, list: &mut String) {
     let path = folder.join(name);
     let registry = bundled_formats(Limits::default());
-    let options = CreateOptions { spec: &levels[0], levels: levels.len() };
+    let options = CreateOptions::new(&levels[0], levels.len());
     let mut out = registry.create(&path, format, &options).unwrap();
     for (i, spec) in levels.iter().enumerate() {
         if i > 0 {
@@ -258,8 +258,7 @@ fn we_read_what_libtiff_compresses() {
     let ramp = |i: u32| (i / 3 % 100 + i / 300 + 20 * (i % 3)) as f32 / 255.0;
     let spec = ImageSpec::new(100, 60, 3, PixelType::U8);
     let pixels = Pixels::from_floats(PixelType::U8, &(0..18_000).map(ramp).collect::<Vec<_>>());
-    let mut out =
-        registry.create(&path("in.tif"), "tiff", &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    let mut out = registry.create(&path("in.tif"), "tiff", &CreateOptions::new(&spec, 1)).unwrap();
     out.write_rows(&pixels).unwrap();
     out.close().unwrap();
     for (scheme, tolerance) in

@@ -24,7 +24,7 @@ fn in_any_order(format: &str) {
     let specs: Vec<ImageSpec> = (0..7)
         .map(|level| ImageSpec::new(64 >> level, (40 >> level).max(1), 1, PixelType::Float).tiled(16, 16))
         .collect();
-    let options = CreateOptions { spec: &specs[0], levels: specs.len() };
+    let options = CreateOptions::new(&specs[0], specs.len());
     let mut out = registry.create(&path, format, &options).unwrap();
     assert!(out.select_level(1).is_err(), "nothing is planned yet");
     assert!(out.plan_levels(&specs[1..]).unwrap());
@@ -69,7 +69,7 @@ fn missing_tile(format: &str) {
     let path = folder.path().join("a");
     let spec = |n: u32| ImageSpec::new(n, n, 1, PixelType::Float).tiled(16, 16);
     let first = spec(2);
-    let mut out = registry.create(&path, format, &CreateOptions { spec: &first, levels: 2 }).unwrap();
+    let mut out = registry.create(&path, format, &CreateOptions::new(&first, 2)).unwrap();
     assert!(out.plan_levels(&[spec(1)]).unwrap());
     out.select_level(1).unwrap();
     out.write_tile(0, 0, &tile(1, 0, 0)).unwrap();

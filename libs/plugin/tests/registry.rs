@@ -54,7 +54,7 @@ fn rendered_pixels_go_through_every_format_and_are_opened_by_content() {
         // Targa has no mark to be known by; the others are found under a wrong name.
         let name = if format.name() == "tga" { "a.tga" } else { "picture.dat" };
         let path = dir.path().join(name);
-        let mut out = all.create(&path, format.name(), &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+        let mut out = all.create(&path, format.name(), &CreateOptions::new(&spec, 1)).unwrap();
         let place = Placement { x: 0, y: 0, width: 20, nchannels: 3, alpha: None };
         out.write_rows(&quantize.apply(&values, &place, pixel_type)).unwrap();
         out.close().unwrap();
@@ -108,7 +108,7 @@ fn errors_help() {
     assert!(matches!(error, ImageError::Io { .. }) && error.to_string().contains("none.tif"));
     assert!(all.open(dir.path()).is_err());
     let spec = ImageSpec::new(1, 1, 1, PixelType::U8);
-    let options = CreateOptions { spec: &spec, levels: 1 };
+    let options = CreateOptions::new(&spec, 1);
     let error = all.create(&dir.path().join("a"), "xyz", &options).err().unwrap().to_string();
     assert!(error.contains("unknown image format \"xyz\" (known: tiff"), "{error}");
 }
@@ -152,7 +152,7 @@ fn metadata_comes_back() {
             spec.attributes.set(param);
         }
         let path = dir.path().join(format);
-        let mut out = all.create(&path, format, &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+        let mut out = all.create(&path, format, &CreateOptions::new(&spec, 1)).unwrap();
         out.write_rows(&Pixels::zeros(pixel_type, 36)).unwrap();
         out.close().unwrap();
         let input = all.open(&path).unwrap();
@@ -165,7 +165,7 @@ fn metadata_comes_back() {
     let mut spec = ImageSpec::new(1, 1, 1, PixelType::U8);
     spec.attributes.set(Param::declared("string owner", "me").unwrap());
     let path = dir.path().join("owner.tif");
-    let mut out = all.create(&path, "tiff", &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    let mut out = all.create(&path, "tiff", &CreateOptions::new(&spec, 1)).unwrap();
     out.write_rows(&Pixels::U8(vec![1])).unwrap();
     out.close().unwrap();
     assert_eq!(all.open(&path).unwrap().spec(0, 0).unwrap().string("copyright"), Some("me"));
@@ -187,7 +187,7 @@ fn files_do_not_depend_on_the_number_of_threads() {
                 let path = dir.path().join("a");
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
                 pool.install(|| {
-                    let options = CreateOptions { spec: &spec, levels: 1 };
+                    let options = CreateOptions::new(&spec, 1);
                     let mut out = all.create(&path, format, &options).unwrap();
                     for first in (0..200).step_by(rows) {
                         let n = rows.min(200 - first) * 1200;

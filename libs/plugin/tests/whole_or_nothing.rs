@@ -19,7 +19,7 @@ fn noise(path: &Path, side: u32) {
     let word = |i: u32| granita_base::hash::words(&[i]) as f32 / u32::MAX as f32;
     let values = (0..side * side * 3).map(word).collect();
     let tiff = bundled_formats(Limits::default());
-    let mut out = tiff.create(path, "tiff", &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    let mut out = tiff.create(path, "tiff", &CreateOptions::new(&spec, 1)).unwrap();
     out.write_rows(&Pixels::Float(values)).unwrap();
     out.close().unwrap();
 }
@@ -62,7 +62,7 @@ fn a_device_without_room() {
     for format in writers() {
         let spec = ImageSpec::new(64, 64, 3, format.output_type(PixelType::U8));
         let write = || -> granita_image::Result<()> {
-            let options = CreateOptions { spec: &spec, levels: 1 };
+            let options = CreateOptions::new(&spec, 1);
             let mut out = format.create(Path::new("/dev/full"), &options)?;
             out.write_rows(&Pixels::zeros(spec.pixel_type, 64 * 64 * 3))?;
             out.close()

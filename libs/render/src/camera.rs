@@ -4,6 +4,7 @@ mod stereo;
 
 pub use stereo::{EyeProjection, ShadedFrom, Stereo};
 
+use crate::dicing::MAX_QUALITY;
 use crate::{PixelRect, PreviewLimits};
 use granita_base::{Location, MotionTransform, Param, Params, Reporter, Severity, Transform, Vec2, Vec3};
 use granita_scene::Camera;
@@ -125,6 +126,9 @@ impl Attributes<'_> {
 }
 
 impl CameraView {
+    /// Least field of view in degrees: positions inside of it can still be told apart.
+    pub const LEAST_FOV_DEG: f32 = 1e-6;
+
     /// Largest resolution in one direction.
     pub const MAX_RESOLUTION: u32 = 1 << 20;
 
@@ -159,7 +163,14 @@ impl CameraView {
                     get.complain("projection", &format!("\"{name}\" is unknown; \"perspective\" is used"));
                 }
                 let fov_deg = match get.float("fov", 90.0) {
-                    f if f > 0.0 && f < 180.0 => f,
+                    f if (Self::LEAST_FOV_DEG..180.0).contains(&f) => f,
+                    f if f > 0.0 && f < 180.0 => {
+                        get.complain(
+                            "fov",
+                            &format!("{f:e} degrees is less than {0:e}, which is used", Self::LEAST_FOV_DEG),
+                        );
+                        Self::LEAST_FOV_DEG
+                    }
                     f => {
                         get.complain("fov", &format!("{f} is outside 0 to 180 degrees; 90 is used"));
                         90.0
@@ -179,7 +190,13 @@ impl CameraView {
             get.complain("shutter", "closes before it opens; the times are exchanged");
             shutter.swap(0, 1);
         }
-        let preview = get.float("preview", 0.0).max(0.0);
+        let preview = match get.float("preview", 0.0).max(0.0) {
+            p if p > MAX_QUALITY => {
+                get.complain("preview", &format!("{p:e} is more than {MAX_QUALITY}, which is used"));
+                MAX_QUALITY
+            }
+            p => p,
+        };
         let quality = |name: &str| if preview > 0.0 { format!("preview:{name}") } else { name.to_owned() };
         let or_preview = |normal: u32, fast: u32| if preview > 0.0 { fast } else { normal };
         let lens = perspective.then(|| Self::lens(&get)).flatten();
@@ -193,9 +210,18 @@ impl CameraView {
             limitpixelsize: get.float("preview:limitpixelsize", 0.0),
             limitdistance: get.float("preview:limitdistance", 1.0e38),
         });
+        let mut world_to_camera = camera.world_to_camera.clone();
+        if !world_to_camera.keys().iter().all(|(_, m)| m.is_finite()) {
+            let name = &camera.name;
+            let text = format!(
+                "camera \"{name}\": its transformation has numbers that are not finite; it stands at the origin"
+            );
+            reporter.once(&text.clone(), Severity::Error, &Location::default(), text);
+            world_to_camera = MotionTransform::default();
+        }
         Self {
             name: camera.name.clone(),
-            world_to_camera: camera.world_to_camera.clone(),
+            world_to_camera,
             projection,
             resolution,
             screen,

@@ -8,8 +8,10 @@ mod motion;
 mod rate;
 
 pub(crate) use grid::{GridView, Viewpoint, make_grid};
-pub(crate) use motion::{Placement, Viewer, key_at, points_at};
-pub(crate) use rate::{DiceSettings, Measure, Plan, Rates, SceneDicing};
+pub(crate) use motion::{
+    Placement, Viewer, key_at, largest_coordinates, pixels_at, points_at, precise_point, shows,
+};
+pub(crate) use rate::{DiceSettings, MAX_QUALITY, Measure, Plan, Rates, SceneDicing};
 
 use granita_geom::{Dice, Piece, Surface, Trimming};
 use granita_scene::AttributeSet;

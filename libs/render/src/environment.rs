@@ -77,6 +77,8 @@ pub struct RenderEnvironment {
     pub progress: Arc<dyn Progress>,
     /// Threads to render with; 0 takes "limits:threads" of the scene.
     pub threads: usize,
+    /// The number of files that the process may have open at once; `None` when there is no limit.
+    pub open_files: Option<usize>,
     /// Set by somebody else to make a running frame end early (`Command ("return")`).
     pub stop: Arc<AtomicBool>,
     /// Replaces the "crop" of every camera: xmin, xmax, ymin, ymax.

@@ -42,3 +42,9 @@ pub enum RenderError {
     #[error("rendering was stopped before the frame was done")]
     Stopped,
 }
+
+impl From<granita_base::FileError> for RenderError {
+    fn from(error: granita_base::FileError) -> Self {
+        Self::Io { path: error.path, source: error.source }
+    }
+}

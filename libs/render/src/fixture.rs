@@ -93,7 +93,7 @@ impl Fixture {
         AttributeSet {
             values: Arc::new(values.iter().map(|v| (v.name.clone(), v.clone())).collect()),
             surface: (!surface.is_empty()).then(|| shader(surface, &[], Transform::IDENTITY)),
-            lights: self.lights.as_slice().into(),
+            lights: self.lights.iter().copied().collect(),
             geometry_sets: sets.iter().map(|s| Arc::from(*s)).collect(),
             ..AttributeSet::default()
         }
@@ -147,6 +147,7 @@ impl Fixture {
             reporter: self.reporter.clone(),
             progress: Arc::new(Silent),
             threads: 2,
+            open_files: None,
             stop: Arc::new(AtomicBool::new(false)),
             call_text: |calls, _| Ok(format!("{calls:?}\n").into_bytes()),
             databases: Arc::new(Databases::new(FormatRegistry::default(), self.reporter.clone())),

@@ -4,6 +4,8 @@ mod bucket;
 mod cells;
 mod demand;
 mod job;
+mod limits;
+mod precise;
 mod shade;
 mod spread;
 
@@ -373,6 +375,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                         self.begin(canvases, index);
                         let result = catch_unwind(AssertUnwindSafe(|| self.bucket(jobs, index, &mut thread)));
                         match result {
+                            // Shaders ended early: these are no pixels.
+                            Ok(_) if self.options.stop.load(Ordering::Relaxed) => break,
                             Ok(values) => {
                                 for (canvas, values) in canvases.iter().zip(&values) {
                                     self.store(canvas, &self.buckets.order[index], values);

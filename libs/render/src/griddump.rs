@@ -11,10 +11,10 @@
 use crate::hider::{Holdout, ShadedGrid};
 use crate::{CallText, CameraView, RenderError, preshaded};
 use granita_base::{
-    BaseType, Color, CurveBasis, Interp, Param, ParamData, ParamType, Params, ShapeDesc, Transform, Vec3,
+    BaseType, Color, CurveBasis, Files, Interp, Param, ParamData, ParamType, Params, ShapeDesc, Transform,
+    Vec3,
 };
 use granita_gsl::ir::ValueType;
-use granita_image::AtomicFile;
 use granita_scene::Call;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -24,6 +24,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// A dump in the making. Shared by the threads of a frame.
 pub(crate) struct GridDump {
     path: PathBuf,
+    files: Files,
     binary: bool,
     text: CallText,
     /// The first camera of the scene, whose space is "camera".
@@ -68,19 +69,15 @@ impl GridDump {
     /// Errors: [`RenderError::Io`] when there is no room for what is to be sorted.
     pub(crate) fn new(
         path: &Path,
+        files: &Files,
         binary: bool,
         text: CallText,
         camera: &CameraView,
     ) -> Result<Self, RenderError> {
-        let folder = match path.parent() {
-            Some(p) if !p.as_os_str().is_empty() => p,
-            _ => Path::new("."),
-        };
         // On the disk that takes the file; beside a pipe there is no room.
-        let file = tempfile::tempfile_in(folder).or_else(|_| tempfile::tempfile());
-        let file = file.map_err(|source| RenderError::Io { path: path.to_owned(), source })?;
+        let file = files.scratch(path).map_err(|source| RenderError::Io { path: path.to_owned(), source })?;
         let spill = Mutex::new(Spill { file, length: 0, pieces: Vec::new(), failed: None });
-        Ok(Self { path: path.to_owned(), binary, text, camera: camera.clone(), spill })
+        Ok(Self { path: path.to_owned(), files: files.clone(), binary, text, camera: camera.clone(), spill })
     }
 
     /// Takes a grid.
@@ -105,7 +102,7 @@ impl GridDump {
     ///
     /// Errors: [`RenderError::Io`], also of what went wrong before.
     pub(crate) fn finish(self) -> Result<(), RenderError> {
-        let Self { path, binary, text, camera, spill } = self;
+        let Self { path, files, binary, text, camera, spill } = self;
         let mut spill = spill.into_inner().unwrap_or_else(PoisonError::into_inner);
         let io = |source| RenderError::Io { path: path.clone(), source };
         if let Some(error) = spill.failed.take() {
@@ -113,7 +110,7 @@ impl GridDump {
         }
         spill.pieces.sort_unstable();
         let head = format!("Shaded grids in the space of camera \"{}\"", camera.name);
-        let mut file = AtomicFile::create(&path)?;
+        let mut file = files.create(&path)?;
         file.write_all(&text(vec![Call::Comment(head.into())], binary).map_err(io)?).map_err(io)?;
         let mut bytes = Vec::new();
         for piece in &spill.pieces {
@@ -425,7 +422,7 @@ mod tests {
         let camera = camera();
         let write = |name: &str, order: &[u32]| {
             let path = folder.path().join(name);
-            let dump = GridDump::new(&path, false, text, &camera).unwrap();
+            let dump = GridDump::new(&path, &Files::default(), false, text, &camera).unwrap();
             for k in order {
                 dump.add(&grid(2, 2 + *k as usize, Vec::new()), &described(&camera, &[], *k));
             }
@@ -444,14 +441,21 @@ mod tests {
         let path = folder.path().join("grids");
         std::fs::write(&path, "old").unwrap();
         let camera = camera();
-        let dump =
-            GridDump::new(&path, false, |_, _| Err(io::Error::other("the disk is full")), &camera).unwrap();
+        let dump = GridDump::new(
+            &path,
+            &Files::default(),
+            false,
+            |_, _| Err(io::Error::other("the disk is full")),
+            &camera,
+        )
+        .unwrap();
         dump.add(&grid(2, 2, Vec::new()), &described(&camera, &[], 0));
         assert!(dump.finish().unwrap_err().to_string().contains("the disk is full"));
-        drop(GridDump::new(&path, false, text, &camera).unwrap());
+        drop(GridDump::new(&path, &Files::default(), false, text, &camera).unwrap());
         assert_eq!(std::fs::read(&path).unwrap(), b"old");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
-        let nowhere = GridDump::new(&folder.path().join("no/such"), false, text, &camera).unwrap();
+        let nowhere =
+            GridDump::new(&folder.path().join("no/such"), &Files::default(), false, text, &camera).unwrap();
         assert!(nowhere.finish().is_err());
     }
 }

@@ -33,6 +33,7 @@ mod dynamic;
 mod environment;
 mod error;
 mod film;
+mod finite;
 mod frame;
 mod griddump;
 mod hider;

@@ -1,6 +1,7 @@
 //! Light sources of a frame: linked once, run by the grids that ask.
 
 use crate::arealight::AreaLight;
+use crate::finite;
 use crate::object::{LinkedShaders, Linker};
 use granita_base::{Vec3, hash};
 use granita_scene::{AttributeSet, Light, ShaderUsage};
@@ -45,6 +46,38 @@ impl LightState {
             area: geometry.map(|set| AreaLight::new(set, light.attributes.int("light:nsamples"))),
         })
     }
+}
+
+/// Makes dark what is no light: colours and directions that are no numbers. Whether there was one in an active lane.
+pub(crate) fn mend(result: &mut LightResult, active: &[u32]) -> bool {
+    let usable = |lanes: &Lanes3| lanes.xyz.iter().all(|c| finite::all_usable(c));
+    let mut bad = false;
+    for sample in &mut result.samples {
+        if usable(&sample.cl) && usable(&sample.l) {
+            continue;
+        }
+        // Other lanes hold whatever came out.
+        for lane in active.iter().map(|lane| *lane as usize) {
+            let is_bad = |v: Vec3| finite::mended(v).is_some();
+            if sample.lit.get(lane) == Some(&true)
+                && (is_bad(sample.cl.get(lane)) || is_bad(sample.l.get(lane)))
+            {
+                bad = true;
+                sample.lit[lane] = false;
+                sample.cl.set(lane, Vec3::ZERO);
+                sample.l.set(lane, Vec3::ZERO);
+            }
+        }
+    }
+    if let Some(ambient) = result.ambient.as_mut().filter(|ambient| !usable(ambient)) {
+        for lane in active.iter().map(|lane| *lane as usize) {
+            if let Some(mended) = finite::mended(ambient.get(lane)) {
+                bad = true;
+                ambient.set(lane, mended);
+            }
+        }
+    }
+    bad
 }
 
 /// What one light sent to one query.

@@ -307,7 +307,7 @@ impl ObjectState {
             [r, g, b, ..] => Vec3::new(r, g, b),
             _ => Vec3::ONE,
         };
-        let opacity = triple("opacity");
+        let opacity = crate::finite::opacity(attributes);
         let solid = opacity == Vec3::ONE && !own_opacity && !shaders.surface.group.sets_opacity();
         let clear_air = shaders.volume.as_ref().is_none_or(|v| !v.group.sets_opacity());
         let opaque = solid && clear_air;
@@ -339,7 +339,7 @@ impl ObjectState {
             shadow_bias: attributes.float("shadow:bias").max(0.0),
             ray_motion: attributes.int("ray:motion") != 0,
             ray_displace: attributes.int("ray:displace") != 0,
-            lights: attributes.lights.clone(),
+            lights: attributes.lights.iter().collect(),
             surface: shaders.surface,
             displacement: shaders.displacement,
             volume: shaders.volume,

@@ -3,7 +3,7 @@
 use crate::film::{FilterSpec, PixelFilter};
 use crate::hider::{Wanted, WantedVariable};
 use crate::{CameraView, PixelRect, RenderError};
-use granita_base::{BaseType, Filter, Location, Param, ParamType, Params, Reporter, Severity};
+use granita_base::{BaseType, Files, Filter, Location, Param, ParamType, Params, Reporter, Severity};
 use granita_gsl::ir::ValueType;
 use granita_image::{
     CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Placement, Quantize, Request,
@@ -275,6 +275,14 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
         );
         let _ = refuse(Severity::Warning, what);
     }
+    for name in ["gain", "gamma", "dither"] {
+        let least = if name == "dither" { 0.0 } else { f32::MIN_POSITIVE };
+        if let Some(v) = output.params.float(name)
+            && !(v.is_finite() && (name == "gain" || v >= least))
+        {
+            mistake(output, reporter, name, format!("\"{name}\" {v} is of no use; the default is used"));
+        }
+    }
     match &*output.data {
         "rgb" => Some(Data::Color { alpha: false }),
         "rgba" => Some(Data::Color { alpha: true }),
@@ -435,6 +443,18 @@ impl OutputImage {
         file.close()
     }
 
+    /// Finds out whether the image can be written, before hours of rendering and without leaving anything behind: whether the
+    /// format can hold it, and whether the file can be created.
+    pub(crate) fn check(&self, camera: &CameraView, registry: &FormatRegistry) -> Result<(), RenderError> {
+        let exists = self.path.metadata();
+        let by_plugin = registry.by_name(&self.format).is_some_and(|format| format.quantizes());
+        // Plugins do with a name what they like; a pipe or a device is opened once.
+        if self.is_shown || by_plugin || exists.is_ok_and(|m| !m.is_file() && !m.is_dir()) {
+            return Ok(());
+        }
+        self.open(camera, registry).map(drop)
+    }
+
     /// Begins a file of this image.
     pub(crate) fn open(
         &self,
@@ -445,7 +465,7 @@ impl OutputImage {
             what: format!("unknown image format \"{}\"", self.format),
         })?;
         if format.quantizes() {
-            return self.open_raw(&*format, camera);
+            return self.open_raw(&*format, camera, registry.files());
         }
         let (mut quantize, stored) = Quantize::for_output(&*format, &self.params);
         if !self.is_color {
@@ -462,7 +482,7 @@ impl OutputImage {
         };
         let spec = self.spec(camera, stored);
         self.begin(
-            format.create(&self.path, &CreateOptions { spec: &spec, levels: 1 })?,
+            format.create(&self.path, &CreateOptions::new(&spec, 1).with_files(registry.files()))?,
             &spec,
             quantize,
             camera,
@@ -470,7 +490,12 @@ impl OutputImage {
     }
 
     /// Begins a file in a format that exposes and quantizes by itself: it gets the values as they are.
-    fn open_raw(&self, format: &dyn Format, camera: &CameraView) -> Result<ImageWriter, RenderError> {
+    fn open_raw(
+        &self,
+        format: &dyn Format,
+        camera: &CameraView,
+        files: &Files,
+    ) -> Result<ImageWriter, RenderError> {
         let mut spec = self.spec(camera, PixelType::Float);
         let mut quantize = Quantize::from_params(&self.params);
         if !self.is_color {
@@ -487,7 +512,7 @@ impl OutputImage {
                 data: value.into(),
             });
         }
-        let file = format.create(&self.path, &CreateOptions { spec: &spec, levels: 1 })?;
+        let file = format.create(&self.path, &CreateOptions::new(&spec, 1).with_files(files))?;
         self.begin(file, &spec, Quantize::FLOAT, camera)
     }
 

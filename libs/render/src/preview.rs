@@ -6,7 +6,7 @@ use crate::{CameraView, Projection};
 use granita_base::{
     Bound, Interp, Param, ParamData, ParamType, Params, Reporter, Severity, ShapeDesc, Vec3, hash,
 };
-use granita_scene::{AttributeSet, Primitive, Scene, ShapeKey};
+use granita_scene::{AttributeSet, LightSet, Primitive, Scene, ShapeKey};
 use std::sync::Arc;
 
 /// What preview mode leaves out.
@@ -183,7 +183,7 @@ impl Boxes<'_> {
             surface: attributes.surface.clone().filter(|_| self.keeps_surface),
             displacement: None,
             volume: None,
-            lights: [].into(),
+            lights: LightSet::default(),
             trim: None,
             ..(**attributes).clone()
         };

@@ -89,6 +89,11 @@ impl Turns {
         indices.iter().rev().for_each(|index| self.waiting.push_front(*index));
     }
 
+    /// Whether none is left.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.waiting.is_empty()
+    }
+
     /// What nobody took.
     pub(crate) fn left(self) -> impl Iterator<Item = usize> {
         self.waiting.into_iter()

@@ -8,6 +8,7 @@ mod build;
 
 pub(crate) use build::{FLATNESS_PX, Flat, Level, Member, Solid, prepare};
 
+use crate::finite;
 use crate::object::ObjectState;
 use granita_base::{Vec3, hash};
 use granita_shade::{Grid, Primvar, PrimvarData, RayKind, Topology};
@@ -316,6 +317,7 @@ pub(crate) fn set_surface_color(grid: &mut Grid, object: &ObjectState) {
         };
         if name == "C" { grid.c = lanes } else { grid.opacity = lanes }
     }
+    finite::clamp_opacity(&mut grid.opacity);
 }
 
 #[cfg(test)]

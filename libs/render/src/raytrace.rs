@@ -7,12 +7,13 @@
 //! and shaded by the same executor as everything else. What a ray finds depends on the ray alone: random numbers at its hits
 //! follow from its name, so that neither threads, buckets nor batches show.
 
+use crate::finite;
 use crate::object::Holdout;
 use crate::raycache::{CACHE_BYTES, TessellationCache};
 use crate::raymesh::{self, HitShading, MeshHit, RayMesh};
 use crate::rayset::{Located, RayScene, SetHit, mesh_hit};
 use crate::shading::{ShaderThread, ShadingContext};
-use granita_base::{Color, Vec3, hash};
+use granita_base::{Color, Location, Severity, Vec3, hash};
 use granita_gsl::ir::ValueType;
 use granita_scene::Scene;
 use granita_shade::{HitValues, Primvar, PrimvarData, RayKind};
@@ -365,7 +366,7 @@ impl ShaderThread<'_> {
         let talk = Talk { said, wanted: &[], values: &mut [] };
         let shaded = self.shade_hits(scene, rays, &waiting, why.hits(kind), talk);
         for (w, Shaded { opacity, .. }) in waiting.iter().zip(shaded) {
-            out[w.ray as usize] *= Color::ONE - opacity.clamp(Color::ZERO, Color::ONE);
+            out[w.ray as usize] *= Color::ONE - opacity;
         }
         out
     }
@@ -454,9 +455,16 @@ impl ShaderThread<'_> {
                             }
                         }
                     }
+                    let mended = |color: Color, what: &str| {
+                        finite::mended(color).map_or(color, |mended| {
+                            thread.frame().report_unusable(&object, what);
+                            mended
+                        })
+                    };
                     for (lane, (_, k, _)) in part.iter().enumerate() {
-                        out[*k].color = grid.c.get(lane);
-                        out[*k].opacity = grid.opacity.get(lane);
+                        out[*k].color = mended(grid.c.get(lane), "colour");
+                        let opacity = mended(grid.opacity.get(lane), "opacity");
+                        out[*k].opacity = opacity.clamp(Color::ZERO, Color::ONE);
                     }
                 }
             }
@@ -485,6 +493,17 @@ struct Shaded {
 }
 
 impl ShadingContext {
+    /// Says that a ray found no number on an object; the same message as of what the camera sees.
+    fn report_unusable(&self, object: &crate::object::ObjectState, what: &str) {
+        let name = &object.name;
+        self.reporter.once(
+            &format!("not finite {what} {name}"),
+            Severity::Warning,
+            &Location::default(),
+            format!("object \"{name}\": its shader gave {}", finite::reason(what)),
+        );
+    }
+
     /// Distance that a tessellation for rays may be from the surface at `p`, with a margin: nearer hits are
     /// of the very surface that a ray leaves.
     pub(crate) fn ray_margin(&self, p: Vec3) -> f32 {

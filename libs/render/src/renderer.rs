@@ -91,6 +91,11 @@ impl Renderer {
                 [_] => vec![plan],
                 _ => plan.for_eyes(reporter),
             };
+            let refused = if is_worker { Vec::new() } else { self.refused(&eyes, &outputs) };
+            report.complete &= refused.is_empty();
+            if refused.len() == eyes.len() * outputs[0].images.len() {
+                continue;
+            }
             // Of several views the first one that is rendered.
             let dump = if report.statistics.is_empty() { self.dump(scene, &views[0]) } else { None };
             // Shading always looks from the first camera (reference 7.7), so all share what it builds.
@@ -129,6 +134,9 @@ impl Renderer {
             for k in 0..outputs[0].images.len() {
                 for (eye, set) in eyes.iter().zip(&mut outputs) {
                     let image = &mut set.images[k];
+                    if refused.contains(&image.path) {
+                        continue;
+                    }
                     if image.is_shown {
                         shown.extend(std::mem::take(&mut image.shown).0.into_inner().ok().flatten());
                         continue;
@@ -169,16 +177,34 @@ impl Renderer {
         Ok(report)
     }
 
+    /// Names of images that cannot be written, each reported.
+    fn refused(&self, eyes: &[CameraView], outputs: &[OutputSet]) -> Vec<PathBuf> {
+        let Self { environment } = self;
+        let mut refused = Vec::new();
+        for (eye, set) in eyes.iter().zip(outputs) {
+            for image in &set.images {
+                if let Err(error) = image.check(eye, &environment.registry) {
+                    environment.reporter.error(format!("output \"{}\": {error}", image.path.display()));
+                    refused.push(image.path.clone());
+                }
+            }
+        }
+        refused
+    }
+
     /// "griddump:filename".
     fn dump(&self, scene: &Scene, camera: &CameraView) -> Option<GridDump> {
         let path = scene.string("griddump:filename");
         if path.is_empty() {
             return None;
         }
+        let report =
+            |error: &RenderError| self.environment.reporter.error(format!("\"griddump:filename\": {error}"));
+        let files = self.environment.variables.files();
+        let path = Path::new(&*path);
+        files.check_create(path).map_err(RenderError::from).inspect_err(report).ok()?;
         let binary = scene.int("griddump:binary") != 0;
-        GridDump::new(Path::new(&*path), binary, self.environment.call_text, camera)
-            .inspect_err(|error| self.environment.reporter.error(format!("\"griddump:filename\": {error}")))
-            .ok()
+        GridDump::new(path, files, binary, self.environment.call_text, camera).inspect_err(report).ok()
     }
 
     /// Writes a dump, of a frame that is `complete`. Whether that went well.

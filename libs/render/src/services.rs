@@ -11,7 +11,8 @@ mod sky;
 
 use crate::arealight::{self, AreaLight};
 use crate::dynamic;
-use crate::lights::{LightMemory, LightState};
+use crate::finite;
+use crate::lights::{LightMemory, LightState, mend};
 use crate::object::{LinkedShaders, ObjectState, usage_word};
 use crate::rayset::RayScene;
 use crate::shading::{ShaderThread, ShadingContext};
@@ -170,11 +171,23 @@ impl<'r, 'f> Run<'r, 'f> {
     ) -> LightResult {
         let names = self.names_for(light.seed, query, index);
         let mut executor = self.thread.take_executor();
-        let result = {
+        let mut result = {
             let mut services = Run::for_light(self, light, names, query.in_front);
             executor.run_light(&light.shaders.group, grid, query, &mut services)
         };
         self.thread.put_executor(executor);
+        if mend(&mut result, query.batch.active) {
+            self.frame.reporter.once(
+                &format!("not finite light {}", light.name),
+                Severity::Warning,
+                &Location::default(),
+                format!(
+                    "light \"{}\": its shader gave {}",
+                    light.name,
+                    finite::reason("colour or direction")
+                ),
+            );
+        }
         result
     }
 
@@ -576,6 +589,10 @@ impl Services for Run<'_, '_> {
         let cause = format!("{usage} {shader}: {text}");
         let text = format!("{owner}{usage} shader \"{shader}\": {text}");
         reporter.once(&cause, severity, &Location::default(), text);
+    }
+
+    fn is_stopped(&mut self) -> bool {
+        self.frame.is_stopped()
     }
 
     fn unsupported(&mut self, feature: &str) {

@@ -12,7 +12,7 @@ use crate::object::{Holdout, LinkedShaders, Linker, ObjectState, StateShaders};
 use crate::raytrace::RayWorld;
 use crate::services::{Run, maps};
 use crate::spaces::{Spaces, Units};
-use crate::{CameraView, RenderEnvironment, ShaderLibrary, ShadingStatistics, preshaded};
+use crate::{CameraView, RenderEnvironment, ShaderLibrary, ShadingStatistics, finite, preshaded};
 use granita_base::{Color, Location, ParamData, Reporter, SearchPath, Severity, Vec3};
 use granita_gsl::ir::{Global, ValueType};
 use granita_scene::{LightId, Primitive, Scene, ShaderGroup, ShaderUsage};
@@ -20,7 +20,7 @@ use granita_sdb::{Attributes, Clusters, Databases, Mode, Packed};
 use granita_shade::{Executor, Grid, Group, Lanes3, Primvar, PrimvarData, Rect, Services};
 use granita_texture::{CacheOptions, TextureCache, TextureReader, Up, Use};
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What shading needs of a frame. Shared by its threads.
@@ -33,6 +33,8 @@ pub(crate) struct ShadingContext {
     pub(crate) eye_world: Vec3,
     /// Receives messages.
     pub(crate) reporter: Reporter,
+    /// The frame is to end: what is not done need not be right.
+    stop: Arc<AtomicBool>,
     /// Named spaces.
     pub(crate) spaces: Spaces,
     /// Units of "common" space.
@@ -89,6 +91,13 @@ struct States {
     default_surface: Option<Arc<LinkedShaders>>,
 }
 
+/// The most texture files open at once: what "limits:texturefiles" says, and no more than three quarters of the files that
+/// the process may have open. The others are for images that are written, shaders, databases and sockets.
+fn texture_files(attribute: i32, open_files: Option<usize>) -> usize {
+    let most = open_files.map_or(usize::MAX, |limit| limit / 4 * 3);
+    usize::try_from(attribute).unwrap_or(0).min(most).max(1)
+}
+
 impl ShadingContext {
     /// Links the lights and gets ready for the rest. Loads no surface, opens no texture, builds nothing for
     /// rays.
@@ -99,7 +108,7 @@ impl ShadingContext {
         let named = |name: &str| Some(scene.string(name).to_string()).filter(|s| !s.is_empty());
         let options = CacheOptions {
             memory_bytes: u64::try_from(scene.int("limits:texturememory")).map_or(0, |kb| kb * 1024),
-            max_files: usize::try_from(scene.int("limits:texturefiles")).unwrap_or(0).max(1),
+            max_files: texture_files(scene.int("limits:texturefiles"), environment.open_files),
             automipmap: scene.int("texture:automipmap") != 0,
             substitute_texture: named("texture:substtexture"),
             substitute_environment: named("texture:substenv"),
@@ -132,8 +141,14 @@ impl ShadingContext {
             directions: Mutex::default(),
             clustered: Mutex::default(),
             states: Mutex::default(),
+            stop: environment.stop.clone(),
             reporter,
         }
+    }
+
+    /// Whether the frame is to end, so that shaders should.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
     }
 
     /// What may be done with a database, by an option "filemode" and the attributes of the scene.
@@ -183,6 +198,18 @@ impl ShadingContext {
             return known.clone();
         }
         let name = attributes.name();
+        let (given, opacity) = (finite::given_opacity(attributes), finite::opacity(attributes));
+        if given != opacity {
+            self.reporter.once(
+                &format!("opacity {name}"),
+                Severity::Warning,
+                &primitive.at,
+                format!(
+                    "object \"{name}\": \"opacity\" ({} {} {}) counts as ({} {} {}): it is from 0 to 1",
+                    given.x, given.y, given.z, opacity.x, opacity.y, opacity.z
+                ),
+            );
+        }
         let mut group = |shaders: &Option<Arc<ShaderGroup>>, usage| {
             self.group(&mut states, shaders.as_ref()?, usage, &name)
         };
@@ -197,7 +224,7 @@ impl ShadingContext {
         let mut state = ObjectState::new(attributes, shaders, own_opacity, &self.spaces);
         state.preshaded = preshaded;
         let shines = |id: &LightId| self.light(*id).is_some();
-        state.lights = attributes.lights.iter().copied().filter(shines).collect();
+        state.lights = attributes.lights.iter().filter(shines).collect();
         let groups = self.groups(&state);
         let saves = |name: &str| self.database_mode(&attributes.string(name), "").write;
         let joins = !state.preshaded && groups.iter().all(|group| !group.is_gridwise());
@@ -289,6 +316,20 @@ impl ShadingContext {
     }
 }
 
+/// Levels of rays at most, whatever "ray:maxdepth" says.
+///
+/// A shader runs at each, and what it takes (some 20 KB of stack, registers, a grid of hits and their rays) is there until
+/// the last of them returns. So this bounds what a thread takes.
+pub(crate) const MAX_RAY_LEVELS: u32 = 1000;
+/// Shaders that run within those, at most: for shadow rays, which have the level of the shader that traces them.
+pub(crate) const MORE_NESTED: u32 = 16;
+/// Executors that are kept for later.
+const MAX_IDLE: usize = 64;
+/// Bytes of stack that one shader may take until the next one within it begins.
+const STACK_FOR_ONE: usize = 1 << 20;
+/// Bytes of stack that are added when less than that is left; only what is touched takes memory.
+const MORE_STACK: usize = 8 << 20;
+
 /// A way to run a group: [`Executor::run`] or [`Executor::run_asked`].
 type RunOf =
     fn(&mut Executor, &Group, &mut Grid, &mut dyn Services, &[(&str, ValueType)]) -> Vec<Option<Vec<f32>>>;
@@ -301,6 +342,8 @@ pub(crate) struct ShaderThread<'f> {
     idle: Vec<Executor>,
     /// Reads texture files, and keeps the tiles that it used last.
     textures: TextureReader<'f>,
+    /// Shaders that run on this thread, within each other.
+    pub(crate) nested: u32,
     /// Structures for rays are being built by this thread: its shaders see no rays.
     pub(crate) builds_rays: bool,
     /// Depths are being rendered by this thread: its shaders see no lights, and nothing of dynamic shadow maps.
@@ -311,7 +354,7 @@ impl<'f> ShaderThread<'f> {
     /// With no memory yet.
     pub(crate) fn new(frame: &'f ShadingContext) -> Self {
         let textures = frame.textures.reader();
-        Self { frame, idle: Vec::new(), textures, builds_rays: false, is_unlit: false }
+        Self { frame, idle: Vec::new(), textures, nested: 0, builds_rays: false, is_unlit: false }
     }
 
     /// The frame.
@@ -335,7 +378,10 @@ impl<'f> ShaderThread<'f> {
 
     /// Gives an executor back.
     pub(crate) fn put_executor(&mut self, executor: Executor) {
-        self.idle.push(executor);
+        // What very deep rays needed is given back.
+        if self.idle.len() < MAX_IDLE {
+            self.idle.push(executor);
+        }
     }
 
     /// Runs the displacement shaders, if any: moves `p`, `n`, and with them `ng`, `dpdu`, `dpdv` and `i`.
@@ -452,8 +498,13 @@ impl<'f> ShaderThread<'f> {
         how: RunOf,
     ) -> Vec<Option<Vec<f32>>> {
         let mut executor = self.take_executor();
-        let mut services = Run::for_object(self, object, shaders, grid);
-        let found = how(&mut executor, &shaders.group, grid, &mut services, wanted);
+        self.nested += 1;
+        let thread = &mut *self;
+        let found = stacker::maybe_grow(STACK_FOR_ONE, MORE_STACK, || {
+            let mut services = Run::for_object(thread, object, shaders, grid);
+            how(&mut executor, &shaders.group, grid, &mut services, wanted)
+        });
+        self.nested -= 1;
         self.put_executor(executor);
         found
     }
@@ -503,6 +554,14 @@ fn follow_displacement(grid: &mut Grid, before: &Lanes3) {
 mod tests {
     use super::*;
     use granita_shade::Topology;
+
+    #[test]
+    fn textures_leave_files_for_outputs() {
+        assert_eq!(texture_files(1000, None), 1000);
+        assert_eq!(texture_files(1000, Some(64)), 48);
+        assert_eq!(texture_files(10, Some(64)), 10);
+        assert_eq!(texture_files(-5, Some(2)), 1);
+    }
 
     #[test]
     fn normals_follow_a_tilted_displacement() {

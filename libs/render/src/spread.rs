@@ -6,6 +6,7 @@
 use crate::bucket;
 use crate::priority::{Priority, Turns};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 /// The pixels of a bucket: for each image (those of an eye one after the other) its channels side by side, row by row.
 pub type BucketPixels = Vec<Vec<f32>>;
@@ -27,6 +28,8 @@ pub trait Buckets {
     /// The number of a bucket to be rendered. With `wait`, waits until there is one or nothing is left to do for anybody;
     /// without, tells only of what is there at once.
     fn take(&self, wait: bool) -> Option<usize>;
+    /// Whether the frame needs no buckets any more: all are done, or it is being stopped.
+    fn is_over(&self) -> bool;
     /// The pixels of a bucket that was taken, or why the worker has none.
     ///
     /// # Errors
@@ -56,6 +59,9 @@ pub trait Coordinator: Send + Sync {
     /// The pixels of a bucket, or why there are none.
     fn done(&self, index: usize, pixels: Result<&BucketPixels, &str>);
 }
+
+/// How long a stop may go unseen.
+const GLANCE: Duration = Duration::from_millis(100);
 
 /// Buckets of a frame that are not done.
 pub(crate) struct Queue {
@@ -101,8 +107,15 @@ impl Queue {
             if !wait || state.taken == 0 {
                 return None;
             }
-            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+            // Whoever stops a frame does not tell here.
+            (state, _) = self.changed.wait_timeout(state, GLANCE).unwrap_or_else(PoisonError::into_inner);
         }
+    }
+
+    /// Whether no bucket is waiting or taken.
+    pub(crate) fn is_done(&self) -> bool {
+        let state = self.state();
+        state.taken == 0 && state.waiting.is_empty()
     }
 
     /// A bucket that was taken is done; `failed`: not by a worker.

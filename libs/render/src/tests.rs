@@ -24,6 +24,7 @@ const POINT: &str = "light pointlight (float intensity = 1, string shadowname = 
 }";
 
 mod furnace;
+mod numbers;
 mod rays;
 
 /// Shades points of the plane z = 0 with the state of a primitive.

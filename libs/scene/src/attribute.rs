@@ -4,7 +4,6 @@
 
 use granita_base::{BaseType, Param, ParamData, ParamType};
 use rustc_hash::FxHashMap;
-use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
 
 /// What an attribute belongs to.
@@ -318,6 +317,13 @@ pub const TABLE: &[AttributeRow] = &[
     .hint(),
     row(Global, "4.3.4", (INT, "limits:threads"), Ints(&[1]), "threads that work on the frame"),
     row(Global, "4.3.4", (INT, "limits:gridsize"), Ints(&[256]), "most points shaded at once"),
+    row(
+        Global,
+        "4.3.4",
+        (INT, "limits:primitivepoints"),
+        Ints(&[250_000_000]),
+        "most points that a primitive may be diced into in a frame; 0 for any number",
+    ),
     row(Global, "4.3.4", (INT, "limits:texturememory"), Ints(&[20480]), "size of the texture cache in KB"),
     row(Global, "4.3.4", (INT, "limits:texturefiles"), Ints(&[1000]), "texture files open at once"),
     row(Global, "4.3.4", (FLOAT, "trimcurve:quality"), Floats(&[1.0]), "scale on the quality of trim curves"),
@@ -479,6 +485,13 @@ pub const TABLE: &[AttributeRow] = &[
         (STRING, "net:workercmd"),
         Text(""),
         "how `gelato` is called on them; empty is by that name",
+    ),
+    row(
+        Global,
+        "4.3.11",
+        (FLOAT, "net:timeout"),
+        Floats(&[60.0]),
+        "seconds of silence, at least 2, after which others do the part of one that has work to do",
     ),
     row(Global, "4.3.11", (INT, "net:tint"), Ints(&[0]), "tint buckets by worker, with this seed"),
     row(Writer, "4.3.12", (INT, "pyg:binary"), Ints(&[0]), "write large arrays in binary"),
@@ -704,9 +717,9 @@ pub fn attribute_default(name: &str) -> Option<Param> {
     known(name)?.default.clone()
 }
 
-/// The value of `name` in `set`, or its default from the table.
-pub(crate) fn lookup(set: &BTreeMap<Arc<str>, Param>, name: &str) -> Option<Param> {
-    set.get(name).cloned().or_else(|| attribute_default(name))
+/// The value of `name` that was set, or its default from the table.
+pub(crate) fn lookup(set: Option<&Param>, name: &str) -> Option<Param> {
+    set.cloned().or_else(|| attribute_default(name))
 }
 
 /// The candidate most like `word`, if one is near enough to be what was meant.
@@ -774,12 +787,12 @@ mod tests {
 
     #[test]
     fn lookups_give_set_values_then_defaults() {
-        let mut set = BTreeMap::new();
-        assert_eq!(lookup(&set, "shadingquality").unwrap().data, ParamData::from(1.0));
+        let mut set = std::collections::BTreeMap::new();
+        assert_eq!(lookup(set.get("shadingquality"), "shadingquality").unwrap().data, ParamData::from(1.0));
         set.insert(Arc::from("shadingquality"), Param::declared("float shadingquality", 2.0).unwrap());
-        assert_eq!(lookup(&set, "shadingquality").unwrap().data, ParamData::from(2.0));
-        assert!(lookup(&set, "screen").is_none());
-        assert!(lookup(&set, "no such thing").is_none());
+        assert_eq!(lookup(set.get("shadingquality"), "shadingquality").unwrap().data, ParamData::from(2.0));
+        assert!(lookup(set.get("screen"), "screen").is_none());
+        assert!(lookup(set.get("no such thing"), "no such thing").is_none());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Generators: whatever makes scene calls out of a file, a program's output or a string (reference 2.9, 12).
 
 use crate::{SceneSink, Stop};
-use granita_base::Reporter;
+use granita_base::{Files, Reporter};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -9,21 +9,51 @@ use std::sync::Arc;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum GeneratorSource {
     /// A file; for a generator called by its name, whatever follows the name.
-    File(PathBuf),
+    File {
+        /// Its name.
+        path: PathBuf,
+        /// Opens it, and what it names.
+        files: Files,
+    },
     /// Bytes with a name for messages: a program's output, `name << text`, a bundled file.
     Bytes {
         /// Stands for the bytes in messages.
         name: String,
         /// The whole contents.
         bytes: Arc<[u8]>,
+        /// Opens what they name.
+        files: Files,
     },
 }
 
 impl GeneratorSource {
+    /// A file that the process may open.
+    pub fn file(path: impl Into<PathBuf>) -> Self {
+        Self::File { path: path.into(), files: Files::default() }
+    }
+
+    /// Bytes under a name for messages.
+    pub fn bytes(name: impl Into<String>, bytes: impl Into<Arc<[u8]>>) -> Self {
+        Self::Bytes { name: name.into(), bytes: bytes.into(), files: Files::default() }
+    }
+
+    /// The same, opened by `files`, as is what it names.
+    pub fn with_files(mut self, by: &Files) -> Self {
+        let (Self::File { files, .. } | Self::Bytes { files, .. }) = &mut self;
+        *files = by.clone();
+        self
+    }
+
+    /// What opens it, and what it names.
+    pub fn files(&self) -> &Files {
+        let (Self::File { files, .. } | Self::Bytes { files, .. }) = self;
+        files
+    }
+
     /// What messages call it.
     pub fn name(&self) -> String {
         match self {
-            Self::File(path) => path.display().to_string(),
+            Self::File { path, .. } => path.display().to_string(),
             Self::Bytes { name, .. } => name.clone(),
         }
     }
@@ -31,7 +61,7 @@ impl GeneratorSource {
     /// The folder that relative names inside of the file start from; `None` for bytes.
     pub fn folder(&self) -> Option<&Path> {
         match self {
-            Self::File(path) => path.parent(),
+            Self::File { path, .. } => path.parent(),
             Self::Bytes { .. } => None,
         }
     }

@@ -59,6 +59,7 @@ mod frame;
 mod generator;
 mod scene;
 mod state;
+mod values;
 
 pub use attribute::{attribute_default, attribute_row, suggestion};
 pub use call::{Call, Matrix, SceneSink, Stop, TransformTarget};
@@ -69,3 +70,4 @@ pub use scene::{
     ShaderInstance, ShaderUsage, ShapeKey,
 };
 pub use state::{State, predeclared};
+pub use values::{LightSet, Values};

@@ -2,6 +2,7 @@
 //!
 //! All transformations lead **to world space**. "common" space is world space.
 
+use crate::{LightSet, Values};
 use granita_base::{Location, MotionTransform, Param, Params, ShapeDesc, TrimDesc};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -71,7 +72,7 @@ pub struct Light {
 pub struct AttributeSet {
     /// Per-object attributes that differ from their default, and `user:` attributes, by name. Shared, so
     /// that objects which differ only in their transformation cost little.
-    pub values: Arc<BTreeMap<Arc<str>, Param>>,
+    pub values: Arc<Values>,
     /// Shaders; none of a usage means the documented default.
     pub surface: Option<Arc<ShaderGroup>>,
     /// Displacement shaders.
@@ -79,7 +80,7 @@ pub struct AttributeSet {
     /// Volume shaders.
     pub volume: Option<Arc<ShaderGroup>>,
     /// Lights that shine on it, in order of declaration.
-    pub lights: Arc<[LightId]>,
+    pub lights: LightSet,
     /// Object space to world.
     pub to_world: MotionTransform,
     /// Whether the orientation is reversed with respect to the handedness of world space: with the
@@ -95,26 +96,28 @@ pub struct AttributeSet {
 impl AttributeSet {
     /// First float of a per-object attribute, or its default of the attribute table.
     pub fn float(&self, name: &str) -> f32 {
-        crate::attribute::lookup(&self.values, name)
+        crate::attribute::lookup(self.values.get(name), name)
             .and_then(|p| p.data.to_floats()?.first().copied())
             .unwrap_or(0.0)
     }
 
     /// First integer of a per-object attribute, or its default.
     pub fn int(&self, name: &str) -> i32 {
-        crate::attribute::lookup(&self.values, name)
+        crate::attribute::lookup(self.values.get(name), name)
             .and_then(|p| p.data.to_ints()?.first().copied())
             .unwrap_or(0)
     }
 
     /// All floats of a per-object attribute, or of its default.
     pub fn floats(&self, name: &str) -> Arc<[f32]> {
-        crate::attribute::lookup(&self.values, name).and_then(|p| p.data.to_floats()).unwrap_or_default()
+        crate::attribute::lookup(self.values.get(name), name)
+            .and_then(|p| p.data.to_floats())
+            .unwrap_or_default()
     }
 
     /// String of a per-object attribute, or its default.
     pub fn string(&self, name: &str) -> Arc<str> {
-        crate::attribute::lookup(&self.values, name)
+        crate::attribute::lookup(self.values.get(name), name)
             .and_then(|p| match &p.data {
                 granita_base::ParamData::String(v) => v.first().cloned(),
                 _ => None,
@@ -210,26 +213,28 @@ pub struct InputCounts {
 impl Scene {
     /// First float of a scene-wide attribute, or its default of the attribute table.
     pub fn float(&self, name: &str) -> f32 {
-        crate::attribute::lookup(&self.globals, name)
+        crate::attribute::lookup(self.globals.get(name), name)
             .and_then(|p| p.data.to_floats()?.first().copied())
             .unwrap_or(0.0)
     }
 
     /// First integer of a scene-wide attribute, or its default.
     pub fn int(&self, name: &str) -> i32 {
-        crate::attribute::lookup(&self.globals, name)
+        crate::attribute::lookup(self.globals.get(name), name)
             .and_then(|p| p.data.to_ints()?.first().copied())
             .unwrap_or(0)
     }
 
     /// All floats of a scene-wide attribute, or of its default.
     pub fn floats(&self, name: &str) -> Arc<[f32]> {
-        crate::attribute::lookup(&self.globals, name).and_then(|p| p.data.to_floats()).unwrap_or_default()
+        crate::attribute::lookup(self.globals.get(name), name)
+            .and_then(|p| p.data.to_floats())
+            .unwrap_or_default()
     }
 
     /// String of a scene-wide attribute, or its default.
     pub fn string(&self, name: &str) -> Arc<str> {
-        crate::attribute::lookup(&self.globals, name)
+        crate::attribute::lookup(self.globals.get(name), name)
             .and_then(|p| match &p.data {
                 granita_base::ParamData::String(v) => v.first().cloned(),
                 _ => None,

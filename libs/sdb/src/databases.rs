@@ -1,10 +1,10 @@
 //! All databases of a session: which are read, which are written, and when.
 
 use crate::error::{Result, SdbError};
-use crate::file::{Spool, read};
+use crate::file::{Spool, read_with};
 use crate::picture::{LARGEST, PictureOptions, picture};
 use crate::{Key, Packed, Schema};
-use granita_base::{Location, Reporter, SearchPath, Severity};
+use granita_base::{Files, Location, Reporter, SearchPath, Severity};
 use granita_image::{CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Pixels};
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
@@ -167,7 +167,7 @@ impl Databases {
         let spool = entry.saved.get_or_insert_with(|| {
             // Only what goes to a file can wait in one.
             let most = if mode.write { self.in_memory } else { usize::MAX };
-            Spool::new(schema, most, folder_of(name))
+            Spool::new(schema, most, name.into(), self.formats.files().clone())
         });
         if spool.schema() != schema {
             let text = format!(
@@ -221,7 +221,7 @@ impl Databases {
             return None;
         };
         self.reporter.file_read(&path);
-        match read(&path) {
+        match read_with(&path, search.files()) {
             Ok(packed) => Some(Arc::new(packed)),
             Err(error) => {
                 self.tell(name, Severity::Error, format!("spatial database \"{name}\" is not used: {error}"));
@@ -315,13 +315,13 @@ impl Databases {
         match self.picture_format(&path) {
             Some(format) if schema.key == Key::Surface => {
                 let packed = Packed::new(schema, &saved.take().map_err(io)?);
-                write_picture(&path, &*format, &packed, &entry.picture)?;
+                write_picture(&path, &*format, self.formats.files(), &packed, &entry.picture)?;
             }
             Some(_) => {
                 let what = format!("{} cannot become a picture: only (s, t) can", schema.words());
                 return Err(SdbError::Misuse { name: name.to_owned(), what });
             }
-            None => saved.write(&path)?,
+            None => saved.write(&path, self.formats.files())?,
         }
         Ok(Some((path, count)))
     }
@@ -334,7 +334,13 @@ impl Databases {
     }
 }
 
-fn write_picture(path: &Path, format: &dyn Format, packed: &Packed, options: &PictureOptions) -> Result<()> {
+fn write_picture(
+    path: &Path,
+    format: &dyn Format,
+    files: &Files,
+    packed: &Packed,
+    options: &PictureOptions,
+) -> Result<()> {
     let [width, height] = options.resolution.map(|n| n.clamp(1, LARGEST));
     let options = PictureOptions { resolution: [width, height], ..options.clone() };
     let wanted = match options.data_format.as_str() {
@@ -345,15 +351,7 @@ fn write_picture(path: &Path, format: &dyn Format, packed: &Packed, options: &Pi
     };
     let pixel_type = format.output_type(wanted);
     let spec = ImageSpec::new(width, height, packed.schema().value.numbers(), pixel_type);
-    let mut file = format.create(path, &CreateOptions { spec: &spec, levels: 1 })?;
+    let mut file = format.create(path, &CreateOptions::new(&spec, 1).with_files(files))?;
     file.write_rows(&Pixels::from_floats(pixel_type, &picture(packed, &options)))?;
     Ok(file.close()?)
-}
-
-/// Where records of a database wait: beside its file.
-fn folder_of(name: &str) -> PathBuf {
-    match Path::new(name).parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
-        _ => PathBuf::from("."),
-    }
 }

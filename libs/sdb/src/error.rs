@@ -45,3 +45,9 @@ pub enum SdbError {
 
 /// Result of an operation on databases.
 pub type Result<T> = std::result::Result<T, SdbError>;
+
+impl From<granita_base::FileError> for SdbError {
+    fn from(error: granita_base::FileError) -> Self {
+        Self::Io { path: error.path, source: error.source }
+    }
+}

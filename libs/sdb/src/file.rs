@@ -24,7 +24,7 @@ use crate::map::Map;
 use crate::order::{Extent, by_bits, place, sort};
 use crate::packed::{Boxes, FAN, layout};
 use crate::{Key, Packed, Schema, Value};
-use granita_image::AtomicFile;
+use granita_base::{AtomicFile, Files};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::fs::File;
@@ -57,9 +57,14 @@ fn header(schema: Schema, count: u64, bytes: u64, sum: u32) -> [u8; HEADER] {
 /// [`SdbError::Io`]; [`SdbError::Malformed`] for what is no database, is shorter or longer than it says, or was altered;
 /// [`SdbError::Unsupported`] for later versions.
 pub fn read(path: &Path) -> Result<Packed> {
+    read_with(path, &Files::default())
+}
+
+/// As [`read`], of a file that `files` opens.
+pub(crate) fn read_with(path: &Path, files: &Files) -> Result<Packed> {
     let io = |source| SdbError::Io { path: path.to_owned(), source };
     let bad = |what: String| SdbError::Malformed { path: path.to_owned(), what };
-    let file = File::open(path).map_err(io)?;
+    let file = files.open(path).map_err(io)?;
     let length = file.metadata().map_err(io)?;
     if !length.is_file() {
         return Err(bad("not a file".to_owned()));
@@ -131,8 +136,9 @@ pub(crate) struct Spool {
     memory: Vec<f32>,
     /// Numbers that are kept in memory, at most.
     most: usize,
-    /// Where the others wait.
-    folder: PathBuf,
+    /// The file that the database will be; the others wait beside it.
+    beside: PathBuf,
+    files: Files,
     spilled: Option<Spilled>,
 }
 
@@ -154,10 +160,19 @@ fn from_bytes(bytes: &[u8]) -> Vec<f32> {
 }
 
 impl Spool {
-    /// Keeps at most so many numbers in memory, at least a record, the others in a file in `folder`.
-    pub(crate) fn new(schema: Schema, most: usize, folder: PathBuf) -> Self {
+    /// Keeps at most so many numbers in memory, at least a record, the others in a file beside `beside`.
+    pub(crate) fn new(schema: Schema, most: usize, beside: PathBuf, files: Files) -> Self {
         let most = most.max(schema.numbers());
-        Self { schema, extent: Extent::EMPTY, count: 0, memory: Vec::new(), most, folder, spilled: None }
+        Self {
+            schema,
+            extent: Extent::EMPTY,
+            count: 0,
+            memory: Vec::new(),
+            most,
+            beside,
+            files,
+            spilled: None,
+        }
     }
 
     /// Number of records.
@@ -186,7 +201,7 @@ impl Spool {
     fn spill(&mut self) -> io::Result<()> {
         let spilled = match &mut self.spilled {
             Some(spilled) => spilled,
-            none => none.insert(Spilled { file: tempfile::tempfile_in(&self.folder)?, runs: Vec::new() }),
+            none => none.insert(Spilled { file: self.files.scratch(&self.beside)?, runs: Vec::new() }),
         };
         spilled.file.write_all(&to_bytes(&self.memory))?;
         spilled.runs.push(self.memory.len());
@@ -204,16 +219,16 @@ impl Spool {
             all = from_bytes(&bytes);
         }
         all.append(&mut self.memory);
-        *self = Self::new(self.schema, self.most, std::mem::take(&mut self.folder));
+        *self = Self::new(self.schema, self.most, std::mem::take(&mut self.beside), self.files.clone());
         Ok(all)
     }
 
     /// Writes a database of all records: the same bytes whatever order they came in. The file appears whole, or the
     /// one before stays.
-    pub(crate) fn write(mut self, path: &Path) -> Result<()> {
+    pub(crate) fn write(mut self, path: &Path, files: &Files) -> Result<()> {
         let io = |source| SdbError::Io { path: path.to_owned(), source };
         let runs = self.sorted_runs().map_err(io)?;
-        let mut file = AtomicFile::create(path)?;
+        let mut file = files.create(path)?;
         file.write_all(&[0; HEADER]).map_err(io)?;
         let mut out = Summed { file, sum: crc32fast::Hasher::new(), bytes: 0 };
         let mut boxes = Boxes::new(self.schema);
@@ -228,7 +243,7 @@ impl Spool {
         let Summed { mut file, sum, bytes } = out;
         file.seek(SeekFrom::Start(0)).map_err(io)?;
         file.write_all(&header(self.schema, self.count, bytes, sum.finalize())).map_err(io)?;
-        Ok(file.commit()?)
+        file.commit().map_err(SdbError::from)
     }
 
     /// Each run in the order of the file; what is in memory is one.

@@ -4,7 +4,7 @@ use crate::SessionOptions;
 use granita_base::{Location, ParamData, Params, Reporter, Severity};
 use granita_render::{PixelRect, Priority};
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -98,17 +98,21 @@ impl Running<'_> {
         if self.options.safe {
             return self.say(Severity::Error, format!("programs are not allowed: \"{line}\" is not run"));
         }
-        if !wait {
-            match command.spawn() {
-                // Somebody must ask for its end, or it stays in the table of processes.
-                Ok(mut child) => drop(std::thread::spawn(move || child.wait())),
-                Err(error) => self.say(Severity::Error, format!("cannot run \"{line}\": {error}")),
-            }
-            return;
-        }
-        match command.status() {
-            Ok(status) if status.success() => (),
-            Ok(status) => self.say(Severity::Error, format!("\"{line}\" failed: {status}")),
+        let supervisor = &self.options.supervisor;
+        let ran =
+            supervisor.spawn(command, format!("running \"{line}\"")).and_then(|mut process| match wait {
+                true => process.wait().map(Some),
+                false => {
+                    process.detach();
+                    Ok(None)
+                }
+            });
+        match ran {
+            Ok(None) => (),
+            Ok(Some(status)) if status.success() => (),
+            // That it failed because it was ended is not worth a line.
+            _ if supervisor.has_ended() => (),
+            Ok(Some(status)) => self.say(Severity::Error, format!("\"{line}\" failed: {status}")),
             Err(error) => self.say(Severity::Error, format!("cannot run \"{line}\": {error}")),
         }
     }
@@ -185,6 +189,8 @@ fn program(name: &str, options: &SessionOptions) -> Command {
 /// Gives a program the session's variables.
 fn prepare(command: &mut Command, options: &SessionOptions) {
     command.envs(options.program_environment.iter().map(|(k, v)| (k, v)));
+    // Standard input may be the scene, and a program that is not in the foreground of a terminal is stopped when it reads there.
+    command.stdin(Stdio::null());
     if options.programs_print_to_stderr {
         command.stdout(std::io::stderr());
     }

@@ -1,7 +1,8 @@
 //! What `Input` names (reference 2.9): scene files, generators, programs, strings.
 
 use crate::{SessionOptions, commands};
-use granita_base::{Location, Reporter, SearchPath, Severity};
+use granita_base::process::Process;
+use granita_base::{Files, Location, Reporter, SearchPath, Severity, Supervisor};
 use granita_plugin::Plugins;
 use granita_pyg::{PygError, PygOptions, PygSource};
 use granita_scene::{
@@ -10,7 +11,7 @@ use granita_scene::{
 use std::ffi::OsStr;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{ChildStdout, Command, Stdio};
 use std::sync::Arc;
 
 /// Most bytes that a program may write for a generator other than "pyg".
@@ -104,7 +105,7 @@ impl std::fmt::Debug for Kind {
 impl Inputs {
     /// With the bundled generators. Of the options the variables, the suite's own tools and `safe` count.
     pub fn new(options: Arc<SessionOptions>, reporter: Reporter) -> Self {
-        let plugins = Plugins::new(reporter.clone(), !options.safe);
+        let plugins = Plugins::new(reporter.clone(), options.plugin_rules());
         Self::with_plugins(options, reporter, plugins)
     }
 
@@ -113,11 +114,12 @@ impl Inputs {
         Self { options, generators: granita_plugin::bundled_generators(), plugins, reporter }
     }
 
-    /// The generator called `name`: an installed one, else a bundled one.
+    /// The generator called `name`: one that the user named, a bundled one, or an installed one.
     fn generator(&self, name: &str, paths: InputPaths<'_>) -> Option<Arc<dyn Generator>> {
         self.plugins
-            .generator(name, &self.folders(paths.generator))
+            .preferred_generator(name)
             .or_else(|| self.generators.by_name(&name.to_ascii_lowercase()).cloned())
+            .or_else(|| self.plugins.generator(name, &self.folders(paths.generator)))
     }
 
     /// Finds what `command` names. A whole file name comes first, so that names may contain blanks; then a generator with
@@ -181,11 +183,12 @@ impl Inputs {
         let identity = identity.to_string_lossy().into_owned();
         let from = From::File(path.to_owned());
         let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-        let installed = match extension.as_deref() {
-            None | Some("pyg" | "py") => None,
-            Some(extension) => self.plugins.generator(extension, &self.folders(paths.generator)),
-        };
-        if let Some(generator) = installed.or_else(|| self.generators.by_extension(path).cloned()) {
+        let foreign = extension.as_deref().filter(|extension| !matches!(*extension, "pyg" | "py"));
+        let generator = foreign
+            .and_then(|extension| self.plugins.preferred_generator(extension))
+            .or_else(|| self.generators.by_extension(path).cloned())
+            .or_else(|| self.plugins.generator(foreign?, &self.folders(paths.generator)));
+        if let Some(generator) = generator {
             return Ok(self.input(&identity, Kind::Generator(generator, from)));
         }
         match extension.as_deref() {
@@ -219,9 +222,16 @@ impl Inputs {
                 _ => granita_pyg::Chunking::Auto,
             },
             safe: self.options.safe,
+            files: self.files().clone(),
+            supervisor: self.options.supervisor.clone(),
             environment: self.options.program_environment.iter().cloned().collect(),
             ..PygOptions::default()
         }
+    }
+
+    /// What opens files.
+    fn files(&self) -> &Files {
+        self.options.environment.files()
     }
 
     fn input(&self, identity: &str, kind: Kind) -> Input {
@@ -277,7 +287,7 @@ impl Input {
     pub fn bound(&self) -> Option<[f32; 6]> {
         match &self.kind {
             Kind::Generator(_, From::Program(_) | From::Standard) | Kind::Pyg(_) => None,
-            Kind::Generator(generator, from) => generator.bound(&from.source()?),
+            Kind::Generator(generator, from) => generator.bound(&from.source(self.inputs.files())?),
         }
     }
 
@@ -292,7 +302,9 @@ impl Input {
             Kind::Pyg(from) => (from, None),
             Kind::Generator(generator, from) => (from, Some(generator)),
         };
-        reporter.info(format!("reading {}", from.name()));
+        let doing = format!("reading {}", from.name());
+        reporter.info(doing.clone());
+        let _activity = inputs.options.supervisor.begin(doing);
         let Some(generator) = generator else {
             return granita_pyg::read(from.pyg(&inputs.options)?, sink, &inputs.pyg_options(), reporter)
                 .map_err(pyg_error);
@@ -300,7 +312,7 @@ impl Input {
         if let From::File(path) = &from {
             reporter.file_read(path);
         }
-        let (name, source) = (from.name(), from.source());
+        let (name, source) = (from.name(), from.source(inputs.files()));
         let source = match (source, from) {
             (Some(source), _) => source,
             (None, from) => {
@@ -313,7 +325,7 @@ impl Input {
                 if bytes.len() as u64 > MAX_OUTPUT {
                     return Err(io(io::Error::other(format!("more than {MAX_OUTPUT} bytes"))));
                 }
-                GeneratorSource::Bytes { name, bytes: bytes.into() }
+                GeneratorSource::bytes(name, bytes).with_files(inputs.files())
             }
         };
         generator.run(&source, sink, reporter).map_err(|error| match error {
@@ -364,11 +376,11 @@ impl From {
     }
 
     /// For a generator; `None` for what has to be collected from a stream.
-    fn source(&self) -> Option<GeneratorSource> {
+    fn source(&self, files: &Files) -> Option<GeneratorSource> {
         Some(match self {
-            Self::File(path) => GeneratorSource::File(path.clone()),
-            Self::Argument(argument) => GeneratorSource::File(PathBuf::from(argument)),
-            Self::Bytes(name, bytes) => GeneratorSource::Bytes { name: name.clone(), bytes: bytes.clone() },
+            Self::File(path) => GeneratorSource::file(path.clone()).with_files(files),
+            Self::Argument(argument) => GeneratorSource::file(argument.clone()).with_files(files),
+            Self::Bytes(name, bytes) => GeneratorSource::bytes(name.clone(), bytes.clone()).with_files(files),
             Self::Standard | Self::Program(_) => return None,
         })
     }
@@ -381,7 +393,7 @@ impl From {
             Self::Bytes(name, bytes) => PygSource::Bytes { name: name.into(), bytes: bytes.to_vec() },
             Self::Standard => PygSource::Stream { name: name.into(), stream: Box::new(io::stdin()) },
             Self::Program(line) => {
-                let stream = Output::start(commands::shell(&line, options), line)
+                let stream = Output::start(commands::shell(&line, options), line, &options.supervisor)
                     .map_err(|source| InputError::Io { path: name.clone(), source })?;
                 PygSource::Stream { name: name.into(), stream: Box::new(stream) }
             }
@@ -398,17 +410,18 @@ pub(crate) fn pyg_error(error: PygError) -> InputError {
     }
 }
 
-/// The output of a program, read while it runs.
+/// The output of a program, read while it runs. Dropped, it ends the program.
 struct Output {
-    child: Child,
+    child: Process,
     out: ChildStdout,
     line: String,
 }
 
 impl Output {
-    fn start(mut command: Command, line: String) -> io::Result<Self> {
-        let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).spawn()?;
-        let out = child.stdout.take().ok_or_else(|| io::Error::other("no pipe"))?;
+    fn start(mut command: Command, line: String, supervisor: &Supervisor) -> io::Result<Self> {
+        command.stdin(Stdio::null()).stdout(Stdio::piped());
+        let mut child = supervisor.spawn(&mut command, format!("running \"{line}\""))?;
+        let out = child.take_stdout().ok_or_else(|| io::Error::other("no pipe"))?;
         Ok(Self { child, out, line })
     }
 }
@@ -423,14 +436,6 @@ impl Read for Output {
             }
         }
         Ok(n)
-    }
-}
-
-impl Drop for Output {
-    fn drop(&mut self) {
-        // Nobody reads any more; it may have ended by itself, then both fail.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 

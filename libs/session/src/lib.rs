@@ -8,8 +8,10 @@
 //! Where things are looked for, in order:
 //! - shaders: `name.gso`, then `name.gsl`, in the folders of "path:shader"; then the bundled ones;
 //! - scene files: as named, then in the folders of "path:input"; then the bundled ones;
-//! - generators: `NAME.generator.so` in the folders of "path:generator"; the bundled ones; then programs in those folders;
-//! - image formats: `FORMAT.imageio.so` in the folders of "path:imageio"; the bundled ones; then other plugins there;
+//! - generators: those of [`SessionOptions::plugins`]; the bundled ones; `NAME.generator.so` in the folders of
+//!   "path:generator"; then programs in those folders;
+//! - image formats: those of [`SessionOptions::plugins`]; the bundled ones; then plugins in the absolute folders of
+//!   "path:imageio";
 //! - textures: in the folders of "path:texture".
 //!
 //! The default paths name `$GELATOHOME`, so that an installation's own files come before the bundled ones.
@@ -32,9 +34,11 @@ mod inputs;
 mod net;
 mod options;
 mod outputs;
+mod patient;
 mod records;
 mod remote;
 mod renderer;
+mod safe;
 mod session;
 mod shaders;
 

@@ -8,29 +8,50 @@
 //! What the coordinator says are lines:
 //! - `commands N`: so many commands of the scene are done;
 //! - `frame N`: the frames before this one are over;
-//! - `bucket I`: render this bucket of the frame.
+//! - `bucket F I`: render bucket I of frame F. Frames are counted from 0.
 //!
-//! The worker greets with [`GREETING`] and its threads, a line; its answers are binary, little-endian: the bucket and the number
-//! of its images, and for each image the number of its values and these; or the bucket, [`NO_IMAGES`], the length of a text and
-//! the text. All counts have 32 bits.
+//! The worker greets with [`GREETING`] and its threads, a line; its answers are binary, little-endian: the bucket, the frame and the
+//! number of its images, and for each image the number of its values and these; or the bucket, the frame, [`NO_IMAGES`], the length
+//! of a text and the text. All counts have 32 bits.
+//!
+//! As long as a worker has buckets to render, it sends [`ALIVE`] from a thread of its own, twice a second. So a worker that takes long is told from one
+//! that is stopped: when nothing comes for the seconds of "net:timeout", the worker is ended, and others do its part. Writing to a
+//! worker is left to a thread, so that one that does not read holds nobody up. What is the answer to a frame that was stopped is
+//! passed over.
+
+mod worker;
+
+pub(crate) use worker::Master;
 
 use crate::SessionOptions;
+use crate::patient::{Patience, Patient};
+use granita_base::process::Process;
 use granita_base::{Reporter, Severity};
-use granita_render::{BucketPixels, Buckets, Coordinator, Workers};
-use std::collections::VecDeque;
-use std::io::{BufRead, BufReader, BufWriter, Read, Write};
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use granita_render::{BucketPixels, Buckets, Workers};
+use std::io::{self, Read, Write};
+use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::mpsc::{Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
-/// What a worker of this version says first.
-const GREETING: &str = concat!("granita-worker ", env!("CARGO_PKG_VERSION"));
+/// What a worker of this version says first: the version of the suite, and that of this protocol.
+const GREETING: &str = concat!("granita-worker ", env!("CARGO_PKG_VERSION"), "/2");
+
+/// Stands for a bucket: the worker lives.
+const ALIVE: u32 = u32::MAX;
 
 /// Stands for a number of images when there are none.
 const NO_IMAGES: u32 = u32::MAX;
 
 /// More values than any bucket has.
 const MOST_VALUES: u32 = 1 << 28;
+
+/// More images than any frame has.
+const MOST_IMAGES: u32 = 1 << 16;
+
+/// How long a worker without output may take to end.
+const ENDING: Duration = Duration::from_secs(1);
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
@@ -41,6 +62,7 @@ pub(crate) struct Net {
     options: Arc<SessionOptions>,
     reporter: Reporter,
     state: Mutex<Progress>,
+    patience: Patience,
     /// Frames are rendered without workers.
     alone: AtomicBool,
     /// Started with the first frame; `None` once a worker is of no more use.
@@ -56,9 +78,11 @@ struct Progress {
 
 struct Worker {
     name: String,
-    child: Child,
-    to: ChildStdin,
-    from: BufReader<ChildStdout>,
+    /// Dropped, it is ended.
+    process: Process,
+    /// Lines for it.
+    to: Sender<String>,
+    from: Patient,
     /// Threads that it has; 0 until it has greeted.
     threads: usize,
 }
@@ -69,23 +93,26 @@ impl Net {
             options,
             reporter,
             state: Mutex::default(),
+            patience: Patience::new(0.0),
             alone: AtomicBool::new(false),
             workers: Mutex::default(),
         }
     }
 
-    /// Starts workers on machines, unless they are there already; `command` is how `gelato` is called on them. False when there are none.
-    pub(crate) fn start(&self, servers: &[&str], command: &str) -> bool {
+    /// Starts workers on machines, unless they are there already; `command` is how `gelato` is called on them, and `patience` the
+    /// longest silence in seconds. False when there are none.
+    pub(crate) fn start(&self, servers: &[&str], command: &str, patience: f32) -> bool {
         let Some(arguments) = &self.options.net_arguments else {
             refuse(&self.reporter, "the scene is no file that workers could read");
             return false;
         };
+        self.patience.set(patience);
         let mut workers = lock(&self.workers);
         if workers.is_empty() {
             let progress = lock(&self.state);
             for server in servers {
-                match Worker::start(server, command, arguments, &self.options) {
-                    Ok(mut worker) => {
+                match Worker::start(server, command, arguments, &self.options, &self.patience) {
+                    Ok(worker) => {
                         // One that is gone already is told of when it is needed.
                         let _ = worker
                             .say(&format!("commands {}\nframe {}\n", progress.commands, progress.frame));
@@ -121,7 +148,7 @@ impl Net {
     fn tell(&self, line: &str) {
         for worker in lock(&self.workers).iter() {
             // One that is gone is told of when it is needed.
-            let _ = lock(worker).as_mut().map(|worker| worker.say(line));
+            let _ = lock(worker).as_ref().map(|worker| worker.say(line));
         }
     }
 }
@@ -135,7 +162,8 @@ impl Workers for Net {
         let Some(slot) = lock(&self.workers).get(worker).cloned() else { return Ok(()) };
         let mut slot = lock(&slot);
         let Some(worker) = slot.as_mut() else { return Ok(()) };
-        let result = worker.work(buckets);
+        let frame = lock(&self.state).frame;
+        let result = worker.work(frame, buckets);
         let name = worker.name.clone();
         if result.is_err() {
             *slot = None;
@@ -158,7 +186,8 @@ impl Worker {
         command: &str,
         arguments: &[String],
         options: &SessionOptions,
-    ) -> std::io::Result<Self> {
+        patience: &Patience,
+    ) -> io::Result<Self> {
         let mut start = match (server, &options.own_tools) {
             ("local" | "localhost", Some(own)) if command.is_empty() => {
                 let mut start = Command::new(&own.program);
@@ -184,88 +213,124 @@ impl Worker {
             }
         };
         start.envs(options.program_environment.iter().map(|(k, v)| (k, v)));
-        let mut child = start.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
-        let (Some(to), Some(from)) = (child.stdin.take(), child.stdout.take()) else {
-            return Err(std::io::Error::other("it has no streams"));
+        start.stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut process = options.supervisor.spawn(&mut start, format!("rendering with {server}"))?;
+        let (Some(mut to), Some(from)) = (process.take_stdin(), process.take_stdout()) else {
+            return Err(io::Error::other("it has no streams"));
         };
-        Ok(Self { name: server.to_owned(), child, to, from: BufReader::new(from), threads: 0 })
+        let (sender, lines) = channel::<String>();
+        std::thread::Builder::new().name("net".to_owned()).spawn(move || {
+            // Ends with the worker, or with its process.
+            while let Ok(line) = lines.recv()
+                && to.write_all(line.as_bytes()).and_then(|()| to.flush()).is_ok()
+            {}
+        })?;
+        let from = Patient::new(from, patience.clone())?;
+        Ok(Self { name: server.to_owned(), process, to: sender, from, threads: 0 })
     }
 
-    fn say(&mut self, line: &str) -> std::io::Result<()> {
-        self.to.write_all(line.as_bytes())?;
-        self.to.flush()
+    fn say(&self, line: &str) -> Result<(), String> {
+        self.to.send(line.to_owned()).map_err(|_| "it does not listen".to_owned())
     }
 
-    /// Reads the greeting, once.
-    fn greet(&mut self) -> Result<(), String> {
+    /// Reads the greeting, once. False when there is nothing to do for it any more.
+    fn greet(&mut self, buckets: &dyn Buckets) -> Result<bool, String> {
         if self.threads > 0 {
-            return Ok(());
+            return Ok(true);
         }
-        let mut line = String::new();
-        (&mut self.from).take(200).read_line(&mut line).map_err(|e| e.to_string())?;
+        if !self.from.wait(&|| buckets.is_over()).map_err(|e| e.to_string())? {
+            return Ok(false);
+        }
+        let mut line = Vec::new();
+        let mut byte = [0];
+        while line.len() < 200
+            && line.last() != Some(&b'\n')
+            && self.from.read(&mut byte).map_err(|e| e.to_string())? > 0
+        {
+            line.extend(byte);
+        }
+        let line = String::from_utf8_lossy(&line);
         let threads = line.strip_prefix(GREETING).and_then(|rest| rest.trim().parse().ok());
         match threads {
             Some(threads @ 1..=4096) => self.threads = threads,
-            _ if line.is_empty() => return Err("it did not start".to_owned()),
-            _ => return Err(format!("it says \"{}\", not {GREETING}", line.trim())),
+            _ if line.is_empty() => {
+                let how = self
+                    .process
+                    .wait_for_end(ENDING)
+                    .map_or_else(|e| e.to_string(), |status| status.to_string());
+                return Err(format!("it did not start ({how})"));
+            }
+            _ => return Err(format!("it is \"{}\", and this is \"{GREETING}\"", line.trim())),
         }
-        Ok(())
+        Ok(true)
     }
 
-    fn work(&mut self, buckets: &dyn Buckets) -> Result<(), String> {
-        self.greet()?;
+    fn work(&mut self, frame: usize, buckets: &dyn Buckets) -> Result<(), String> {
+        if !self.greet(buckets)? {
+            return Ok(());
+        }
         let mut waiting = 0;
         loop {
             // Two for each thread, so that none waits for the wire.
             while waiting < 2 * self.threads {
                 let Some(index) = buckets.take(waiting == 0) else { break };
-                self.say(&format!("bucket {index}\n")).map_err(|e| e.to_string())?;
+                self.say(&format!("bucket {frame} {index}\n"))?;
                 waiting += 1;
             }
-            if waiting == 0 {
+            if waiting == 0 || !self.from.wait(&|| buckets.is_over()).map_err(|e| e.to_string())? {
                 return Ok(());
             }
-            let (index, pixels) = self.answer().map_err(|e| e.to_string())?;
-            buckets.put(index, pixels)?;
-            waiting -= 1;
+            match self.answer().map_err(|e| e.to_string())? {
+                Some((index, of, pixels)) if of == frame => {
+                    buckets.put(index, pixels)?;
+                    waiting -= 1;
+                }
+                // It lives, or answers what was asked in a frame that was stopped.
+                _ => {}
+            }
         }
     }
 
-    fn answer(&mut self) -> std::io::Result<(usize, Result<BucketPixels, String>)> {
-        let (index, images) = (number(&mut self.from)?, number(&mut self.from)?);
+    /// A bucket, its frame and its pixels; `None` when the worker only shows that it lives.
+    fn answer(&mut self) -> io::Result<Option<Answer>> {
+        let index = number(&mut self.from)?;
+        if index == ALIVE {
+            return Ok(None);
+        }
+        let (frame, images) = (number(&mut self.from)? as usize, number(&mut self.from)?);
         let mut read = |size: u64| {
             let mut bytes = Vec::new();
             if (&mut self.from).take(size).read_to_end(&mut bytes)? as u64 != size {
-                return Err(std::io::Error::from(std::io::ErrorKind::UnexpectedEof));
+                return Err(io::Error::from(io::ErrorKind::UnexpectedEof));
             }
             Ok(bytes)
         };
         let count = |bytes: &[u8]| bytes.try_into().map_or(u32::MAX, u32::from_le_bytes);
-        let too_much = || std::io::Error::other("its answer makes no sense");
+        let too_much = |n: u32, what: &str, most: u32| match n < most {
+            true => Ok(n),
+            false => {
+                Err(io::Error::other(format!("its answer has {n} {what}, and there are less than {most}")))
+            }
+        };
         if images == NO_IMAGES {
-            let size = Some(count(&read(4)?)).filter(|n| *n < 1 << 16).ok_or_else(too_much)?;
+            let size = too_much(count(&read(4)?), "bytes of text", 1 << 16)?;
             let text = String::from_utf8_lossy(&read(size.into())?).into_owned();
-            return Ok((index as usize, Err(text)));
+            return Ok(Some((index as usize, frame, Err(text))));
         }
         let mut pixels = Vec::new();
-        for _ in 0..images {
-            let size = Some(count(&read(4)?)).filter(|n| *n < MOST_VALUES).ok_or_else(too_much)?;
+        for _ in 0..too_much(images, "images", MOST_IMAGES)? {
+            let size = too_much(count(&read(4)?), "values", MOST_VALUES)?;
             let bytes = read(u64::from(size) * 4)?;
             pixels.push(bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect());
         }
-        Ok((index as usize, Ok(pixels)))
+        Ok(Some((index as usize, frame, Ok(pixels))))
     }
 }
 
-impl Drop for Worker {
-    /// Without its input it ends by itself; one that hangs is ended.
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
+/// A bucket, its frame, and its pixels or why there are none.
+type Answer = (usize, usize, Result<BucketPixels, String>);
 
-fn number(from: &mut impl Read) -> std::io::Result<u32> {
+fn number(from: &mut impl Read) -> io::Result<u32> {
     let mut bytes = [0; 4];
     from.read_exact(&mut bytes)?;
     Ok(u32::from_le_bytes(bytes))
@@ -274,136 +339,6 @@ fn number(from: &mut impl Read) -> std::io::Result<u32> {
 /// A word for a shell.
 fn quoted(word: &str) -> String {
     format!("'{}'", word.replace('\'', "'\\''"))
-}
-
-/// The coordinator as its worker knows it.
-pub(crate) struct Master {
-    shared: Arc<Shared>,
-    output: Mutex<BufWriter<Box<dyn Write + Send>>>,
-    /// Commands and frames that the worker came to.
-    here: Mutex<Progress>,
-}
-
-/// What the coordinator said.
-#[derive(Default)]
-struct Shared {
-    said: Mutex<Said>,
-    changed: Condvar,
-}
-
-#[derive(Default)]
-struct Said {
-    progress: Progress,
-    buckets: VecDeque<usize>,
-    /// It says nothing more.
-    over: bool,
-}
-
-impl Master {
-    /// Greets.
-    pub(crate) fn new(
-        input: Box<dyn Read + Send>,
-        output: Box<dyn Write + Send>,
-        threads: usize,
-        reporter: &Reporter,
-    ) -> Self {
-        let mut output = BufWriter::new(output);
-        if let Err(error) = writeln!(output, "{GREETING} {threads}").and_then(|()| output.flush()) {
-            reporter.error(format!("-worker: {error}"));
-        }
-        let shared = Arc::new(Shared::default());
-        let theirs = shared.clone();
-        std::thread::spawn(move || theirs.listen(input));
-        Self { shared, output: Mutex::new(output), here: Mutex::default() }
-    }
-
-    /// Waits until the coordinator has run the command that the worker came to. False when it is gone.
-    pub(crate) fn command(&self) -> bool {
-        let number = {
-            let mut here = lock(&self.here);
-            here.commands += 1;
-            here.commands
-        };
-        let mut said = lock(&self.shared.said);
-        while said.progress.commands < number && !said.over {
-            said = self.shared.changed.wait(said).unwrap_or_else(PoisonError::into_inner);
-        }
-        said.progress.commands >= number
-    }
-}
-
-impl Shared {
-    fn listen(&self, input: Box<dyn Read + Send>) {
-        for line in BufReader::new(input).lines() {
-            let Ok(line) = line else { break };
-            let Some((word, number)) = line.split_once(' ') else { continue };
-            let Ok(number) = number.trim().parse() else { continue };
-            let mut said = lock(&self.said);
-            match word {
-                "commands" => said.progress.commands = number,
-                "frame" => said.progress.frame = number,
-                "bucket" => said.buckets.push_back(number),
-                _ => (),
-            }
-            drop(said);
-            self.changed.notify_all();
-        }
-        self.hang_up();
-    }
-
-    fn hang_up(&self) {
-        lock(&self.said).over = true;
-        self.changed.notify_all();
-    }
-}
-
-impl Coordinator for Master {
-    fn begin(&self) {
-        lock(&self.here).frame += 1;
-    }
-
-    fn next(&self) -> Option<usize> {
-        // Frames before this number are over when this one is.
-        let frame = lock(&self.here).frame;
-        let mut said = lock(&self.shared.said);
-        loop {
-            if said.progress.frame >= frame {
-                return None;
-            }
-            if said.over {
-                return None;
-            }
-            if let Some(index) = said.buckets.pop_front() {
-                return Some(index);
-            }
-            said = self.shared.changed.wait(said).unwrap_or_else(PoisonError::into_inner);
-        }
-    }
-
-    fn done(&self, index: usize, pixels: Result<&BucketPixels, &str>) {
-        let count = |n: usize| u32::try_from(n).unwrap_or(NO_IMAGES).to_le_bytes();
-        let mut bytes = count(index).to_vec();
-        match pixels {
-            Ok(images) => {
-                bytes.extend(count(images.len()));
-                for values in images {
-                    bytes.extend(count(values.len()));
-                    bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
-                }
-            }
-            Err(text) => {
-                bytes.extend(NO_IMAGES.to_le_bytes());
-                let text = &text.as_bytes()[..text.len().min(1000)];
-                bytes.extend(count(text.len()));
-                bytes.extend(text);
-            }
-        }
-        let mut output = lock(&self.output);
-        if output.write_all(&bytes).and_then(|()| output.flush()).is_err() {
-            // Nobody listens any more.
-            self.shared.hang_up();
-        }
-    }
 }
 
 /// Says that a frame cannot be spread.

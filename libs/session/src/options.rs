@@ -1,6 +1,7 @@
 //! What a session is told by whoever runs it.
 
-use granita_base::Environment;
+use granita_base::{Environment, Supervisor};
+use granita_plugin::PluginRules;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -51,6 +52,9 @@ pub struct SessionOptions {
     pub own_tools: Option<OwnTools>,
     /// Threads to render with; 0 leaves it to the scene ("limits:threads").
     pub threads: usize,
+    /// The number of files that the process may have open at once; `None` when there is no limit. Textures leave some of
+    /// them for everything else.
+    pub open_files: Option<usize>,
     /// Fixes the verbosity; `None` leaves it to the scene.
     pub verbosity: Option<u8>,
     /// Least "statistics:level".
@@ -67,8 +71,18 @@ pub struct SessionOptions {
     pub viewer: Viewer,
     /// Do not read `$GELATOHOME/.gelato.pyg` and `$HOME/.gelato.pyg` first.
     pub no_startup_files: bool,
-    /// Refuse scripts and programs: for scenes from strangers.
+    /// For scenes from strangers: refuses scripts, programs and plugins, reads beneath the folders of the scene files, of
+    /// `$GELATOHOME` and of the user's search paths only, and writes beneath one folder only (see
+    /// [`granita_base::Confinement`]).
     pub safe: bool,
+    /// Plugins that the user named: libraries, and folders of them (`-plugins`).
+    pub plugins: Vec<PathBuf>,
+    /// Generators and shader functions that a scene names are also taken from relative folders of search paths.
+    pub plugins_from_current_folder: bool,
+    /// The folder for what a scene writes under `safe`; by default one beside the scene, `a.out` for `a.pyg`.
+    pub safe_output: Option<PathBuf>,
+    /// Knows what the session is busy with, and the processes that it started.
+    pub supervisor: Supervisor,
     /// Scene files as the user named them, for messages.
     pub scene_files: Vec<String>,
     /// Machines that share the work on each frame ("net:workers"), "local" for this one; empty leaves it to the scene.
@@ -76,4 +90,15 @@ pub struct SessionOptions {
     /// The command line of `gelato`, without what concerns the net, from which a worker gets the same scene; `None` when
     /// it cannot get it, as from a pipe.
     pub net_arguments: Option<Vec<String>>,
+}
+
+impl SessionOptions {
+    /// Which plugins may be loaded.
+    pub(crate) fn plugin_rules(&self) -> PluginRules {
+        PluginRules {
+            none: self.safe,
+            named: self.plugins.clone(),
+            current_folder: self.plugins_from_current_folder,
+        }
+    }
 }

@@ -3,7 +3,7 @@
 use crate::{ExtraOutput, SessionOptions};
 use granita_base::{BaseType, Location, MotionTransform, Param, ParamType, Reporter};
 use granita_image::FormatRegistry;
-use granita_scene::{AttributeSet, Camera, Output, Scene, ShaderGroup, ShaderInstance};
+use granita_scene::{AttributeSet, Camera, LightSet, Output, Scene, ShaderGroup, ShaderInstance};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -42,7 +42,10 @@ pub(crate) fn amended(
         scene.outputs.clear();
     }
     for extra in &options.extra_outputs {
-        scene.outputs.extend(extra_outputs(extra, &own, &scene, registry, reporter));
+        let outputs = extra_outputs(extra, &own, &scene, registry, reporter);
+        // The user named them, or what they are named after.
+        outputs.iter().for_each(|output| registry.files().grant_output(Path::new(&*output.name)));
+        scene.outputs.extend(outputs);
     }
     Arc::new(scene)
 }
@@ -76,7 +79,7 @@ fn shade_plainly(scene: &mut Scene, surface: &str) {
                 surface: Some(group.clone()),
                 displacement: None,
                 volume: None,
-                lights: [].into(),
+                lights: LightSet::default(),
                 ..(*old).clone()
             };
             (old, Arc::new(set))
@@ -94,8 +97,22 @@ fn is_automatic(outputs: &[Output], scene: &Scene) -> bool {
     *output.name == *name && &*output.data == "rgba" && output.params.is_empty()
 }
 
-fn is_iv(extra: &ExtraOutput) -> bool {
+/// Whether it is shown, not kept.
+pub(crate) fn is_iv(extra: &ExtraOutput) -> bool {
     extra.format.as_deref() == Some("iv")
+}
+
+/// The scene without what it wants to show in a viewer, for which nobody asked.
+pub(crate) fn without_viewers(scene: &Arc<Scene>, reporter: &Reporter) -> Arc<Scene> {
+    let is_shown = |output: &Output| &*output.format == "iv";
+    let Some(shown) = scene.outputs.iter().find(|output| is_shown(output)) else { return scene.clone() };
+    reporter.warning(format!(
+        "output \"{}\": a viewer is started by -iv or -display, not by the scene (-safe)",
+        shown.name
+    ));
+    let mut scene: Scene = (**scene).clone();
+    scene.outputs.retain(|output| !is_shown(output));
+    Arc::new(scene)
 }
 
 /// Whether any picture goes to a viewer, and whether one of these does not say to which.

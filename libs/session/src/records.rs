@@ -1,11 +1,9 @@
 //! What a session remembers and writes down about its frames: statistics, lists of files, error logs.
 
-use granita_base::Reporter;
 use granita_base::report::Sink;
-use granita_image::AtomicFile;
+use granita_base::{FileError, Files, Reporter};
 use granita_render::{FrameReport, ShadingStatistics, Statistics};
 use granita_scene::InputCounts;
-use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -68,8 +66,8 @@ impl FrameRecord {
 }
 
 /// Writes a text so that the file appears whole or not at all; failures are reported.
-pub(crate) fn write_whole(path: &Path, text: &str, reporter: &Reporter) {
-    let written = AtomicFile::create(path).and_then(|mut file| {
+pub(crate) fn write_whole(path: &Path, text: &str, files: &Files, reporter: &Reporter) {
+    let written = files.create(path).and_then(|mut file| {
         file.write_all(text.as_bytes()).map_err(|error| file.io_error(error))?;
         file.commit()
     });
@@ -79,7 +77,7 @@ pub(crate) fn write_whole(path: &Path, text: &str, reporter: &Reporter) {
 }
 
 /// "debug:filesread" (reference 4.3.7): one name a line, as `tar -T` takes them.
-pub(crate) fn write_files_read(path: &Path, reporter: &Reporter) {
+pub(crate) fn write_files_read(path: &Path, files: &Files, reporter: &Reporter) {
     let mut text = String::new();
     for file in reporter.files_read() {
         let name = file.to_string_lossy();
@@ -87,16 +85,22 @@ pub(crate) fn write_files_read(path: &Path, reporter: &Reporter) {
         if name.starts_with('-') {
             text.push_str("./");
         }
-        text.push_str(&name);
+        // `tar -T` reads escapes as those of a string.
+        name.chars().for_each(|c| match c {
+            '\\' => text.push_str("\\\\"),
+            '\n' => text.push_str("\\n"),
+            c if c.is_control() => c.to_string().bytes().for_each(|b| text.push_str(&format!("\\{b:03o}"))),
+            c => text.push(c),
+        });
         text.push('\n');
     }
-    write_whole(path, &text, reporter);
+    write_whole(path, &text, files, reporter);
 }
 
 /// "error:filename" (reference 4.3.7): messages go to this file as they come, each line whole, so that the log of a
 /// program that was killed ends with its last message.
-pub(crate) fn error_log(path: &Path) -> std::io::Result<Sink> {
-    let file = Mutex::new(File::create(path)?);
+pub(crate) fn error_log(path: &Path, files: &Files) -> Result<Sink, FileError> {
+    let file = Mutex::new(files.create_log(path)?);
     Ok(Box::new(move |message| {
         let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
         // A log that cannot be written leaves nobody to tell.

@@ -8,6 +8,7 @@
 //!
 //! From the renderer:
 //! - `H` greets with the version, first;
+//! - `B` it lives: sent from a thread of its own, twice a second. A renderer that is silent for too long is ended;
 //! - `M` a message: severity, line, column, file, text;
 //! - `R` how far the frame is, 0 to 1; `D`: `Render` is done;
 //! - `O`, `S`, `L` open, rows and close of an image in the memory of the program.
@@ -24,7 +25,7 @@ use granita_base::{Location, Severity};
 use granita_pyg::frames::{Frame, put_text};
 
 /// What a renderer of this version says first.
-const GREETING: &str = concat!("granita-remote ", env!("CARGO_PKG_VERSION"));
+const GREETING: &str = concat!("granita-remote ", env!("CARGO_PKG_VERSION"), "/2");
 
 /// The payload of `M`.
 fn message_bytes(message: &Message) -> Vec<u8> {

@@ -91,8 +91,11 @@ impl SessionRenderer {
         finished: Finished,
         master: Option<Master>,
     ) -> Self {
-        let plugins = Plugins::new(reporter.clone(), !options.safe);
-        let mut registry = granita_plugin::bundled_formats(Limits::default());
+        let plugins = Plugins::new(reporter.clone(), options.plugin_rules());
+        let mut registry = granita_plugin::bundled_formats(Limits {
+            files: options.environment.files().clone(),
+            ..Limits::default()
+        });
         registry.find_with(Arc::new(plugins.clone()));
         Self {
             databases: Arc::new(Databases::new(registry.clone(), reporter.clone())),
@@ -131,12 +134,17 @@ impl SessionRenderer {
                 self.reporter.say(Severity::Message, &Location::default(), text);
             } else {
                 self.statistics += &text;
-                records::write_whole(Path::new(&*file), &self.statistics, &self.reporter);
+                records::write_whole(
+                    Path::new(&*file),
+                    &self.statistics,
+                    self.options.environment.files(),
+                    &self.reporter,
+                );
             }
         }
         let list = scene.string("debug:filesread");
         if !list.is_empty() {
-            records::write_files_read(Path::new(&*list), &self.reporter);
+            records::write_files_read(Path::new(&*list), self.options.environment.files(), &self.reporter);
         }
         self.finished.0.frames().push(record);
     }
@@ -149,9 +157,9 @@ impl SessionRenderer {
         if file.is_empty() {
             self.reporter.set_log(None);
         } else {
-            match records::error_log(Path::new(&**file)) {
+            match records::error_log(Path::new(&**file), self.options.environment.files()) {
                 Ok(log) => self.reporter.set_log(Some(log)),
-                Err(error) => return self.reporter.error(format!("\"error:filename\" {file}: {error}")),
+                Err(error) => return self.reporter.error(format!("\"error:filename\" {error}")),
             }
         }
         self.error_file = file.clone();
@@ -193,6 +201,7 @@ impl SessionRenderer {
             reporter: self.reporter.clone(),
             progress: self.progress.clone(),
             threads: self.options.threads,
+            open_files: self.options.open_files,
             stop: self.commands.stop.clone(),
             crop: self.options.crop,
             call_text,
@@ -215,7 +224,7 @@ impl SessionRenderer {
         found.as_deref()
     }
 
-    /// Who renders the buckets: "net:workers" and "net:workercmd".
+    /// Who renders the buckets: "net:workers", "net:workercmd" and "net:timeout".
     fn spread(&self, scene: &Scene) -> Spread {
         if let Some(master) = &self.master {
             return Spread::For(master.clone());
@@ -228,9 +237,10 @@ impl SessionRenderer {
         if servers.is_empty() {
             return Spread::Alone;
         }
+        let patience = scene.floats("net:timeout").first().copied().unwrap_or(0.0);
         if self.options.safe {
             net::refuse(&self.reporter, "programs are not allowed");
-        } else if self.net.start(&servers, &scene.string("net:workercmd")) {
+        } else if self.net.start(&servers, &scene.string("net:workercmd"), patience) {
             self.net.set_alone(self.databases.hold_memory());
             return Spread::Over(self.net.clone());
         }
@@ -256,11 +266,19 @@ impl FrameRenderer for SessionRenderer {
     /// exporters rely on that for their shadow passes.
     fn render(&mut self, scene: Arc<Scene>, _camera: Option<&str>) -> Result<(), Stop> {
         let begin = Instant::now();
-        self.commands.stop.store(false, Ordering::Relaxed);
+        let supervisor = self.options.supervisor.clone();
+        let _activity = supervisor.begin(format!("rendering frame {}", self.finished.0.frames().len() + 1));
+        self.commands.stop.store(false, Ordering::SeqCst);
+        if supervisor.has_ended() {
+            return Err(Stop::Exit);
+        }
         self.configure_plugins(&scene);
         let mut scene = outputs::amended(&scene, &self.options, &self.registry, &self.reporter);
         // Workers show nothing.
         let safe = self.options.safe;
+        if safe && !self.options.extra_outputs.iter().any(outputs::is_iv) {
+            scene = outputs::without_viewers(&scene, &self.reporter);
+        }
         if let (true, unnamed) = outputs::shows(&scene, safe)
             && self.master.is_none()
         {
@@ -289,6 +307,9 @@ impl FrameRenderer for SessionRenderer {
         if let Some(master) = &self.master {
             // The coordinator runs it.
             return if master.command() { Ok(true) } else { Err(Stop::Exit) };
+        }
+        if self.options.supervisor.has_ended() {
+            return Err(Stop::Exit);
         }
         let known = commands::run(name, params, at, &self.options, &self.commands);
         self.net.command_done();

@@ -2,8 +2,8 @@
 
 use crate::net::Master;
 use crate::renderer::{Finished, SessionRenderer};
-use crate::{FrameRecord, Input, InputError, Inputs, SessionError, SessionOptions, inputs};
-use granita_base::{Location, Reporter, Severity};
+use crate::{FrameRecord, Input, InputError, Inputs, SessionError, SessionOptions, inputs, safe};
+use granita_base::{Files, Location, Reporter, Severity};
 use granita_plugin::Plugins;
 use granita_pyg::PygError;
 use granita_pyg::PygSource;
@@ -98,6 +98,11 @@ impl Session {
         if let Some(verbosity) = options.verbosity {
             reporter.set_verbosity(verbosity);
         }
+        let mut options = options;
+        if options.safe && !options.environment.files().is_confined() {
+            let files = safe::files(&options);
+            options.environment.set_files(files);
+        }
         let options = Arc::new(options);
         let finished = Finished::default();
         let renderer =
@@ -106,6 +111,9 @@ impl Session {
         let state = State::new(Box::new(renderer), reporter.clone());
         let mut session = Self { state, reporter, options, inputs, plugins, stop, objects: None, finished };
         session.read_startup_files();
+        if session.options.safe {
+            safe::add_search_paths(&session.options, &session.state);
+        }
         session
     }
 
@@ -226,6 +234,11 @@ impl Session {
     /// Where its messages go.
     pub fn reporter(&self) -> Reporter {
         self.reporter.clone()
+    }
+
+    /// What opens its files.
+    pub fn files(&self) -> &Files {
+        self.options.environment.files()
     }
 
     /// Set from any thread, it ends the frame that is being rendered as soon as that can be.

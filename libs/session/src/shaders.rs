@@ -35,7 +35,7 @@ impl Shaders {
         }
         if let Some(file) = self.path.find(&format!("{name}.gsl")) {
             self.reporter.file_read(&file);
-            return match std::fs::read_to_string(&file) {
+            return match self.path.files().read_to_string(&file) {
                 Ok(source) => self.source(&source, &file.to_string_lossy(), file.parent()),
                 Err(error) => {
                     self.reporter.error(format!("{}: {error}", file.display()));
@@ -53,7 +53,7 @@ impl Shaders {
     fn compiled(&self, file: &Path) -> Result<Arc<Module>, NoShader> {
         self.reporter.info(format!("shader {}", file.display()));
         self.reporter.file_read(file);
-        let bytes = match std::fs::read(file) {
+        let bytes = match self.path.files().read(file) {
             Ok(bytes) => bytes,
             Err(error) => {
                 self.reporter.error(format!("{}: {error}", file.display()));
@@ -77,7 +77,7 @@ impl Shaders {
             .chain(self.path.folders().iter().cloned())
             .map(|f: PathBuf| f.to_string_lossy().into_owned())
             .collect();
-        let load = |name: &str| match std::fs::read_to_string(name) {
+        let load = |name: &str| match self.path.files().read_to_string(Path::new(name)) {
             Ok(text) => {
                 self.reporter.file_read(Path::new(name));
                 Ok(Some(text))

@@ -493,6 +493,11 @@ pub trait Services {
         Err(format!("shadeop {text}: this program loads none"))
     }
 
+    /// Whether the frame is to end early: loops are left then, and what the shader gives is not used.
+    fn is_stopped(&mut self) -> bool {
+        false
+    }
+
     /// A message for the user: `printf` (as [`Severity::Message`]), `error`, or the executor's own.
     fn say(&mut self, severity: Severity, text: &str);
 

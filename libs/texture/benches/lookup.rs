@@ -21,7 +21,7 @@ fn lookups(c: &mut Criterion) {
     for (pixel_type, word) in [(PixelType::U8, "u8"), (PixelType::Float, "float")] {
         let spec = ImageSpec::new(SIZE, SIZE / 2, 3, pixel_type);
         let values: Vec<f32> = (0..SIZE * SIZE / 2 * 3).map(|i| unit(i, 0)).collect();
-        let mut file = formats.create(&picture, "tiff", &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+        let mut file = formats.create(&picture, "tiff", &CreateOptions::new(&spec, 1)).unwrap();
         file.write_rows(&Pixels::from_floats(pixel_type, &values)).unwrap();
         file.close().unwrap();
         let compression = Some("none".to_owned());

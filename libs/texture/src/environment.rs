@@ -43,6 +43,9 @@ pub(crate) fn environment(
     q: &EnvLookup,
     out: &mut [f32],
 ) {
+    if file.is_broken() {
+        return by_channels(file, q.first_channel, q.fill, out, |_, _| [0.0; 4]);
+    }
     let cube = file.kind == TextureKind::CubeFaceEnvironment;
     // A panorama is looked up in its own frame.
     let up = if cube { Up::Z } else { q.up.unwrap_or(file.up) };

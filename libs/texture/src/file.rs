@@ -7,9 +7,9 @@ use crate::slices::Block;
 use crate::tiles::{Cell, Layout, Tile};
 use crate::{TextureId, TextureKind, Up, Wrap};
 use granita_base::{Filter, Transform};
-use granita_image::{ImageInput, ImageSpec, PixelType, Pixels};
+use granita_image::{ImageInput, ImageSpec, Limits, PixelType, Pixels};
 use std::path::PathBuf;
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
 
 /// Size and tiling of one MIP level.
@@ -80,6 +80,8 @@ pub(crate) struct TextureFile {
     pub(crate) pixel_type: PixelType,
     /// Its images as slices of one, when that was asked for.
     pub(crate) slices: OnceLock<Vec<Block>>,
+    /// Its levels could not be made: all of it is black, and need not be filtered.
+    pub(crate) broken: AtomicBool,
 }
 
 /// Whether files of a format follow OpenEXR's conventions for environment maps.
@@ -237,6 +239,7 @@ impl TextureFile {
             texel_bytes: (spec.nchannels() * spec.pixel_type.bytes()) as u64,
             pixel_type: spec.pixel_type,
             slices: OnceLock::new(),
+            broken: AtomicBool::new(false),
             path,
             source: match lack {
                 Some(lack) => Source::Memory(lack, OnceLock::new()),
@@ -266,6 +269,7 @@ impl TextureFile {
             texel_bytes: 4,
             pixel_type: PixelType::Float,
             slices: OnceLock::new(),
+            broken: AtomicBool::new(false),
             source: Source::Made,
         }
     }
@@ -294,26 +298,23 @@ impl TextureFile {
         levels
     }
 
-    /// Makes all levels of a file that lacks tiles or levels; bytes they take.
+    /// Makes all levels of a file that lacks tiles or levels.
     pub(crate) fn make_levels(&self, input: &dyn ImageInput) -> granita_image::Result<Vec<Arc<Cell>>> {
         let pixel_type = self.pixel_type;
         let n = self.channels;
         let tile = |pixels: Pixels, width: u32| {
             Arc::new(Cell::of(Tile::new(pixels, width as usize, n, self.layout_in_memory())))
         };
+        Limits::check_memory(&self.path, self.bytes_to_make(input))?;
         if self.levels.len() == 1 {
             return Ok(vec![tile(input.read_level(0, 0)?, self.levels[0].width)]);
         }
-        let (first, _) = Picture::read(input, 0)?;
-        let wrap = (self.swrap, self.twrap);
-        let level = |p: &Picture| tile(Pixels::from_floats(pixel_type, &p.data), p.width as u32);
         if !self.kind.is_cube() {
-            let made = make::levels(self.kind, (first.width, first.height), n, wrap, first.data);
-            return Ok(made
-                .iter()
-                .map(|((width, _), data)| tile(Pixels::from_floats(pixel_type, data), *width as u32))
-                .collect());
+            let made = self.levels_of_rows(input)?;
+            return Ok(made.into_iter().zip(&self.levels).map(|(p, level)| tile(p, level.width)).collect());
         }
+        let (first, _) = Picture::read(input, 0)?;
+        let level = |p: &Picture| tile(Pixels::from_floats(pixel_type, &p.data), p.width as u32);
         let faces: Vec<Vec<Picture>> = (0..6)
             .map(|face| {
                 let (x, y) = self.face_origin(&self.levels[0], face);
@@ -332,6 +333,47 @@ impl TextureFile {
             out.push(level(&whole));
         }
         Ok(out)
+    }
+
+    /// Bytes of memory that [`TextureFile::make_levels`] takes: the levels as stored, the largest once more, cubes also in
+    /// floats and once more by faces, and what reading takes.
+    fn bytes_to_make(&self, input: &dyn ImageInput) -> u64 {
+        let texels = |l: &Level| u64::from(l.width) * u64::from(l.height);
+        let largest = texels(&self.levels[0]);
+        let all: u64 = self.levels.iter().map(texels).sum();
+        let stored = (all + largest).saturating_mul(self.texel_bytes);
+        let floats =
+            if self.kind.is_cube() { (all + largest).saturating_mul(4 * self.channels as u64) } else { 0 };
+        stored.saturating_add(floats).saturating_add(input.working_bytes(0, 0))
+    }
+
+    /// All levels of a picture that is no cube, as stored; in floats there are only some rows at a time.
+    fn levels_of_rows(&self, input: &dyn ImageInput) -> granita_image::Result<Vec<Pixels>> {
+        /// Rows read at once.
+        const ROWS: usize = 256;
+        let first = self.levels[0];
+        let values = |l: &Level| l.width as usize * l.height as usize * self.channels;
+        let mut levels: Vec<(Pixels, usize)> =
+            self.levels.iter().map(|l| (Pixels::zeros(self.pixel_type, values(l)), 0)).collect();
+        let size = (first.width as usize, first.height as usize);
+        let mut smaller = make::Levels::new(self.kind, size, self.channels, (self.swrap, self.twrap));
+        let mut put = |level: usize, rows: &[f32]| {
+            if let Some((pixels, filled)) = levels.get_mut(level) {
+                pixels.copy_from(*filled, &Pixels::from_floats(self.pixel_type, rows), 0, rows.len());
+                *filled += rows.len();
+            }
+        };
+        for y in (0..size.1).step_by(ROWS) {
+            let rows = input.read_rows(0, 0, y as u32, (y + ROWS).min(size.1) as u32)?;
+            let mut rows = match rows {
+                Pixels::Float(v) => v,
+                other => other.to_floats(),
+            };
+            crate::picture::make_finite(&mut rows);
+            put(0, &rows);
+            smaller.push(&rows, &mut put);
+        }
+        Ok(levels.into_iter().map(|(pixels, _)| pixels).collect())
     }
 
     /// Upper left corner of a face of a level.
@@ -354,10 +396,19 @@ impl TextureFile {
         u64::from(level.tile_width) * u64::from(level.tile_height) * self.texel_bytes
     }
 
+    /// Bytes of a tile of a level that count to the bound of the cache; none where levels are kept anyway.
+    pub(crate) fn counted_bytes(&self, level: usize) -> u64 {
+        if matches!(self.source, Source::Memory(..)) { 0 } else { self.tile_bytes(level) }
+    }
+
+    /// Whether all of it is known to be black because it cannot be read.
+    #[inline]
+    pub(crate) fn is_broken(&self) -> bool {
+        self.broken.load(Ordering::Relaxed)
+    }
+
     /// Black texels in the place of a tile that cannot be read.
     pub(crate) fn black_tile(&self, level: &Level) -> Tile {
-        let texels = level.tile_width as usize * level.tile_height as usize;
-        let black = Pixels::from_floats(self.pixel_type, &vec![0.0; texels * self.channels]);
-        Tile::new(black, level.tile_width as usize, self.channels, self.layout_in_memory())
+        Tile::black(self.pixel_type, level.tile_width as usize, self.channels)
     }
 }

@@ -35,7 +35,7 @@
 //! // A picture of 2 x 1 pixels, made into a texture that repeats ...
 //! let (picture, texture) = (folder.path().join("a.tif"), folder.path().join("a.tx"));
 //! let spec = ImageSpec::new(2, 1, 1, PixelType::Float);
-//! let mut file = formats.create(&picture, "tiff", &CreateOptions { spec: &spec, levels: 1 })?;
+//! let mut file = formats.create(&picture, "tiff", &CreateOptions::new(&spec, 1))?;
 //! file.write_rows(&Pixels::Float(vec![1.0, 3.0]))?;
 //! file.close()?;
 //! let options = MakeOptions { swrap: Wrap::Periodic, twrap: Wrap::Periodic, ..MakeOptions::default() };

@@ -145,6 +145,20 @@ impl Taps {
     }
 }
 
+/// Values that are not numbers become 0, infinite ones large. The number of values that were not numbers.
+pub(crate) fn make_finite(values: &mut [f32]) -> u64 {
+    let mut nans = 0;
+    for v in values {
+        if v.is_nan() {
+            nans += 1;
+            *v = 0.0;
+        } else {
+            *v = v.clamp(-1e30, 1e30);
+        }
+    }
+    nans
+}
+
 impl Picture {
     /// Black.
     pub(crate) fn new(width: usize, height: usize, channels: usize) -> Self {
@@ -161,15 +175,7 @@ impl Picture {
             Pixels::Float(v) => v,
             other => other.to_floats(),
         };
-        let mut nans = 0;
-        for v in &mut data {
-            if v.is_nan() {
-                nans += 1;
-                *v = 0.0;
-            } else {
-                *v = v.clamp(-1e30, 1e30);
-            }
-        }
+        let nans = make_finite(&mut data);
         Ok((Self { width, height, channels, data }, nans))
     }
 

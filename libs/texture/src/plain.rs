@@ -38,6 +38,9 @@ const MOST: f64 = 32.0;
 
 /// See [`crate::TextureCache::texture`].
 pub(crate) fn texture(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup, out: &mut [f32]) {
+    if file.is_broken() {
+        return by_channels(file, q.first_channel, q.fill, out, |_, _| [0.0; 4]);
+    }
     let wrap = (q.swrap.unwrap_or(file.swrap), q.twrap.unwrap_or(file.twrap));
     let base = &file.levels[0];
     let size = [f64::from(base.width), f64::from(base.height)];

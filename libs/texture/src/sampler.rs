@@ -26,11 +26,20 @@ type Tiles<'a> = (&'a Shared, Option<&'a dyn TileMaker>);
 /// Places for tiles of one thread.
 const PLACES: usize = 64;
 
+/// A tile that a thread has.
+#[derive(Debug)]
+struct HeldTile {
+    key: TileKey,
+    cell: Arc<Cell>,
+    /// What it counts of [`Held::bytes`].
+    bytes: u64,
+}
+
 /// Tiles that one thread used lately: it asks the shared cache seldom. They belong to any files of one cache, and count
 /// to its bound.
 #[derive(Debug)]
 pub(crate) struct Held {
-    tiles: [Option<(TileKey, Arc<Cell>)>; PLACES],
+    tiles: [Option<HeldTile>; PLACES],
     /// Bytes of these, and most that there may be: a small part of the bound, so that threads keep each other little room.
     bytes: u64,
     most: u64,
@@ -54,30 +63,31 @@ impl Held {
     #[inline]
     fn tile(&mut self, key: TileKey, shared: Tiles<'_>, file: &TextureFile) -> &Tile {
         let at = Self::place(&key);
-        if !self.tiles[at].as_ref().is_some_and(|(k, _)| *k == key) {
+        if !self.tiles[at].as_ref().is_some_and(|held| held.key == key) {
             self.fetch(at, key, shared, file);
         }
         match &self.tiles[at] {
-            Some((_, cell)) => cell.tile(),
+            Some(held) => held.cell.tile(),
             None => unreachable!("the place was found or filled above"),
         }
     }
 
     #[cold]
     fn fetch(&mut self, at: usize, key: TileKey, (shared, maker): Tiles<'_>, file: &TextureFile) {
-        if let Some((_, gone)) = self.tiles[at].take() {
-            self.bytes -= gone.tile().bytes();
+        if let Some(gone) = self.tiles[at].take() {
+            self.bytes -= gone.bytes;
         }
         // The tile itself counts: with the least of bounds a thread has one.
-        let bytes = file.tile_bytes(key.level as usize);
-        if self.bytes + bytes > self.most {
+        let bytes = file.counted_bytes(key.level as usize);
+        if bytes > 0 && self.bytes.saturating_add(bytes) > self.most {
             self.tiles = [const { None }; PLACES];
             self.bytes = 0;
         }
         self.requests += 1;
         let cell = shared.tile(file, key, maker);
-        self.bytes += cell.tile().bytes();
-        self.tiles[at] = Some((key, cell));
+        let bytes = cell.tile().bytes().min(bytes);
+        self.bytes += bytes;
+        self.tiles[at] = Some(HeldTile { key, cell, bytes });
     }
 }
 

@@ -7,10 +7,11 @@ use crate::tiles::{Cell, Tile, TileCache, TileKey};
 use crate::volume::EMPTY;
 use crate::{CacheOptions, TextureId};
 use granita_base::{Location, Reporter, SearchPath, Severity};
-use granita_image::{FormatRegistry, ImageInput, Pixels};
-use std::sync::atomic::{AtomicU64, Ordering};
+use granita_image::{FormatRegistry, ImageError, ImageInput, Pixels};
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering, fence};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
 
 /// The inside of a [`crate::TextureCache`].
 #[derive(Debug)]
@@ -23,8 +24,10 @@ pub(crate) struct Shared {
     tiles: TileCache,
     pub(crate) files: Files,
     open: Mutex<Open>,
-    /// Said when a file is closed again right after it was opened, or stays open.
+    /// Notified when a file was closed, when a file that stays open was opened, and when a read ends while a thread waits.
     opened: Condvar,
+    /// The number of threads that wait for `opened`.
+    waiting: AtomicUsize,
     /// Counts reads, to know which handle was used last.
     clock: AtomicU64,
 }
@@ -36,6 +39,8 @@ struct Open {
     files: Vec<u32>,
     /// How many are being opened, or read as a whole.
     more: usize,
+    /// The most files that may be open: the option, or fewer once the system refused one more.
+    most: usize,
 }
 
 /// Leave to have one more file open.
@@ -62,6 +67,41 @@ impl Drop for Leave<'_> {
     }
 }
 
+/// A file that one thread reads tiles from. It is not closed meanwhile.
+struct Reading<'a> {
+    shared: &'a Shared,
+    /// Empty only while it is dropped.
+    input: Option<Arc<dyn ImageInput>>,
+}
+
+impl Reading<'_> {
+    fn tile(&self, key: TileKey) -> granita_image::Result<Pixels> {
+        let input = self.input.as_ref().expect("invariant: the input is there until it is dropped");
+        input.read_tile(0, key.level as usize, key.tx, key.ty)
+    }
+}
+
+impl Drop for Reading<'_> {
+    fn drop(&mut self) {
+        self.input = None;
+        // Either the thread that waits sees that the input is idle, or this one sees that it waits.
+        fence(Ordering::SeqCst);
+        if self.shared.waiting.load(Ordering::Relaxed) > 0 {
+            // With the lock: the thread has looked at all files and sleeps, or has not looked yet.
+            let _open = self.shared.open();
+            self.shared.opened.notify_all();
+        }
+    }
+}
+
+/// Whether the system refused to open a file because too many are open.
+fn too_many_files(error: &ImageError) -> bool {
+    /// `ENFILE` and `EMFILE`, of the system and of the process, which have these numbers on all systems of the Unix family;
+    /// the number of the same error of Windows.
+    const CODES: &[i32] = if cfg!(windows) { &[4] } else { &[23, 24] };
+    matches!(error, ImageError::Io { source, .. } if source.raw_os_error().is_some_and(|code| CODES.contains(&code)))
+}
+
 /// The handle of a file that is read by tiles, and when it was used last.
 fn handle(file: &TextureFile) -> Option<(&Handle, &AtomicU64)> {
     match &file.source {
@@ -78,6 +118,7 @@ impl Shared {
         reporter: Reporter,
     ) -> Self {
         let tiles = TileCache::new(options.memory_bytes);
+        let most_files = options.max_files.max(1);
         Self {
             registry,
             search,
@@ -86,8 +127,9 @@ impl Shared {
             counters: Counters::default(),
             tiles,
             files: Files::new(),
-            open: Mutex::default(),
+            open: Mutex::new(Open { most: most_files, ..Open::default() }),
             opened: Condvar::new(),
+            waiting: AtomicUsize::new(0),
             clock: AtomicU64::new(1),
         }
     }
@@ -96,33 +138,68 @@ impl Shared {
         self.open.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits until one more file may be open; closes the one that was read from longest ago, of those that nobody reads
+    /// Waits until one more file may be open; closes the one that was read from longest ago, of those that no thread reads
     /// from now.
     fn leave(&self) -> Leave<'_> {
-        let most = self.options.max_files.max(1);
         let mut open = self.open();
-        while open.files.len() + open.more >= most {
-            let stamp_of = |i: u32| {
-                self.files.get(i).and_then(handle).map_or(0, |(_, stamp)| stamp.load(Ordering::Relaxed))
-            };
-            let mut by_age: Vec<(u64, usize)> =
-                open.files.iter().enumerate().map(|(at, &i)| (stamp_of(i), at)).collect();
-            by_age.sort_unstable();
-            let closed = by_age.iter().find(|(_, at)| self.close(open.files[*at]));
-            match closed {
-                Some(&(_, at)) => {
-                    open.files.swap_remove(at);
-                }
-                // All are being read from; nobody says when a read is over.
-                None => {
-                    let wait = self.opened.wait_timeout(open, Duration::from_micros(200));
-                    open = wait.unwrap_or_else(PoisonError::into_inner).0;
-                }
+        while open.files.len() + open.more >= open.most {
+            if !self.close_oldest(&mut open) {
+                open = self.wait(open);
             }
         }
         open.more += 1;
         self.counters.peak_files_open.fetch_max((open.files.len() + open.more) as u64, Ordering::Relaxed);
         Leave(self)
+    }
+
+    /// Sleeps until a file may have become idle.
+    fn wait<'a>(&'a self, mut open: MutexGuard<'a, Open>) -> MutexGuard<'a, Open> {
+        self.waiting.fetch_add(1, Ordering::Relaxed);
+        fence(Ordering::SeqCst);
+        // Once more: a read that ended before this thread was counted notified no one.
+        if !self.close_oldest(&mut open) {
+            open = self.opened.wait(open).unwrap_or_else(PoisonError::into_inner);
+        }
+        self.waiting.fetch_sub(1, Ordering::Relaxed);
+        open
+    }
+
+    /// Closes the file that was read from longest ago, of those that no thread reads from; whether there was one.
+    fn close_oldest(&self, open: &mut Open) -> bool {
+        let stamp_of =
+            |i: u32| self.files.get(i).and_then(handle).map_or(0, |(_, stamp)| stamp.load(Ordering::Relaxed));
+        let mut by_age: BinaryHeap<Reverse<(u64, usize)>> =
+            open.files.iter().enumerate().map(|(at, &i)| Reverse((stamp_of(i), at))).collect();
+        while let Some(Reverse((_, at))) = by_age.pop() {
+            if self.close(open.files[at]) {
+                open.files.swap_remove(at);
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Runs `with_files`, which opens files. Where the system refuses one because too many are open, files of the cache are
+    /// closed and it runs again; from then on the cache keeps fewer open.
+    fn retried<T>(&self, with_files: impl Fn() -> granita_image::Result<T>) -> granita_image::Result<T> {
+        loop {
+            let result = with_files();
+            if !result.as_ref().is_err_and(too_many_files) {
+                return result;
+            }
+            let mut open = self.open();
+            if open.files.is_empty() {
+                return result;
+            }
+            // What is needed beside textures, as the files of images that are written, has handles left from now on.
+            let spare = (open.files.len() / 8).max(2);
+            open.most = open.most.min((open.files.len() + open.more).saturating_sub(spare)).max(1);
+            while open.files.len() + open.more > open.most && !open.files.is_empty() {
+                if !self.close_oldest(&mut open) {
+                    open = self.wait(open);
+                }
+            }
+        }
     }
 
     /// Closes a file unless somebody reads from it.
@@ -181,7 +258,7 @@ impl Shared {
             let text = format!("texture \"{name}\" not found (searched {})", folders.join(":"));
             return refuse(Severity::Warning, text);
         };
-        let input = match self.registry.open(&path) {
+        let input = match self.retried(|| self.registry.open(&path)) {
             Ok(input) => input,
             Err(error) => return refuse(Severity::Warning, format!("texture \"{name}\": {error}")),
         };
@@ -232,19 +309,29 @@ impl Shared {
     }
 
     fn make_levels(&self, file: &TextureFile) -> Vec<Arc<Cell>> {
-        if let Source::Memory(lack, _) = &file.source {
-            let what = lack.words();
-            self.warn_once(file, &format!("{what}: made in memory, maketx would save time and memory"));
-        }
         let _leave = self.leave();
-        let made = self.registry.open(&file.path).and_then(|input| {
+        let made = self.retried(|| {
+            let input = self.registry.open(&file.path)?;
             add(&self.counters.files_opened, 1);
             file.make_levels(&*input)
         });
-        let levels = made.unwrap_or_else(|error| {
-            self.failed(file, &error.to_string());
-            file.levels.iter().map(|l| Arc::new(Cell::of(file.black_tile(l)))).collect()
-        });
+        let levels = match made {
+            Ok(levels) => {
+                if let Source::Memory(lack, _) = &file.source {
+                    let what = lack.words();
+                    self.warn_once(
+                        file,
+                        &format!("{what}: made in memory, maketx would save time and memory"),
+                    );
+                }
+                levels
+            }
+            Err(error) => {
+                self.failed(file, &error.to_string());
+                file.broken.store(true, Ordering::Relaxed);
+                file.levels.iter().map(|l| Arc::new(Cell::of(file.black_tile(l)))).collect()
+            }
+        };
         add(&self.counters.automipmaps, 1);
         add(&self.counters.automipmap_bytes, levels.iter().map(|t| t.tile().bytes()).sum());
         levels
@@ -256,7 +343,7 @@ impl Shared {
             return Err("it is no file".to_owned());
         }
         let leave = self.leave();
-        let input = self.registry.open(&file.path).map_err(|e| e.to_string())?;
+        let input = self.retried(|| self.registry.open(&file.path)).map_err(|e| e.to_string())?;
         add(&self.counters.files_opened, 1);
         Ok(Whole { input, _leave: leave })
     }
@@ -264,10 +351,8 @@ impl Shared {
     fn read_tile(&self, file: &TextureFile, key: TileKey) -> Tile {
         let level = &file.levels[key.level as usize];
         let texels = level.tile_width as usize * level.tile_height as usize;
-        let result = self
-            .input(file)
-            .and_then(|input| input.read_tile(0, key.level as usize, key.tx, key.ty))
-            .map_err(|error| error.to_string());
+        let result =
+            self.reading(file).and_then(|reading| reading.tile(key)).map_err(|error| error.to_string());
         match result {
             Ok(pixels)
                 if pixels.len() == texels * file.channels && pixels.pixel_type() == file.pixel_type =>
@@ -293,26 +378,27 @@ impl Shared {
     }
 
     /// The open file, opened again if it was closed.
-    fn input(&self, file: &TextureFile) -> granita_image::Result<Arc<dyn ImageInput>> {
+    fn reading(&self, file: &TextureFile) -> granita_image::Result<Reading<'_>> {
+        let reading = |input| Reading { shared: self, input: Some(input) };
         let Some((handle, stamp)) = handle(file) else {
-            return self.registry.open(&file.path).map(Arc::from);
+            return self.registry.open(&file.path).map(Arc::from).map(reading);
         };
         stamp.store(self.clock.fetch_add(1, Ordering::Relaxed), Ordering::Relaxed);
         if let Some(input) = &*handle.lock().unwrap_or_else(PoisonError::into_inner) {
-            return Ok(input.clone());
+            return Ok(reading(input.clone()));
         }
         let _leave = self.leave();
-        let input: Arc<dyn ImageInput> = Arc::from(self.registry.open(&file.path)?);
+        let input: Arc<dyn ImageInput> = Arc::from(self.retried(|| self.registry.open(&file.path))?);
         add(&self.counters.files_opened, 1);
         let mut open = self.open();
         let mut handle = handle.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(input) = &*handle {
             // Meanwhile another thread did.
-            return Ok(input.clone());
+            return Ok(reading(input.clone()));
         }
         *handle = Some(input.clone());
         open.files.push(file.index);
-        Ok(input)
+        Ok(reading(input))
     }
 
     fn failed(&self, file: &TextureFile, what: &str) {

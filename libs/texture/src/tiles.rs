@@ -27,10 +27,12 @@ pub(crate) enum Layout {
 #[derive(Debug)]
 pub(crate) struct Tile {
     pixels: Pixels,
-    /// Texels per row.
-    width: usize,
     channels: usize,
     layout: Layout,
+    /// Values from a row to the next; 0 where one row stands for all.
+    row: usize,
+    /// Values from a channel of a row to the next, of [`Layout::Planes`]; 0 where one channel stands for all.
+    plane: usize,
 }
 
 /// A stored number as what lookups give.
@@ -84,15 +86,21 @@ impl Tile {
                 Pixels::Float(v) => planes(v, width, channels),
             }
         }
-        Self { pixels, width, channels, layout }
+        Self { pixels, channels, layout, row: width * channels, plane: width }
+    }
+
+    /// A tile of black texels, of any size: it holds the values of one channel of one row, which stand for all.
+    pub(crate) fn black(pixel_type: PixelType, width: usize, channels: usize) -> Self {
+        let pixels = Pixels::zeros(pixel_type, width);
+        Self { pixels, channels, layout: Layout::Planes, row: 0, plane: 0 }
     }
 
     /// Where the value of a texel's channel is, and how far on that of the next channel.
     #[inline]
     fn place(&self, x: usize, y: usize, channel: usize) -> (usize, usize) {
         match self.layout {
-            Layout::Texels => ((y * self.width + x) * self.channels + channel, 1),
-            Layout::Planes => ((y * self.channels + channel) * self.width + x, self.width),
+            Layout::Texels => (y * self.row + x * self.channels + channel, 1),
+            Layout::Planes => (y * self.row + channel * self.plane + x, self.plane),
         }
     }
 
@@ -186,7 +194,7 @@ impl Tile {
         if self.layout == Layout::Texels && self.channels > 1 {
             return false;
         }
-        let shape = (self.width, self.width * self.channels, first, n);
+        let shape = (self.plane, self.row, first, n);
         match &self.pixels {
             Pixels::U8(v) => add_rows(v, shape, place, gaussian, sums),
             Pixels::U16(v) => add_rows(v, shape, place, gaussian, sums),
@@ -201,7 +209,7 @@ impl Tile {
     pub(crate) fn with_texel<T>(&self, x: usize, y: usize, f: impl FnOnce(&[f32]) -> T) -> T {
         let (at, step) = self.place(x, y, 0);
         match &self.pixels {
-            Pixels::Float(v) if step == 1 => f(&v[at..at + self.channels]),
+            Pixels::Float(v) if self.layout == Layout::Texels => f(&v[at..at + self.channels]),
             other => f(&(0..self.channels).map(|c| other.get(at + c * step)).collect::<Vec<f32>>()),
         }
     }
@@ -439,7 +447,7 @@ impl TileCache {
             Some(cell) => cell,
             None => {
                 let Some(room) = self.make_room(home, bytes, counters) else {
-                    return Arc::new(Cell::of(read()));
+                    return self.keep_small((home, key), bytes, counters, read());
                 };
                 let mut shard = lock(&self.shards[home]);
                 // Meanwhile another thread may have put it there.
@@ -452,6 +460,25 @@ impl TileCache {
         };
         cell.tile.get_or_init(read);
         cell
+    }
+
+    /// A tile that was read for one caller. It is kept when it takes less than the `bytes` that had no room: black
+    /// texels in the place of a large tile, which would otherwise be read in vain by every lookup.
+    fn keep_small(
+        &self,
+        (home, key): (usize, TileKey),
+        bytes: u64,
+        counters: &Counters,
+        tile: Tile,
+    ) -> Arc<Cell> {
+        let room = (tile.bytes() < bytes).then(|| self.make_room(home, tile.bytes(), counters)).flatten();
+        let Some(room) = room else { return Arc::new(Cell::of(tile)) };
+        let mut shard = lock(&self.shards[home]);
+        shard.find(key).unwrap_or_else(|| {
+            let cell = Arc::new(Cell { tile: OnceLock::from(tile), _room: Some(room) });
+            shard.insert(key, cell.clone());
+            cell
+        })
     }
 
     /// Drops tiles, of shard `home` first, until `bytes` more fit; `None` when they do not.
@@ -509,6 +536,22 @@ mod tests {
             assert_eq!(counters.read().tiles_read, n);
         }
         assert_eq!(counters.read().peak_bytes, 0);
+    }
+
+    #[test]
+    fn a_black_tile_of_any_size_is_small_and_kept() {
+        let side = 65_535;
+        let black = || Tile::black(PixelType::U16, side, 4);
+        assert_eq!(black().bytes(), 2 * side as u64);
+        assert_eq!(black().texel(side - 1, side - 1, 0, 4), [0.0; 4]);
+        assert_eq!(black().with_texel(side - 1, side - 1, <[f32]>::to_vec), [0.0; 4]);
+        let (cache, counters) = (TileCache::new(1 << 20), Counters::default());
+        let promised = (side * side * 8) as u64;
+        for _ in 0..3 {
+            cache.get(key(0), promised, &counters, black);
+        }
+        let done = counters.read();
+        assert_eq!((done.tiles_read, done.peak_bytes), (1, 2 * side as u64));
     }
 
     #[test]

@@ -3,8 +3,12 @@
 
 mod support;
 
+use granita_image::{CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, Pixels};
 use granita_texture::make::MakeOptions;
 use granita_texture::{CacheOptions, Lookup, TextureCache, Wrap};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use support::{Folder, bits, random};
 
 const FILES: u32 = 5;
@@ -135,4 +139,177 @@ fn information() {
     assert!(cache.info("i.tx", "viewingmatrix").is_none());
     assert!(cache.info("i.tx", "colour").is_none());
     assert!(cache.info("no.tx", "type").is_none());
+}
+
+/// Files whose headers promise far more than there is: their texels are black, they cost next to nothing, and one message
+/// tells of each.
+#[test]
+fn a_broken_file_of_any_size_is_black() {
+    const SIDE: u16 = 65535;
+    let folder = Folder::new();
+    let row = vec![7_u8; 3 * usize::from(SIDE)];
+    let sgi = {
+        let mut head =
+            [&[1, 218, 0, 1, 0, 3][..], &SIDE.to_be_bytes(), &SIDE.to_be_bytes(), &[0, 3]].concat();
+        head.resize(512, 0);
+        head
+    };
+    let files = [
+        ("a.ppm", [format!("P6 {SIDE} {SIDE} 255\n").as_bytes(), &row].concat()),
+        ("b.sgi", sgi),
+        ("c.png", {
+            let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\xff\xff\0\0\xff\xff\x08\x02\0\0\0".to_vec();
+            png.extend(png_sum(&png[12..]));
+            // Long enough that the promise could be kept; deflate knows no block that begins so.
+            let data = [&b"IDAT\x78\x9c"[..], &[0xff; 600_000]].concat();
+            png.extend((data.len() as u32 - 4).to_be_bytes());
+            png.extend(&data);
+            png.extend(png_sum(&data));
+            png
+        }),
+    ];
+    for (name, bytes) in files {
+        std::fs::write(folder.path(name), bytes).unwrap();
+        let (cache, id) = folder.open(name);
+        let mut reader = cache.reader();
+        for i in 0..200 {
+            let mut out = [1.0; 3];
+            reader.texture(id, &lookup(i), &mut out);
+            assert_eq!(out, [0.0; 3], "{name}");
+        }
+        drop(reader);
+        let s = cache.statistics();
+        assert!(s.automipmap_bytes < 1 << 20 && s.files_opened == 2, "{name}: {s:?}");
+        // Only the first lookup filters.
+        assert!(s.tile_requests < 20 && s.probes < 200, "{name}: {s:?}");
+        let texts = std::mem::take(&mut *folder.messages.lock().unwrap());
+        assert_eq!(texts.len(), 1, "{texts:?}");
+    }
+}
+
+/// The check sum of a chunk of PNG.
+fn png_sum(bytes: &[u8]) -> [u8; 4] {
+    let mut sum = u32::MAX;
+    for byte in bytes {
+        sum ^= u32::from(*byte);
+        for _ in 0..8 {
+            sum = if sum & 1 == 1 { sum >> 1 ^ 0xedb8_8320 } else { sum >> 1 };
+        }
+    }
+    (!sum).to_be_bytes()
+}
+
+/// Levels made in memory are there anyway: a thread that looks at two of them keeps both.
+#[test]
+fn levels_in_memory_do_not_push_each_other_out() {
+    let folder = Folder::new();
+    for name in ["a.tif", "b.tif"] {
+        folder.picture(name, (600, 600), 3, |x, y, _| random(x, y));
+    }
+    let cache = folder.cache(CacheOptions::default());
+    let ids = ["a.tif", "b.tif"].map(|name| cache.find(name).unwrap());
+    let mut reader = cache.reader();
+    for i in 0..100 {
+        for id in ids {
+            reader.texture(id, &support::at(random(i, 1), random(i, 2)), &mut [0.0; 3]);
+        }
+    }
+    drop(reader);
+    assert_eq!(cache.statistics().tile_requests, 2);
+}
+
+/// TIFF, of which the system opens a few files at once only.
+struct Scarce {
+    inner: Arc<dyn Format>,
+    open: Arc<AtomicUsize>,
+    most: usize,
+}
+
+struct ScarceInput(Box<dyn ImageInput>, Arc<AtomicUsize>);
+
+impl Drop for ScarceInput {
+    fn drop(&mut self) {
+        self.1.fetch_sub(1, Ordering::SeqCst);
+    }
+}
+
+impl ImageInput for ScarceInput {
+    fn format_name(&self) -> &'static str {
+        self.0.format_name()
+    }
+    fn levels(&self, image: usize) -> usize {
+        self.0.levels(image)
+    }
+    fn spec(&self, image: usize, level: usize) -> Option<&ImageSpec> {
+        self.0.spec(image, level)
+    }
+    fn read_rows(&self, image: usize, level: usize, y0: u32, y1: u32) -> granita_image::Result<Pixels> {
+        self.0.read_rows(image, level, y0, y1)
+    }
+    fn read_tile(&self, image: usize, level: usize, tx: u32, ty: u32) -> granita_image::Result<Pixels> {
+        self.0.read_tile(image, level, tx, ty)
+    }
+    fn bytes_read(&self) -> u64 {
+        self.0.bytes_read()
+    }
+}
+
+impl Format for Scarce {
+    fn name(&self) -> &'static str {
+        self.inner.name()
+    }
+    fn extensions(&self) -> &'static [&'static str] {
+        self.inner.extensions()
+    }
+    fn recognizes(&self, head: &[u8]) -> bool {
+        self.inner.recognizes(head)
+    }
+    fn open(&self, path: &Path, limits: &Limits) -> granita_image::Result<Box<dyn ImageInput>> {
+        if self.open.fetch_add(1, Ordering::SeqCst) >= self.most {
+            self.open.fetch_sub(1, Ordering::SeqCst);
+            let source = std::io::Error::from_raw_os_error(24);
+            return Err(ImageError::Io { path: path.to_owned(), source });
+        }
+        Ok(Box::new(ScarceInput(self.inner.open(path, limits)?, self.open.clone())))
+    }
+    fn supports(&self, feature: &str) -> bool {
+        self.inner.supports(feature)
+    }
+    fn create(
+        &self,
+        path: &Path,
+        options: &CreateOptions<'_>,
+    ) -> granita_image::Result<Box<dyn ImageOutput>> {
+        self.inner.create(path, options)
+    }
+}
+
+/// Where the system refuses to open more files than the option allows, others are closed: answers stay, and there is no
+/// message.
+#[cfg(unix)]
+#[test]
+fn files_that_the_system_refuses_are_opened_later() {
+    let mut folder = folder();
+    let one = folder.cache(CacheOptions::default());
+    let expected: Vec<_> = (0..N / 4).map(|i| answer(&one, i)).collect();
+    for most in [1, 2, 4] {
+        let open = Arc::new(AtomicUsize::new(0));
+        let inner = granita_plugin::bundled_formats(Limits::default()).by_name("tiff").unwrap();
+        folder.registry.register(Arc::new(Scarce { inner, open, most }));
+        let many =
+            folder.cache(CacheOptions { memory_bytes: 64 * 64 * 3 * 4 * 4, ..CacheOptions::default() });
+        // As many threads as there are files: a refusal while all are read from has to wait.
+        std::thread::scope(|scope| {
+            for thread in 0..most.max(2) as u32 {
+                let (many, expected) = (&many, &expected);
+                scope.spawn(move || {
+                    for k in 0..N / 4 {
+                        let i = (k * 7 + thread * 31) % (N / 4);
+                        assert_eq!(answer(many, i), expected[i as usize]);
+                    }
+                });
+            }
+        });
+        assert!(folder.texts().is_empty(), "{most}: {:?}", folder.texts());
+    }
 }

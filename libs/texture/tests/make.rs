@@ -179,3 +179,56 @@ fn the_display_window_is_what_counts() {
         assert_eq!(*v, f32::from(i % 8 >= 4 && i / 8 < 4));
     }
 }
+
+/// What `memory_bytes` allows holds for images that repeat as well: rows of their other end are read ahead, and the file is the
+/// same. Where all rows are needed nothing is made.
+#[test]
+fn memory_is_bounded_for_images_that_repeat() {
+    let folder = Folder::new();
+    let spec = ImageSpec::new(2000, 1100, 3, PixelType::U8);
+    folder.picture_of("a.tif", spec, |x, y, c| random(x + 5000 * y, c as u32));
+    let repeats = |memory_bytes: u64, filter: Filter| MakeOptions {
+        swrap: Wrap::Periodic,
+        twrap: Wrap::Periodic,
+        memory_bytes,
+        filter,
+        ..options()
+    };
+    folder.make(&["a.tif"], "a.tx", &repeats(24 << 20, Filter::Box)).unwrap();
+    let file = folder.registry.open(&folder.path("a.tx")).unwrap();
+    let level = file.read_level(0, 0).unwrap().to_floats();
+    // The first row is made of the last ones as well.
+    let source = folder.registry.open(&folder.path("a.tif")).unwrap().read_level(0, 0).unwrap().to_floats();
+    let column = |y: usize| source[y * 2000 * 3..][..2000 * 3].iter().map(|v| f64::from(*v)).sum::<f64>();
+    let mean =
+        |y: usize| level[y * 2048 * 3..][..2048 * 3].iter().map(|v| f64::from(*v)).sum::<f64>() / 2048.0;
+    let scale = 1100.0 / 2048.0;
+    for y in [0_i64, 1, 2047] {
+        let centre = (y as f64 + 0.5) * scale;
+        let taps = (-3..1104_i64).map(|i| {
+            let weight = Filter::CatmullRom.weight((i as f64 + 0.5 - centre) as f32, 4.0);
+            (f64::from(weight), column(i.rem_euclid(1100) as usize) / 2000.0)
+        });
+        let (sum, total) = taps.fold((0.0, 0.0), |(s, t), (w, v)| (s + w * v, t + w));
+        assert!((sum / total - mean(y as usize)).abs() < 2e-3, "{y}: {} {}", sum / total, mean(y as usize));
+    }
+    let error =
+        folder.make(&["a.tif"], "b.tx", &repeats(24 << 20, Filter::Gaussian)).unwrap_err().to_string();
+    assert!(error.contains("-memory") && !folder.path("b.tx").exists(), "{error}");
+    folder.make(&["a.tif"], "b.tx", &repeats(1 << 30, Filter::Gaussian)).unwrap();
+}
+
+/// A display window is not made of nothing.
+#[test]
+fn display_windows_far_beyond_the_data_are_refused() {
+    let folder = Folder::new();
+    for (name, (full_width, full_height), what) in [
+        ("tall.tif", (64, 16_777_154), "side of the display window 16777154"),
+        ("large.tif", (100_000, 100_000), "number of pixels of the display window 10000000000"),
+    ] {
+        let spec = ImageSpec { full_width, full_height, ..ImageSpec::new(64, 64, 3, PixelType::Half) };
+        folder.picture_of(name, spec, |_, _, _| 0.5);
+        let error = folder.make(&[name], "a.tx", &options()).unwrap_err().to_string();
+        assert!(error.contains(what), "{error}");
+    }
+}

@@ -19,13 +19,17 @@ impl Link {
 
     /// To the node of this index.
     pub(crate) fn node(index: usize) -> Self {
-        debug_assert!(index < Self::LEAF as usize);
+        assert!(index < Self::LEAF as usize, "{index} nodes are more than a link can tell apart");
         Self(index as u32)
     }
 
     /// To the blocks from `first` on.
     pub(crate) fn leaf(first: usize, blocks: usize) -> Self {
-        debug_assert!((1..=Self::BLOCKS).contains(&blocks) && first <= Self::FIRST as usize);
+        assert!((1..=Self::BLOCKS).contains(&blocks), "a leaf of {blocks} blocks");
+        assert!(
+            first <= Self::FIRST as usize,
+            "{first} blocks of triangles are more than a link can tell apart"
+        );
         Self(Self::LEAF | (blocks as u32 - 1) << 29 | first as u32)
     }
 
@@ -44,7 +48,12 @@ impl Link {
 
     /// The same in a list into which `nodes` nodes and `blocks` blocks came before.
     pub(crate) fn moved(self, nodes: usize, blocks: usize) -> Self {
-        Self(self.0 + if self.is_leaf() { blocks } else { nodes } as u32)
+        if self.is_leaf() {
+            let of = self.blocks();
+            Self::leaf(of.start + blocks, of.len())
+        } else {
+            Self::node(self.0 as usize + nodes)
+        }
     }
 }
 
@@ -180,5 +189,29 @@ impl Block {
     #[inline]
     pub(crate) fn vertices(&self, lane: usize) -> [[f32; 3]; 3] {
         std::array::from_fn(|v| std::array::from_fn(|axis| self.v[v][axis][lane]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn links_hold_what_they_are_given_and_refuse_the_rest() {
+        let most = Link::FIRST as usize;
+        assert_eq!(Link::leaf(most - 7, 3).moved(99, 7).blocks(), most..most + 3);
+        assert_eq!(Link::node(5).moved(1 << 20, 7).0, 5 + (1 << 20));
+        assert!(!Link::node(Link::LEAF as usize - 1).is_leaf());
+        // One more would be read as something else.
+        let refused: [fn() -> Link; 5] = [
+            || Link::leaf(Link::FIRST as usize + 1, 1),
+            || Link::leaf(0, Link::BLOCKS + 1),
+            || Link::node(Link::LEAF as usize),
+            || Link::leaf(Link::FIRST as usize, 2).moved(0, 1),
+            || Link::node(Link::LEAF as usize - 1).moved(1, 0),
+        ];
+        for make in refused {
+            assert!(std::panic::catch_unwind(make).is_err());
+        }
     }
 }

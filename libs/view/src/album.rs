@@ -12,6 +12,7 @@ const MOST: usize = 1 << 20;
 pub fn expand(names: &[PathBuf], formats: &FormatRegistry) -> Vec<PathBuf> {
     let mut out = Vec::new();
     for name in names {
+        formats.files().add_named(name);
         if !name.is_dir() {
             out.push(name.clone());
             continue;
@@ -30,6 +31,8 @@ pub fn expand(names: &[PathBuf], formats: &FormatRegistry) -> Vec<PathBuf> {
             .take(MOST)
             .collect();
         found.sort_by(|a, b| in_order(&a.to_string_lossy(), &b.to_string_lossy()));
+        // They may be links that lead elsewhere: whoever names the folder means them.
+        found.iter().for_each(|file| formats.files().grant(file));
         out.extend(found);
     }
     out

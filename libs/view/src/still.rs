@@ -65,7 +65,7 @@ pub fn save_canvas(canvas: &Canvas, path: &Path, formats: &FormatRegistry) -> Re
             Pixels::from_floats(other, &linear.collect::<Vec<f32>>())
         }
     };
-    let mut file = formats.create(path, extension, &CreateOptions { spec: &spec, levels: 1 })?;
+    let mut file = formats.create(path, extension, &CreateOptions::new(&spec, 1))?;
     file.write_rows(&pixels)?;
     file.close()?;
     Ok(())
@@ -119,7 +119,7 @@ pub fn save_pixels(page: &Page, layer: Option<usize>, path: &Path, formats: &For
         !page.encoded && integers(stored) && !integers(source.pixel_type),
         page.encoded && !integers(stored),
     );
-    let mut file = formats.create(path, extension, &CreateOptions { spec: &spec, levels: 1 })?;
+    let mut file = formats.create(path, extension, &CreateOptions::new(&spec, 1))?;
     let n = channels.len();
     for ty in 0..source.height.div_ceil(crate::TILE) {
         let rows = (source.height - ty * crate::TILE).min(crate::TILE);

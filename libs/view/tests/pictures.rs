@@ -22,7 +22,7 @@ fn write(path: &Path, format: &str, spec: &ImageSpec, value: impl Fn(u32, u32, u
         value((pixel % spec.width as usize) as u32, (pixel / spec.width as usize) as u32, c)
     };
     let values: Vec<f32> = (0..spec.width as usize * spec.height as usize * n).map(at).collect();
-    let mut file = formats().create(path, format, &CreateOptions { spec, levels: 1 }).unwrap();
+    let mut file = formats().create(path, format, &CreateOptions::new(spec, 1)).unwrap();
     file.write_rows(&Pixels::from_floats(spec.pixel_type, &values)).unwrap();
     file.close().unwrap();
 }
@@ -322,7 +322,7 @@ fn large_pictures_in_rows_are_read_in_bands() {
     let (width, height) = (16384_u32, 8448_u32);
     let mut spec = ImageSpec::new(width, height, 4, PixelType::U8);
     spec.attributes.set(granita_base::Param::declared("string compression", "zip:1").unwrap());
-    let mut file = formats().create(&path, "tiff", &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    let mut file = formats().create(&path, "tiff", &CreateOptions::new(&spec, 1)).unwrap();
     for y in (0..height).step_by(32) {
         file.write_rows(&Pixels::U8(vec![(y / 256 * 7) as u8; width as usize * 32 * 4])).unwrap();
     }

@@ -22,7 +22,7 @@ fn white(path: &Path, format: &str, tiled: bool) {
     let values: Vec<f32> = (0..256 * 256 * 3)
         .map(|i| 0.8 + 0.2 * granita_base::hash::unit(granita_base::hash::words(&[i])))
         .collect();
-    let mut file = formats().create(path, format, &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    let mut file = formats().create(path, format, &CreateOptions::new(&spec, 1)).unwrap();
     file.write_rows(&Pixels::from_floats(spec.pixel_type, &values)).unwrap();
     file.close().unwrap();
 }
@@ -78,7 +78,7 @@ fn nothing_breaks_wherever_a_file_ends() {
         if matches!(format, "exr" | "hdr") {
             spec.pixel_type = PixelType::Float;
         }
-        let mut file = formats().create(&path, format, &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+        let mut file = formats().create(&path, format, &CreateOptions::new(&spec, 1)).unwrap();
         file.write_rows(&Pixels::from_floats(spec.pixel_type, &vec![0.5; 64 * 48 * 3])).unwrap();
         file.close().unwrap();
         let bytes = std::fs::read(&path).unwrap();

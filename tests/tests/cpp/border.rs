@@ -122,7 +122,8 @@ fn a_format_in_c_goes_around() {
         let compiler = if compiler == "g++" { "gcc" } else { "clang" };
         // Beside the scene; $GELATOHOME/lib is where tools look without being told.
         plugin(compiler, &source, "plain.imageio.so", &["-Wall", "-Werror"]);
-        for path in ["Attribute (\"string path:imageio\", \"nowhere:lib\")\n", ""] {
+        let absolute = format!("Attribute (\"string path:imageio\", \"nowhere:{}\")\n", library.display());
+        for path in [&*absolute, ""] {
             let scene = format!(
                 "{path}Attribute (\"int[2] resolution\", (40, 30))\n\
                  Attribute (\"int[2] limits:bucketsize\", (16, 16))\n\

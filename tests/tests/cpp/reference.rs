@@ -75,7 +75,8 @@ fn the_jpeg_plugin_of_chapter_13() {
                      Parameter (\"float Kd\", 0.7)\nShader (\"surface\", \"defaultsurface\")\nSphere (1, -1, 1, 360)\n\
                      Render ()\n";
         std::fs::write(folder.path().join("a.pyg"), scene).unwrap();
-        let (status, out, err) = tool("gelato", folder.path(), &["a.pyg"]);
+        let (status, out, err) =
+            plain_tool("gelato", folder.path(), &["-plugins", "jpg.imageio.so", "a.pyg"]);
         assert_eq!((status, err.as_str()), (0, ""), "{out}");
         assert!(out.contains("jpg.imageio.so: loaded"), "{out}");
         let (spec, written) = pixels(&folder.path().join("a.jpg"));
@@ -88,8 +89,15 @@ fn the_jpeg_plugin_of_chapter_13() {
         assert_eq!((status, err.as_str()), (0, ""));
         let (spec, texture) = pixels(&folder.path().join("a.tx"));
         assert!(spec.is_tiled() && texture.len() >= written.len());
-        let (_, out, _) = tool("maketx", folder.path(), &["-debugdso", "-o", "b.tx", "a.jpg"]);
+        let named = ["-plugins", "jpg.imageio.so", "-debugdso", "-o", "b.tx", "a.jpg"];
+        let (_, out, _) = plain_tool("maketx", folder.path(), &named);
         assert!(out.contains("jpg.imageio.so: loaded"), "{out}");
+        // What is bundled is not replaced because a library lies there.
+        for ways in [&["-debugdso"][..], &["-debugdso", "-plugins", "."]] {
+            let (status, out, _) =
+                plain_tool("maketx", folder.path(), &[ways, &["-o", "b.tx", "a.jpg"]].concat());
+            assert!(status == 0 && !out.contains("jpg.imageio.so: loaded"), "{out}");
+        }
     }
 }
 
@@ -157,7 +165,8 @@ fn the_generator_of_chapter_12() {
         plugin(compiler, &file, "obj.generator.so", &[]);
         std::fs::write(folder.path().join("a.obj"), "v 0 0 0\n").unwrap();
         for name in ["a.obj", "obj a.obj"] {
-            let (status, out, err) = tool("topyg", folder.path(), &[name]);
+            let (status, out, err) =
+                plain_tool("topyg", folder.path(), &["-plugins", "obj.generator.so", name]);
             assert_eq!((status, err.as_str()), (0, ""));
             assert!(out.contains("# read ") && out.contains("Sphere (1, -1, 1, 360)"), "{out}");
         }

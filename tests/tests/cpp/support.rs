@@ -67,6 +67,14 @@ pub(crate) fn run(program: &Path, folder: &Path, arguments: &[&str]) -> Output {
 
 /// What a tool says, in a folder whose plugins it may use.
 pub(crate) fn tool(name: &str, folder: &Path, arguments: &[&str]) -> (i32, String, String) {
+    match name {
+        "gsoinfo" => plain_tool(name, folder, arguments),
+        _ => plain_tool(name, folder, &[&["-plugins", "."], arguments].concat()),
+    }
+}
+
+/// What a tool says, without a word about plugins.
+pub(crate) fn plain_tool(name: &str, folder: &Path, arguments: &[&str]) -> (i32, String, String) {
     let ran = run(&BUILT.program(name), folder, arguments);
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     (ran.status.code().unwrap_or(-1), text(&ran.stdout), text(&ran.stderr))

@@ -2,13 +2,15 @@
 
 #![forbid(unsafe_code)]
 
+mod ending;
 mod progress;
 mod statistics;
 mod viewer;
 
 use clap::Parser;
-use granita_base::Severity;
-use granita_cli::{Bar, Status, console_reporter, environment, parse, reporter_with};
+use ending::Ending;
+use granita_base::{Reporter, Severity};
+use granita_cli::{Bar, Fence, Status, console_reporter, environment, fence, parse, reporter_with};
 use granita_session::{
     ExtraOutput, Outcome, OwnTools, Session, SessionError, SessionOptions, SharedProgress, Told, Viewer,
 };
@@ -100,9 +102,25 @@ struct Options {
     #[arg(long, hide = true, conflicts_with_all = ["files", "stream", "worker", "net"])]
     remote: bool,
 
-    /// Run no scripts, plugins and programs that the scene names: for scenes from strangers
+    /// End the whole run after so many seconds, with what was started, and exit with status 1
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    timeout: Option<f64>,
+
+    /// A folder of plugins, or a library that comes before what is bundled; may be repeated
+    #[arg(long, value_name = "PATH")]
+    plugins: Vec<PathBuf>,
+
+    /// For scenes from strangers: run no scripts, plugins and programs, read beneath the scene's folder only, write beneath one folder only
     #[arg(long)]
     safe: bool,
+
+    /// The folder that -safe lets scenes write to; by default one beside the scene, a.out for a.pyg
+    #[arg(long, value_name = "DIR", requires = "safe")]
+    safeout: Option<PathBuf>,
+
+    /// Do not have the kernel enforce -safe as well
+    #[arg(long, hide = true, requires = "safe")]
+    nofence: bool,
 }
 
 const AFTER_HELP: &str = "\
@@ -163,6 +181,30 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     if options.silent {
         reporter.set_verbosity(0);
     }
+    let ending = Ending::new(bar.clone());
+    ending.watch(options.stream || options.worker || options.remote, &reporter);
+    if let Some(seconds) = options.timeout {
+        ending.limit(seconds, &reporter);
+    }
+    let status = run(&options, tools, Voices { reporter, bar, answers, told }, &ending);
+    if ending.supervisor().has_ended() && !ending.is_late() {
+        granita_cli::wait_for_end();
+    }
+    ending.supervisor().release();
+    if ending.is_late() { Status::WithErrors } else { status }
+}
+
+/// What a run talks through.
+struct Voices {
+    reporter: Reporter,
+    bar: Bar,
+    answers: Answers,
+    told: Option<Told>,
+}
+
+/// Runs the tool as the options ask for.
+fn run(options: &Options, tools: &[&str], voices: Voices, ending: &Ending) -> Status {
+    let Voices { reporter, bar, answers, told } = voices;
     // Everything that names a place is resolved after the change of folder.
     if let Some(folder) = &options.cwd
         && let Err(error) = std::env::set_current_dir(folder)
@@ -194,6 +236,15 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     }
     let extra = |name: &String| ExtraOutput { name: name.clone(), format: None, data: options.data.clone() };
     let display = options.display.clone();
+    let viewer = match options.safe {
+        // Before the fence, and only when the user wants one.
+        true if options.iv || display.is_some() => {
+            let found = viewer::find(display.as_deref());
+            Viewer(Some(Arc::new(move || found.clone())))
+        }
+        true => Viewer(None),
+        false => Viewer(Some(Arc::new(move || viewer::find(display.as_deref())))),
+    };
     let session_options = SessionOptions {
         environment: variables,
         program_environment,
@@ -203,21 +254,27 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
             names: tools.iter().map(|name| (*name).to_owned()).collect(),
         }),
         threads: options.threads,
+        open_files: granita_cli::open_files_limit(),
         verbosity: if options.silent { Some(0) } else { options.verbosity },
         statistics: i32::from(options.statistics),
         crop: <[f32; 4]>::try_from(options.crop.as_slice()).ok(),
         preview: options.preview,
         shadertype: options.shade.clone(),
         extra_outputs: options.output.iter().map(extra).chain(options.shown()).collect(),
-        viewer: Viewer(Some(Arc::new(move || viewer::find(display.as_deref())))),
+        viewer,
         no_startup_files: false,
+        plugins: options.plugins.clone(),
+        plugins_from_current_folder: true,
         safe: options.safe,
+        safe_output: options.safeout.clone(),
+        supervisor: ending.supervisor().clone(),
         scene_files: options.files.clone(),
         net_workers: options.net.clone(),
         net_arguments: options.for_worker(),
     };
     if let Some(told) = told {
         let session = Session::new(session_options, reporter, told.progress());
+        ending.stops(session.stop());
         return status(&session.obey(Box::new(std::io::stdin()), &told), false);
     }
     let mut session = if options.worker {
@@ -227,6 +284,21 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
         let progress = SharedProgress(Arc::new(ShownProgress::new(bar, reporter.clone())));
         Session::new(session_options, reporter.clone(), progress)
     };
+    if let Some(path) = &options.statistics_json {
+        session.files().grant_output(path);
+    }
+    if options.safe && !options.nofence {
+        match fence(session.files()) {
+            Ok(Fence::Whole) => reporter.info("-safe: the kernel enforces it as well"),
+            Ok(Fence::Partial) => reporter.info("-safe: the kernel enforces a part of it as well"),
+            Ok(Fence::None) => reporter.info("-safe: the kernel has no way of enforcing it as well"),
+            Err(what) => {
+                reporter.error(format!("-safe: {what}"));
+                return Status::Failed;
+            }
+        }
+    }
+    ending.stops(session.stop());
     let mut failed = false;
     for file in &options.files {
         let words: Vec<&str> = file.split_whitespace().collect();
@@ -290,33 +362,66 @@ impl Options {
         if self.stream || self.files.is_empty() || self.files.iter().any(|f| matches!(&**f, "-" | "pyg -")) {
             return None;
         }
+        // Each option is named here: one that another process needs cannot be forgotten.
+        let Self {
+            files,
+            threads,
+            env,
+            preview,
+            shade,
+            output,
+            data,
+            crop,
+            plugins,
+            safe,
+            // Seen through `shown`.
+            iv: _,
+            display: _,
+            // Matters of this process.
+            statistics: _,
+            statistics_json: _,
+            net: _,
+            worker: _,
+            cwd: _,
+            silent: _,
+            verbosity: _,
+            stream: _,
+            remote: _,
+            timeout: _,
+            // A safe run has no workers.
+            safeout: _,
+            nofence: _,
+        } = self;
         let mut words = vec!["-silent".to_owned()];
         let mut add = |list: &[&str]| words.extend(list.iter().map(|word| (*word).to_owned()));
-        if self.threads > 0 {
-            add(&["-threads", &self.threads.to_string()]);
+        if *threads > 0 {
+            add(&["-threads", &threads.to_string()]);
         }
-        self.env.iter().for_each(|assignment| add(&["-env", assignment]));
-        if self.preview > 0.0 {
-            add(&["-preview", &self.preview.to_string()]);
+        env.iter().for_each(|assignment| add(&["-env", assignment]));
+        if *preview > 0.0 {
+            add(&["-preview", &preview.to_string()]);
         }
-        if let Some(shade) = &self.shade {
+        if let Some(shade) = shade {
             add(&["-shade", shade]);
         }
-        self.output.iter().for_each(|name| add(&["-o", name]));
+        output.iter().for_each(|name| add(&["-o", name]));
         // It shows nothing, but must make the same images.
         if self.shown().is_some() {
             add(&["-iv"]);
         }
-        add(&["-data", &self.data]);
-        if self.crop.len() == 4 {
-            add(&["-crop"]);
-            self.crop.iter().for_each(|v| add(&[&v.to_string()]));
+        for path in plugins {
+            add(&["-plugins", &path.to_string_lossy()]);
         }
-        if self.safe {
+        add(&["-data", data]);
+        if crop.len() == 4 {
+            add(&["-crop"]);
+            crop.iter().for_each(|v| add(&[&v.to_string()]));
+        }
+        if *safe {
             add(&["-safe"]);
         }
         add(&["--"]);
-        self.files.iter().for_each(|file| add(&[file]));
+        files.iter().for_each(|file| add(&[file]));
         Some(words)
     }
 }
@@ -326,6 +431,14 @@ fn quality(word: &str) -> Result<f32, String> {
     match word.parse::<f32>() {
         Ok(p) if p >= 0.0 && p.is_finite() => Ok(p),
         _ => Err("expected a number, 0 or more".to_owned()),
+    }
+}
+
+/// A time limit.
+fn seconds(word: &str) -> Result<f64, String> {
+    match word.parse::<f64>() {
+        Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
+        _ => Err("expected a number of seconds, more than 0".to_owned()),
     }
 }
 

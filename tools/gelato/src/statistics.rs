@@ -1,7 +1,6 @@
 //! `--statistics-json`: what a run did, for machines. The schema is described in `docs/gelato.md`.
 
-use granita_base::{Reporter, Severity};
-use granita_image::{AtomicFile, ImageError};
+use granita_base::{AtomicFile, FileError, Reporter, Severity};
 use granita_session::{FrameRecord, Outcome};
 use serde_json::{Map, Value, json};
 use std::io::Write;
@@ -29,7 +28,7 @@ pub(crate) fn document(outcome: &Outcome, scenes: &[String], reporter: &Reporter
 }
 
 /// Writes the document so that the file appears whole or not at all.
-pub(crate) fn write(path: &Path, document: &Value) -> Result<(), ImageError> {
+pub(crate) fn write(path: &Path, document: &Value) -> Result<(), FileError> {
     let mut file = AtomicFile::create(path)?;
     file.write_all(format!("{document:#}\n").as_bytes()).map_err(|error| file.io_error(error))?;
     file.commit()

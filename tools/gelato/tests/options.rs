@@ -273,7 +273,7 @@ fn strangers_scenes_run_no_programs() {
     let programs = "Command (\"system touch seen\")\nInput (\"pyg < touch seen\")\nCommand (\"mkdir\", \"string name\", \"seen\")\n";
     place.write("scene.pyg", &format!("{programs}{SCENE}"));
     let ran = place.run(&["-safe", "scene.pyg"]);
-    assert!(ran.status == 1 && !place.has("seen") && place.has("out.tif"), "{}", ran.said);
+    assert!(ran.status == 1 && !place.has("seen") && place.has("scene.out/out.tif"), "{}", ran.said);
     assert_eq!(ran.said.matches("allowed").count(), 3, "{}", ran.said);
     place.write("scene.pyg", &format!("import os\nos.mkdir ('seen')\n{SCENE}"));
     let ran = place.run(&["-safe", "scene.pyg"]);

@@ -6,11 +6,13 @@ mod run;
 mod surroundings;
 
 use clap::Parser;
+use granita_base::files::is_same_file;
+use granita_base::report::printable;
 use granita_base::{Environment, Reporter, SearchPath, Severity};
-use granita_cli::{Status, parse};
+use granita_cli::{Status, before_signals, parse};
 use granita_gsl::{CompileOptions, Diagnostic, Module, compile, gso};
 use granita_image::AtomicFile;
-use granita_plugin::Plugins;
+use granita_plugin::{PluginRules, Plugins};
 use std::ffi::OsString;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -45,6 +47,10 @@ struct Options {
     /// 0: errors only; 1: also warnings; 2: also what is done
     #[arg(long, value_name = "LEVEL", default_value_t = 1)]
     verbosity: u8,
+
+    /// A folder of libraries with functions in C++, or such a library; relative folders of -I have none. May be repeated
+    #[arg(long, value_name = "PATH")]
+    plugins: Vec<PathBuf>,
 
     /// Tell about every library that is tried for functions in C++
     #[arg(long)]
@@ -91,6 +97,9 @@ struct Options {
 /// Runs the tool; `args` begins with the name it was called by.
 pub fn main(args: Vec<OsString>) -> Status {
     let options = parse::<Options>(args);
+    if let Err(error) = before_signals(|| ()) {
+        say(&format!("gslc: warning: signals are not watched: {error}"));
+    }
     if options.run { run::run(&options) } else { compile_file(&options) }
 }
 
@@ -105,6 +114,10 @@ fn compile_file(options: &Options) -> Status {
     };
     let Some(module) = compiled(&source, &file, options) else { return Status::WithErrors };
     let output = options.output.clone().unwrap_or_else(|| format!("{}.gso", module.name));
+    if is_same_file(Path::new(&options.source), Path::new(&output)) {
+        say(&format!("gslc: error: {output} is the source itself, and is not overwritten"));
+        return Status::Failed;
+    }
     if let Err(error) = write_whole(Path::new(&output), &gso::write(&module, options.encrypt)) {
         say(&format!("gslc: error: {error}"));
         return Status::Failed;
@@ -133,7 +146,7 @@ fn compiled(source: &str, file: &str, options: &Options) -> Option<Module> {
         }
         load(path)
     };
-    let (plugins, folders) = (plugins(options), shadeop_path(options, file));
+    let (plugins, folders) = (plugins(options), shadeop_path(options));
     let compiled = compile(
         source,
         file,
@@ -161,17 +174,15 @@ fn compiled(source: &str, file: &str, options: &Options) -> Option<Module> {
 fn plugins(options: &Options) -> Plugins {
     let reporter = Reporter::new(Box::new(|message| say(&format!("gslc: {message}"))));
     reporter.set_verbosity(options.verbosity);
-    let plugins = Plugins::new(reporter, true);
+    let plugins =
+        Plugins::new(reporter, PluginRules { named: options.plugins.clone(), ..PluginRules::default() });
     plugins.set_debug(options.debugdso);
     plugins
 }
 
-/// Where they are: beside the source, then in the folders of `-I`.
-fn shadeop_path(options: &Options, file: &str) -> SearchPath {
-    let beside = Path::new(file).parent().map(|p| if p.as_os_str().is_empty() { Path::new(".") } else { p });
-    let folders = beside.into_iter().map(Path::to_path_buf).chain(options.include.iter().map(PathBuf::from));
-    let text = folders.map(|f| f.to_string_lossy().into_owned()).collect::<Vec<_>>().join(":");
-    SearchPath::parse(&text, &SearchPath::default(), &Environment::empty())
+/// Where they are besides `-plugins`: in the absolute folders of `-I`. Not beside the source, which may be a stranger's.
+fn shadeop_path(options: &Options) -> SearchPath {
+    SearchPath::parse(&options.include.join(":"), &SearchPath::default(), &Environment::empty())
 }
 
 /// The text, and the name that messages give it. What is no UTF-8 (old comments) is replaced.
@@ -202,7 +213,7 @@ fn show(list: &[Diagnostic], verbosity: u8) {
 
 /// A line on standard error; nobody is left to tell when it is closed.
 fn say(text: &str) {
-    let _ = writeln!(io::stderr().lock(), "{text}");
+    let _ = writeln!(io::stderr().lock(), "{}", printable(text));
 }
 
 /// Writes a file that appears whole or not at all.

@@ -87,7 +87,7 @@ fn try_run(options: &Options) -> Result<Status, String> {
         CacheOptions::default(),
         reporter.clone(),
     );
-    let plugins = (crate::plugins(options), crate::shadeop_path(options, &options.source));
+    let plugins = (crate::plugins(options), crate::shadeop_path(options));
     let job = Job {
         group: &group,
         lights: &lights,
@@ -381,8 +381,7 @@ fn write(picture: &Picture, path: &Path) -> Result<(), String> {
         .ok_or_else(|| format!("{}: no image format has this extension", path.display()))?;
     let pixel_type = format.output_type(PixelType::Float);
     let spec = ImageSpec::new(picture.width as u32, picture.height as u32, picture.channels, pixel_type);
-    let mut file =
-        format.create(path, &CreateOptions { spec: &spec, levels: 1 }).map_err(|e| e.to_string())?;
+    let mut file = format.create(path, &CreateOptions::new(&spec, 1)).map_err(|e| e.to_string())?;
     file.write_rows(&Pixels::from_floats(pixel_type, &picture.values)).map_err(|e| e.to_string())?;
     file.close().map_err(|e| e.to_string())
 }

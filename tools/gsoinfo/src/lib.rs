@@ -6,6 +6,7 @@ mod database;
 mod json;
 
 use clap::Parser;
+use granita_base::report::printable;
 use granita_base::{Environment, SearchPath};
 use granita_cli::{Status, environment, parse, print};
 use granita_gsl::{CompileOptions, GsoArgs, compile};
@@ -62,7 +63,7 @@ pub fn main(args: Vec<OsString>) -> Status {
         }
         match query(name, &path) {
             Ok(args) if options.json => list.push(json::describe(&args)),
-            Ok(args) => print(&args.describe(options.verbose)),
+            Ok(args) => print(&printable(&args.describe(options.verbose))),
             Err(what) => {
                 // Nobody is left to tell when standard error is closed.
                 let _ = writeln!(io::stderr().lock(), "ERROR opening shader \"{name}\" ({what})");

@@ -14,6 +14,14 @@ pub(crate) struct Args {
     #[arg(value_name = "FILE")]
     pub(crate) files: Vec<PathBuf>,
 
+    /// A folder of image plugins, or a library that comes before what is bundled; may be repeated
+    #[arg(long, value_name = "PATH")]
+    pub(crate) plugins: Vec<PathBuf>,
+
+    /// Tell about every library that is tried
+    #[arg(long)]
+    pub(crate) debugdso: bool,
+
     /// Say what is in the files
     #[arg(long, help_heading = "Without a window", group = "still")]
     pub(crate) info: bool,

@@ -14,14 +14,23 @@ mod still;
 mod window;
 
 use args::Args;
-use granita_base::Reporter;
-use granita_cli::{Bar, Status, console_reporter, parse};
+use granita_base::{Files, Reporter};
+use granita_cli::{Bar, Status, before_signals, console_reporter, parse};
 use granita_image::Limits;
+use granita_plugin::PluginRules;
 use std::ffi::OsString;
+use std::path::PathBuf;
 
 fn run(args: &Args, reporter: &Reporter) -> Status {
-    let formats =
-        granita_plugin::formats_with_plugins(Limits::default(), &granita_cli::environment(), reporter, false);
+    // A file may name others, as glTF does; those of strangers lead nowhere else.
+    let files = Files::reading(args.files.iter().map(PathBuf::as_path));
+    let formats = granita_plugin::formats_with_plugins(
+        Limits { files, ..Limits::default() },
+        &granita_cli::environment(),
+        reporter,
+        PluginRules { named: args.plugins.clone(), ..PluginRules::default() },
+        args.debugdso,
+    );
     if args.net.serve.is_some() {
         return serve::run(&args.net, &args.files, &formats, reporter);
     }
@@ -62,5 +71,8 @@ fn watch(args: &Args, formats: &granita_image::FormatRegistry, reporter: &Report
 pub fn main(words: Vec<OsString>) -> Status {
     let args: Args = parse(words);
     let reporter = console_reporter("iv", &Bar::new(false));
+    if let Err(error) = before_signals(|| ()) {
+        reporter.warning(format!("signals are not watched: {error}"));
+    }
     run(&args, &reporter)
 }

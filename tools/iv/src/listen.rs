@@ -9,13 +9,15 @@ pub(crate) mod files;
 use granita_base::{Location, Reporter, Severity};
 use granita_display::packet::{Channel, DEFAULT_PORT};
 use granita_display::{
-    Client, DisplayError, Ending, Listener, Packet, PacketLimits, ServerLimits, Sink, listen_address,
+    Client, DisplayError, Ending, Listener, Packet, PacketLimits, ServerLimits, Sink, Sparingly,
+    listen_address,
 };
 use granita_image::PixelRect;
 use granita_view::{Live, RequestSender};
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Where pictures come from and go to.
 #[derive(clap::Args, Debug, Default)]
@@ -27,6 +29,10 @@ pub(crate) struct NetArgs {
     /// Show the pictures that come, and the files, in browsers instead of a window: prints the address of a page. 0 takes any port
     #[arg(long, value_name = "[ADDRESS:]PORT", help_heading = "Live pictures")]
     pub(crate) serve: Option<String>,
+
+    /// A name by which browsers may ask for the page of -serve, besides the address it listens on, localhost and the name in -serve; may be given several times
+    #[arg(long, value_name = "NAME", help_heading = "Live pictures")]
+    pub(crate) servename: Vec<String>,
 
     /// Let those who send pictures open files of this machine
     #[arg(long, help_heading = "Live pictures")]
@@ -110,7 +116,10 @@ fn start(
         text_bytes: taken.name_bytes,
         ..PacketLimits::default()
     };
-    let feeder = Feeder { live: live.clone(), reporter: reporter.clone(), open, names: Mutex::default() };
+    // Who connects again and again must not fill the terminal.
+    let warnings = Mutex::new(Sparingly::new(20, Duration::from_secs(60)));
+    let feeder =
+        Feeder { live: live.clone(), reporter: reporter.clone(), open, names: Mutex::default(), warnings };
     let limits = ServerLimits { packet, ..ServerLimits::default() };
     let listener = Listener::bind(address, limits, Arc::new(feeder))?;
     if !address.ip().is_loopback() {
@@ -130,6 +139,7 @@ struct Feeder {
     reporter: Reporter,
     open: Option<Box<OpenFile>>,
     names: Mutex<Names>,
+    warnings: Mutex<Sparingly>,
 }
 
 /// Which client makes which pictures.
@@ -149,6 +159,15 @@ impl Names {
 }
 
 impl Feeder {
+    fn warn(&self, client: &Client, what: &str) {
+        let text = format!("{}: {what}", client.address());
+        let mut warnings = self.warnings.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(text) = warnings.say(Instant::now(), &text) {
+            drop(warnings);
+            self.reporter.warning(text);
+        }
+    }
+
     fn names(&self) -> MutexGuard<'_, Names> {
         self.names.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -270,7 +289,7 @@ impl Sink for Feeder {
     }
 
     fn trouble(&self, client: &Client, what: &str) {
-        self.reporter.warning(format!("{}: {what}", client.address()));
+        self.warn(client, what);
     }
 
     fn gone(&self, client: &Client, ending: &Ending) {
@@ -292,7 +311,7 @@ impl Sink for Feeder {
             }
         }
         if let Ending::Broken(what) = ending {
-            self.reporter.warning(format!("{}: {what}", client.address()));
+            self.warn(client, what);
         }
     }
 }

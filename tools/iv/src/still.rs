@@ -2,6 +2,7 @@
 
 use crate::args::Args;
 use crate::info;
+use granita_base::files::is_same_file;
 use granita_base::{Location, Reporter, Severity};
 use granita_cli::Status;
 use granita_image::{FormatRegistry, PixelRect};
@@ -91,7 +92,7 @@ impl Still<'_> {
             if files > 1 {
                 self.say(format!("{}\n", file.display()));
             }
-            self.say(text);
+            granita_cli::print(&text);
         } else if let Some(out) = &args.thumbnail {
             let (page, layer, display) = self.chosen(&picture)?;
             let canvas = thumbnail(page, layer, &display, args.size).map_err(|e| e.to_string())?;
@@ -103,6 +104,9 @@ impl Still<'_> {
                 }
                 false => out.clone(),
             };
+            if is_same_file(file, &out) {
+                return Err(format!("{} is the picture itself, and is not overwritten", out.display()));
+            }
             save_canvas(&canvas, &out, self.formats).map_err(|e| e.to_string())?;
             self.reporter.info(format!("wrote {}: {} x {}", out.display(), canvas.width, canvas.height));
         }

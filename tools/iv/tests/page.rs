@@ -169,7 +169,7 @@ fn the_page_shows_what_a_renderer_sends() {
     let mut spec = ImageSpec::new(100, 80, 4, PixelType::Float);
     spec.attributes.set(Param::declared("string display", display.as_str()).unwrap());
     let format = IvFormat::default();
-    let options = CreateOptions { spec: &spec, levels: 1 };
+    let options = CreateOptions::new(&spec, 1);
     let mut picture = format.create(Path::new("four colours"), &options).unwrap();
     for (x, y, color) in [
         (0, 0, [1.0, 0.0, 0.0, 1.0]),
@@ -229,7 +229,7 @@ fn large_pictures_show_all_their_pixels() {
     spec.attributes.set(Param::declared("string display", display.as_str()).unwrap());
     let columns: Vec<f32> = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0].repeat(4100 * 120);
     let mut picture =
-        IvFormat::default().create(Path::new("columns"), &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+        IvFormat::default().create(Path::new("columns"), &CreateOptions::new(&spec, 1)).unwrap();
     picture.write_rectangle(&PixelRect::at(0, 0, 8200, 120), &Pixels::Float(columns)).unwrap();
     for hash in ["", "#plain"] {
         let place = folder.path().join(format!("profile{hash}"));

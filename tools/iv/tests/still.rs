@@ -12,7 +12,7 @@ fn formats() -> FormatRegistry {
 
 fn write(path: &Path, spec: &ImageSpec, values: &[f32]) {
     let format = path.extension().unwrap().to_str().unwrap();
-    let mut file = formats().create(path, format, &CreateOptions { spec, levels: 1 }).unwrap();
+    let mut file = formats().create(path, format, &CreateOptions::new(spec, 1)).unwrap();
     file.write_rows(&Pixels::from_floats(spec.pixel_type, values)).unwrap();
     file.close().unwrap();
 }

@@ -80,7 +80,7 @@ fn write(path: PathBuf, spec: &ImageSpec, value: impl Fn(u32, u32, usize) -> f32
             value((pixel % spec.width as usize) as u32, (pixel / spec.width as usize) as u32, c)
         })
         .collect();
-    let mut file = formats().create(&path, &format, &CreateOptions { spec, levels: 1 }).unwrap();
+    let mut file = formats().create(&path, &format, &CreateOptions::new(spec, 1)).unwrap();
     file.write_rows(&Pixels::from_floats(spec.pixel_type, &values)).unwrap();
     file.close().unwrap();
 }

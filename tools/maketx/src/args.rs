@@ -131,6 +131,18 @@ pub(crate) struct Args {
     #[arg(long)]
     pub(crate) stats: bool,
 
+    /// A folder of image plugins, or a library that comes before what is bundled; may be repeated
+    #[arg(long, value_name = "PATH")]
+    pub(crate) plugins: Vec<PathBuf>,
+
+    /// For pictures from strangers: load no plugins, read beneath the folders of the inputs only
+    #[arg(long)]
+    pub(crate) safe: bool,
+
+    /// Do not have the kernel enforce -safe as well
+    #[arg(long, hide = true, requires = "safe")]
+    pub(crate) nofence: bool,
+
     /// Say which image formats are there and where they come from
     #[arg(long)]
     pub(crate) debugdso: bool,

@@ -10,9 +10,10 @@ mod jobs;
 mod memory;
 
 use args::Args;
-use granita_base::{Location, Reporter, SearchPath, Severity};
-use granita_cli::{Bar, Status, console_reporter, environment, parse};
+use granita_base::{Files, Location, Reporter, SearchPath, Severity};
+use granita_cli::{Bar, Status, before_signals, console_reporter, environment, fence, parse};
 use granita_image::{FormatRegistry, Limits};
+use granita_plugin::PluginRules;
 use granita_texture::make::{Costs, Made, MakeOptions, make_measured};
 use jobs::Job;
 use std::ffi::OsString;
@@ -21,6 +22,15 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 impl Args {
+    /// What -safe lets the tool read: beneath the folders of the inputs, and of the search path.
+    fn readable(&self) -> Files {
+        let files = Files::reading(self.inputs.iter().map(Path::new));
+        let path =
+            SearchPath::parse(self.path.as_deref().unwrap_or(""), &SearchPath::default(), &environment());
+        path.folders().iter().for_each(|folder| files.add_root(folder));
+        files
+    }
+
     /// Inputs along the search path; `None`, after an error for each, when some are missing.
     fn find_inputs(&self, reporter: &Reporter) -> Option<Vec<PathBuf>> {
         let Some(text) = &self.path else { return Some(self.inputs.iter().map(PathBuf::from).collect()) };
@@ -153,10 +163,15 @@ fn format_of(output: &Path, registry: &FormatRegistry) -> Result<Option<String>,
 }
 
 fn run(args: &Args, bar: &Bar, reporter: &Reporter) -> Status {
+    let files = match args.safe {
+        true => args.readable(),
+        false => Files::default(),
+    };
     let registry = granita_plugin::formats_with_plugins(
-        Limits::default(),
+        Limits { files: files.clone(), ..Limits::default() },
         &granita_cli::environment(),
         reporter,
+        PluginRules { none: args.safe, named: args.plugins.clone(), current_folder: false },
         args.debugdso,
     );
     if args.debugdso {
@@ -184,6 +199,13 @@ fn run(args: &Args, bar: &Bar, reporter: &Reporter) -> Status {
             Err(warning) => reporter.warning(warning),
         }
     }
+    if args.safe && !args.nofence {
+        jobs.iter().for_each(|job| files.grant_output(&job.output));
+        if let Err(what) = fence(&files) {
+            reporter.error(format!("-safe: {what}"));
+            return Status::Failed;
+        }
+    }
     let made = || jobs.iter().filter(|job| run_job(job, args, &options, &registry, bar, reporter)).count();
     let made = match args.threads {
         Some(threads) => match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
@@ -209,6 +231,9 @@ pub fn main(words: Vec<OsString>) -> Status {
     let bar = Bar::new(verbosity > 0);
     let reporter = console_reporter("maketx", &bar);
     reporter.set_verbosity(verbosity);
+    if let Err(error) = before_signals(|| ()) {
+        reporter.warning(format!("signals are not watched: {error}"));
+    }
     run(&args, &bar, &reporter)
 }
 

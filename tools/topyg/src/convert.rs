@@ -105,7 +105,9 @@ impl Echo<'_> {
 
     /// `Input` below the last level that is expanded; `Ok (false)` when it is to be echoed.
     fn expand(&mut self, command: &str, bound: Option<[f32; 6]>, at: &Location) -> Result<bool, Stop> {
-        let depth = self.job.depth.max(self.writer.input_levels().max(0) as u32);
+        // "limits:inputlevels" of a scene from a stranger says nothing.
+        let asked = if self.job.session.safe { 0 } else { self.writer.input_levels().max(0) as u32 };
+        let depth = self.job.depth.max(asked);
         if self.level >= depth {
             return Ok(false);
         }

@@ -6,17 +6,18 @@ mod convert;
 mod output;
 
 use clap::Parser;
-use granita_base::{Environment, Reporter, Severity};
+use granita_base::files::is_same_file;
+use granita_base::{Environment, Files, Reporter, Severity, Supervisor};
 use granita_cli::Status;
 use granita_pyg::WriterOptions;
 use granita_session::SessionOptions;
 use std::ffi::OsString;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Converts scene files and generator commands to Pyg.
 #[derive(Parser, Debug)]
-#[command(name = "topyg", about = "Converts scene files and generator commands to Pyg")]
+#[command(name = "topyg", about = "Converts scene files and generator commands to Pyg", after_help = AFTER_HELP)]
 struct Args {
     /// Write to this file instead of the terminal
     #[arg(short = 'o', value_name = "FILE")]
@@ -36,31 +37,80 @@ struct Args {
     /// Write parameters as calls of their own
     #[arg(long)]
     separateparams: bool,
+    /// A folder of plugins, or a library that comes before what is bundled; may be repeated
+    #[arg(long, value_name = "PATH")]
+    plugins: Vec<PathBuf>,
+    /// For scenes from strangers: run no scripts, programs and plugins, read beneath the scene's folder only
+    #[arg(long)]
+    safe: bool,
+    /// Do not have the kernel enforce -safe as well
+    #[arg(long, hide = true, requires = "safe")]
+    nofence: bool,
     /// Scene files, or commands as Input takes them ("pyg < program")
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<String>,
 }
 
+const AFTER_HELP: &str = "\
+Without -safe, scenes run: scripts in Python, the programs of Input (\"pyg < program\"), and plugins along -p.";
+
 /// Runs the tool; `words` begins with the name it was called by.
 pub fn main(words: Vec<OsString>) -> Status {
     let args: Args = granita_cli::parse(words);
-    let environment = granita_cli::environment();
+    let mut environment = granita_cli::environment();
+    let files = match args.safe {
+        true => Files::reading(args.inputs.iter().map(Path::new)),
+        false => Files::default(),
+    };
+    environment.set_files(files.clone());
     let reporter = stderr_reporter();
     reporter.set_verbosity(if args.verbose { 2 } else { 1 });
+    let supervisor = Supervisor::default();
+    let ending = supervisor.clone();
+    if let Err(error) = granita_cli::before_signals(move || ending.end()) {
+        reporter.warning(format!("signals are not watched: {error}"));
+    }
     let job = convert::Job {
         inputs: args.inputs,
         depth: args.depth,
         generators: generator_path(args.path.as_deref(), &environment),
         writer: WriterOptions { binary: args.binary, separate_params: args.separateparams, indent: 0 },
-        session: SessionOptions { environment, ..SessionOptions::default() },
+        session: SessionOptions {
+            environment,
+            supervisor: supervisor.clone(),
+            safe: args.safe,
+            plugins: args.plugins,
+            ..SessionOptions::default()
+        },
     };
-    match output::Output::open(args.output.as_deref()) {
+    if args.safe && !args.nofence {
+        // What is written was named by the user.
+        let fenced = files.clone();
+        args.output.iter().for_each(|output| fenced.grant_output(output));
+        if let Err(what) = granita_cli::fence(&fenced) {
+            reporter.error(format!("-safe: {what}"));
+            return Status::Failed;
+        }
+    }
+    let source = job
+        .inputs
+        .iter()
+        .find(|input| args.output.as_deref().is_some_and(|output| is_same_file(Path::new(input), output)));
+    if let Some(source) = source {
+        reporter.error(format!("{source} is read, and is not overwritten"));
+        return Status::Failed;
+    }
+    let status = match output::Output::open(args.output.as_deref(), job.session.environment.files()) {
         Ok(output) => convert::run(&job, output, &reporter),
         Err(error) => {
             reporter.error(error.to_string());
             Status::Failed
         }
+    };
+    if supervisor.has_ended() {
+        granita_cli::wait_for_end();
     }
+    status
 }
 
 /// Everything goes to standard error: standard output may be the scene.

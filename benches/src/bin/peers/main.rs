@@ -174,8 +174,7 @@ impl Tile {
     ) -> Result<(), String> {
         let told = |e: granita_image::ImageError| e.to_string();
         let spec = ImageSpec::new(width, height, 3, self.pixel_type);
-        let mut out =
-            formats.create(path, format, &CreateOptions { spec: &spec, levels: 1 }).map_err(told)?;
+        let mut out = formats.create(path, format, &CreateOptions::new(&spec, 1)).map_err(told)?;
         let place = |i: u32, n: u32, own: usize| {
             let v = (f64::from(i) + 0.5) / f64::from(n) * own as f64 - 0.5;
             let low = v.floor();

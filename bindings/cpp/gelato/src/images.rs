@@ -2,7 +2,7 @@
 
 use crate::string;
 use granita_base::{Reporter, SearchPath};
-use granita_plugin::Plugins;
+use granita_plugin::{PluginRules, Plugins};
 use std::cell::RefCell;
 use std::ffi::{CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -12,12 +12,15 @@ thread_local! {
     static ERROR: RefCell<CString> = RefCell::default();
 }
 
-/// The plugins along a path of the caller.
+/// The plugins along a path of the caller, who may name relative folders.
 fn plugins(path: &str) -> Plugins {
     let environment = std::env::vars_os().collect();
-    let path = if path.is_empty() { ".:$GELATOHOME/lib" } else { path };
-    let plugins = Plugins::new(Reporter::silent(), true);
-    plugins.set_image_path(SearchPath::parse(&path.replace(';', ":"), &SearchPath::default(), &environment));
+    let own = SearchPath::parse(&path.replace(';', ":"), &SearchPath::default(), &environment);
+    let rules = PluginRules { named: own.folders().to_vec(), ..PluginRules::default() };
+    let plugins = Plugins::new(Reporter::silent(), rules);
+    if path.is_empty() {
+        plugins.set_image_path(SearchPath::parse("$GELATOHOME/lib", &SearchPath::default(), &environment));
+    }
     plugins
 }
 

@@ -62,6 +62,7 @@ fn session(reporter: &Reporter) -> (Session, During) {
     let tool = environment.get("GELATOHOME").map(|home| Path::new(home).join("bin/gelato"));
     let names = ["gelato", "maketx", "gslc", "gsoinfo", "topyg"];
     let options = SessionOptions {
+        plugins_from_current_folder: true,
         own_tools: tool
             .filter(|t| t.is_file())
             .map(|program| OwnTools { program, names: names.iter().map(|n| (*n).to_owned()).collect() }),

@@ -2,11 +2,11 @@
 
 use crate::live::Host;
 use crate::object;
-use granita_base::Environment;
-use granita_plugin::{InterfaceObject, Messages, Plugins};
+use granita_base::{Environment, Supervisor};
+use granita_plugin::{InterfaceObject, Messages, PluginRules, Plugins};
 use granita_session::{Remote, RemoteEnds};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 
 /// A renderer in a process of its own.
 pub(crate) fn renderer(manager: &Messages) -> Result<InterfaceObject<'static>, String> {
@@ -14,7 +14,7 @@ pub(crate) fn renderer(manager: &Messages) -> Result<InterfaceObject<'static>, S
         "there is no program gelato beside the library, in $GELATOHOME/bin or on the search path to do the work",
     )?;
     let ends = start(&program).map_err(|e| format!("{}: {e}", program.display()))?;
-    let plugins = Plugins::new(manager.reporter().clone(), true);
+    let plugins = Plugins::new(manager.reporter().clone(), PluginRules::default());
     let (remote, meanwhile) = Remote::new(ends, manager.reporter(), plugins.clone())
         .map_err(|what| format!("{}: {what}", program.display()))?;
     Ok(object(Box::new(remote), Box::new(Host(plugins)), manager, Some(meanwhile)))
@@ -60,9 +60,15 @@ fn library() -> Option<PathBuf> {
     None
 }
 
-/// How a process ended.
-fn ended(mut child: Child) -> Box<dyn FnOnce() -> String + Send> {
-    Box::new(move || child.wait().map_or_else(|e| e.to_string(), |status| status.to_string()))
+/// The longest silence of the process in seconds where `GELATO_REMOTE_TIMEOUT` does not say another one.
+const PATIENCE: f32 = 60.0;
+
+/// What the environment says of the longest silence.
+fn patience() -> f32 {
+    let text = std::env::var("GELATO_REMOTE_TIMEOUT").ok();
+    text.and_then(|text| text.trim().parse().ok())
+        .filter(|seconds: &f32| seconds.is_finite())
+        .unwrap_or(PATIENCE)
 }
 
 /// Both directions are a socket: writing to one whose other end is gone raises no signal, which pipes would.
@@ -71,12 +77,14 @@ fn start(program: &Path) -> std::io::Result<RemoteEnds> {
     use std::os::fd::OwnedFd;
     use std::os::unix::net::UnixStream;
     let (here, there) = UnixStream::pair()?;
-    let child = Command::new(program)
+    let mut command = Command::new(program);
+    command
         .arg("-remote")
         .stdin(Stdio::from(OwnedFd::from(there.try_clone()?)))
-        .stdout(Stdio::from(OwnedFd::from(there)))
-        .spawn()?;
-    Ok(RemoteEnds { from: Box::new(here.try_clone()?), to: Box::new(Quiet(here)), ended: ended(child) })
+        .stdout(Stdio::from(OwnedFd::from(there)));
+    let process = Supervisor::unguarded().spawn(&mut command, "rendering in another process")?;
+    let (from, to) = (Box::new(here.try_clone()?), Box::new(Quiet(here)));
+    Ok(RemoteEnds { from, to, process, patience: patience() })
 }
 
 /// Writes without a signal.
@@ -104,10 +112,11 @@ impl std::io::Write for Quiet {
 
 #[cfg(not(unix))]
 fn start(program: &Path) -> std::io::Result<RemoteEnds> {
-    let mut child =
-        Command::new(program).arg("-remote").stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
-    let (Some(to), Some(from)) = (child.stdin.take(), child.stdout.take()) else {
+    let mut command = Command::new(program);
+    command.arg("-remote").stdin(Stdio::piped()).stdout(Stdio::piped());
+    let mut process = Supervisor::unguarded().spawn(&mut command, "rendering in another process")?;
+    let (Some(to), Some(from)) = (process.take_stdin(), process.take_stdout()) else {
         return Err(std::io::Error::other("the renderer has no pipes"));
     };
-    Ok(RemoteEnds { from: Box::new(from), to: Box::new(to), ended: ended(child) })
+    Ok(RemoteEnds { from: Box::new(from), to: Box::new(to), process, patience: patience() })
 }

@@ -4,7 +4,7 @@ use super::document::{Document, item};
 use crate::source::{Stream, open_file};
 use base64::Engine;
 use base64::engine::general_purpose::{STANDARD, STANDARD_NO_PAD};
-use granita_base::Reporter;
+use granita_base::{Files, Reporter};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -16,6 +16,8 @@ pub(super) struct Buffers {
     /// Offset and length of the binary chunk.
     chunk: Option<(u64, u64)>,
     folder: Option<PathBuf>,
+    /// Opens the files.
+    files: Files,
     /// Hears of the files that are read.
     reporter: Reporter,
     open: BTreeMap<usize, Result<Data, String>>,
@@ -32,9 +34,10 @@ impl Buffers {
         stream: Box<dyn Stream>,
         chunk: Option<(u64, u64)>,
         folder: Option<PathBuf>,
+        files: Files,
         reporter: Reporter,
     ) -> Self {
-        Self { stream, chunk, folder, reporter, open: BTreeMap::new() }
+        Self { stream, chunk, folder, files, reporter, open: BTreeMap::new() }
     }
 
     /// Reads `length` bytes from `offset` of a buffer.
@@ -48,9 +51,9 @@ impl Buffers {
         offset: u64,
         length: usize,
     ) -> Result<Vec<u8>, String> {
-        let (chunk, folder, reporter) = (self.chunk, &self.folder, &self.reporter);
+        let (chunk, folder, files, reporter) = (self.chunk, &self.folder, &self.files, &self.reporter);
         let data = self.open.entry(buffer);
-        let data = data.or_insert_with(|| open(document, buffer, chunk, folder.as_ref(), reporter));
+        let data = data.or_insert_with(|| open(document, buffer, chunk, folder.as_ref(), files, reporter));
         let data = data.as_mut().map_err(|e| e.clone())?;
         let all = match data {
             Data::Chunk { length, .. } | Data::File { length, .. } => *length,
@@ -85,6 +88,7 @@ fn open(
     buffer: usize,
     chunk: Option<(u64, u64)>,
     folder: Option<&PathBuf>,
+    files: &Files,
     reporter: &Reporter,
 ) -> Result<Data, String> {
     let Some(described) = item(&document.buffers, buffer) else {
@@ -97,7 +101,8 @@ fn open(
             Some(bytes) => bytes.map(Data::Inline).map_err(|e| format!("buffer {buffer}: {e}")),
             None => {
                 let path = path_of_uri(uri, folder).map_err(|e| format!("buffer {buffer}: {e}"))?;
-                let (file, length) = open_file(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+                let (file, length) =
+                    open_file(&path, files).map_err(|e| format!("{}: {e}", path.display()))?;
                 reporter.file_read(&path);
                 Ok(Data::File { file, length })
             }

@@ -113,7 +113,7 @@ impl Generator for Gltf {
         drop(json);
         let folder = source.folder().map(Path::to_path_buf);
         let file = match source {
-            GeneratorSource::File(path) => Some(path.clone()),
+            GeneratorSource::File { path, .. } => Some(path.clone()),
             GeneratorSource::Bytes { .. } => None,
         };
         let nodes = scene::nodes(&document, &mut faults);
@@ -126,7 +126,13 @@ impl Generator for Gltf {
             stem,
             reader: Reader {
                 document: &document,
-                buffers: Buffers::new(stream, chunk, folder.clone(), reporter.clone()),
+                buffers: Buffers::new(
+                    stream,
+                    chunk,
+                    folder.clone(),
+                    source.files().clone(),
+                    reporter.clone(),
+                ),
             },
             materials: Materials { document: &document, folder, file },
             shared: BTreeMap::new(),

@@ -58,7 +58,7 @@ impl Format for GltfPictures {
                 malformed(text.strip_prefix(&format!("{}: ", path.display())).unwrap_or(&text).to_owned())
             }
         };
-        let source = GeneratorSource::File(path.to_owned());
+        let source = GeneratorSource::file(path).with_files(&limits.files);
         let Opened { name, mut stream, size } = open(&source).map_err(failed)?;
         let (json, chunk) = container(&name, &mut stream, size).map_err(failed)?;
         // What is wrong with it as a scene is told by the generator.
@@ -71,12 +71,12 @@ impl Format for GltfPictures {
         }
         limits.within(path, "number of images", count as u64, u64::from(limits.images))?;
         let folder = path.parent().map(Path::to_path_buf);
-        let buffers = Buffers::new(stream, chunk, folder.clone(), silent.clone());
+        let buffers = Buffers::new(stream, chunk, folder.clone(), limits.files.clone(), silent.clone());
         Ok(Box::new(Pictures {
             path: path.to_owned(),
             folder,
             formats: self.formats.clone(),
-            limits: *limits,
+            limits: limits.clone(),
             document,
             buffers: Mutex::new(buffers),
             open: (0..count).map(|_| OnceLock::new()).collect(),

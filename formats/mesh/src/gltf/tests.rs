@@ -72,7 +72,7 @@ fn the_same_triangle_from_all_kinds_of_buffers() {
     doc["buffers"] = json!([{"uri": "a%20b.bin"}]);
     let file = folder.path().join("t.gltf");
     std::fs::write(&file, doc.to_string()).unwrap();
-    assert_eq!(flat(&run_source(&Gltf, &GeneratorSource::File(file)).clean()), want);
+    assert_eq!(flat(&run_source(&Gltf, &GeneratorSource::file(file)).clean()), want);
 }
 
 #[test]
@@ -186,7 +186,7 @@ fn materials() {
     let primitives = json!([{"attributes": {"POSITION": 0, "TEXCOORD_1": 1}, "material": 0}]);
     let doc = document(&[(0, 36), (36, 24)], accessors, primitives, rest);
     let folder = tempfile::tempdir().unwrap();
-    let source = GeneratorSource::File(folder.path().join("t.glb"));
+    let source = GeneratorSource::file(folder.path().join("t.glb"));
     std::fs::write(folder.path().join("t.glb"), glb(&doc, &bin)).unwrap();
     let got = flat(&run_source(&Gltf, &source).clean()).replace(folder.path().to_str().unwrap(), "DIR");
     let want = "Attribute (\"color C\", (1, 0.5, 0))\nAttribute (\"color opacity\", (0.25, 0.25, 0.25))\n\
@@ -408,7 +408,7 @@ fn pictures_inside_of_the_file_have_its_name() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a b.glb");
     std::fs::write(&path, triangle(rest)).unwrap();
-    let got = flat(&run_source(&Gltf, &GeneratorSource::File(path.clone())).clean());
+    let got = flat(&run_source(&Gltf, &GeneratorSource::file(path.clone())).clean());
     let want = format!("\"string emissionname\", \"{}#1\"", path.display());
     assert!(got.contains(&want), "{got}");
 }

@@ -51,6 +51,7 @@ impl Generator for Obj {
             reporter,
             faults: Faults::new(reporter, file.clone()),
             folder: source.folder(),
+            files: source.files(),
             wants_materials,
             table: Table::default(),
             group: Group::default(),
@@ -72,6 +73,7 @@ struct Reader<'a> {
     reporter: &'a Reporter,
     faults: Faults<'a>,
     folder: Option<&'a Path>,
+    files: &'a granita_base::Files,
     wants_materials: bool,
     table: Table,
     group: Group,
@@ -287,7 +289,7 @@ impl Reader<'_> {
         let place = |name: &str| folder.join(name.replace('\\', "/"));
         let whole = words.rest();
         let mut names = Vec::new();
-        if place(&whole).is_file() {
+        if self.files.is_file(&place(&whole)) {
             names.push(whole);
         } else {
             while let Some(word) = words.word() {
@@ -299,7 +301,7 @@ impl Reader<'_> {
                 continue;
             }
             let path = place(&name);
-            if let Err(error) = mtl::read(&path, &mut self.materials, self.reporter) {
+            if let Err(error) = mtl::read(&path, self.files, &mut self.materials, self.reporter) {
                 self.faults.error("library", line, || {
                     format!("cannot read the materials in {}: {error}", path.display())
                 });

@@ -4,6 +4,7 @@ use crate::emit::{self, Emit, color, float, string};
 use crate::faults::Faults;
 use crate::source::open_file;
 use crate::text::{Lines, Words};
+use granita_base::Files;
 use granita_base::Params;
 use granita_scene::{Call, Stop};
 use std::collections::BTreeMap;
@@ -75,10 +76,11 @@ impl Material {
 /// Reads a library into `materials`. Mistakes in it are reported with its own name and lines.
 pub(super) fn read(
     path: &Path,
+    files: &Files,
     materials: &mut BTreeMap<Vec<u8>, Material>,
     reporter: &granita_base::Reporter,
 ) -> io::Result<()> {
-    let (file, _) = open_file(path)?;
+    let (file, _) = open_file(path, files)?;
     reporter.file_read(path);
     let name: Arc<str> = path.to_string_lossy().into();
     let mut faults = Faults::new(reporter, name);
@@ -199,7 +201,7 @@ mod tests {
         std::fs::write(&path, text).unwrap();
         let (reporter, kept) = Reporter::collecting();
         let mut all = BTreeMap::new();
-        read(&path, &mut all, &reporter).unwrap();
+        read(&path, &Files::default(), &mut all, &reporter).unwrap();
         let prefix = format!("{}", path.display());
         let kept = kept.lock().unwrap().iter().map(|m| m.to_string().replace(&prefix, "m.mtl")).collect();
         (all, kept)

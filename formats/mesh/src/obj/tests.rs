@@ -136,7 +136,7 @@ fn materials() {
         "mtllib a b.mtl\nmtllib gone.mtl\n{SQUARE}vt 0.25 0.25\nusemtl red\nf 1/1 2/1 3/1\nusemtl blue\nf 1/1 2/1 3/1\n"
     );
     write("m.obj", &text);
-    let source = GeneratorSource::File(folder.path().join("m.obj"));
+    let source = GeneratorSource::file(folder.path().join("m.obj"));
     let trial = run_source(&Obj, &source);
     let path = folder.path().display().to_string();
     let got = flat(&trial.pyg).replace(&path, "DIR");
@@ -163,10 +163,10 @@ fn materials() {
 
 #[test]
 fn no_such_file() {
-    let trial = run_source(&Obj, &GeneratorSource::File("nowhere.obj".into()));
+    let trial = run_source(&Obj, &GeneratorSource::file("nowhere.obj"));
     let text = trial.error.unwrap().to_string();
     assert!(text.starts_with("nowhere.obj: "), "{text}");
     let folder = tempfile::tempdir().unwrap();
-    let trial = run_source(&Obj, &GeneratorSource::File(folder.path().to_owned()));
+    let trial = run_source(&Obj, &GeneratorSource::file(folder.path().to_owned()));
     assert!(trial.error.unwrap().to_string().contains("a folder, not a file"));
 }

@@ -55,7 +55,7 @@ impl DdsOutput {
             let what = format!("{} levels of an image that has at most {most}", options.levels);
             return Err(ImageError::Misuse { path: path.to_owned(), what });
         }
-        let mut file = AtomicFile::create(path)?;
+        let mut file = options.files.create(path)?;
         file.write_all(&header(spec, options.levels, number)).map_err(|e| file.io_error(e))?;
         Ok(Self { file, spec: spec.clone(), levels: options.levels.max(1), level: 0, next_y: 0 })
     }
@@ -140,7 +140,7 @@ impl ImageOutput for DdsOutput {
             pixels.append_le_bytes(&mut bytes);
         }
         self.next_y += (pixels.len() / row) as u32;
-        self.file.write_all(&bytes).map_err(|e| self.file.io_error(e))
+        self.file.write_all(&bytes).map_err(|e| self.file.io_error(e).into())
     }
 
     fn write_tile(&mut self, _tx: u32, _ty: u32, _pixels: &Pixels) -> Result<()> {
@@ -178,6 +178,6 @@ impl ImageOutput for DdsOutput {
             let level = self.level + 1;
             return Err(self.misuse(format!("level {level} and those after it are missing")));
         }
-        self.file.commit()
+        Ok(self.file.commit()?)
     }
 }

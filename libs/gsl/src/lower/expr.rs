@@ -1,13 +1,16 @@
 //! Lowering of expressions, places and calls.
 
-use super::{Lowerer, MAX_DEPTH, Part, Return, Spot};
+use super::{Lowerer, MANY_ARMS, MAX_DEPTH, Part, Return, Spot};
 use crate::access;
 use crate::builtins::Signature;
 use crate::check::zero;
-use crate::hir::{self, Component, ExprKind, FuncId, StmtKind, VarKind};
+use crate::hir::{self, Component, ExprKind, FuncId, Operator, StmtKind, VarKind};
 use crate::ir::*;
 use crate::source::Pos;
 use std::sync::Arc;
+
+/// Operators beside each other whose temporaries are all kept until their statement ends.
+const MANY_LINKS: usize = 64;
 
 impl<'a> Lowerer<'a> {
     // Expressions.
@@ -75,41 +78,8 @@ impl<'a> Lowerer<'a> {
                 self.op(*code, Some(dst), vec![a], pos);
                 dst
             }
-            ExprKind::Binary(code, a, b) => {
-                let args = vec![self.expr(a), self.expr(b)];
-                // Component by component it does not matter whether an operand is the result.
-                let apart: &[SymbolId] = if ty == ValueType::Matrix { &args } else { &[] };
-                let apart = apart.to_vec();
-                let dst = self.target(hint, ty, &apart);
-                self.op(*code, Some(dst), args, pos);
-                dst
-            }
-            ExprKind::And(a, b) => {
-                let a = self.expr(a);
-                let cond = self.temp(ty);
-                self.op(OpCode::Truth, Some(cond), vec![a], pos);
-                let result = self.local(ty);
-                self.op(OpCode::Assign, Some(result), vec![cond], pos);
-                self.second(cond, b, result, pos);
-                result
-            }
-            ExprKind::Or(a, b) => {
-                let a = self.expr(a);
-                let cond = self.temp(ty);
-                self.op(OpCode::Not, Some(cond), vec![a], pos);
-                let result = self.local(ty);
-                self.op(OpCode::Not, Some(result), vec![cond], pos);
-                self.second(cond, b, result, pos);
-                result
-            }
-            ExprKind::Ternary(condition, a, b) => {
-                let cond = self.expr(condition);
-                let result = self.local(ty);
-                let then = self.inner(pos, |s| s.branch(a, result, pos));
-                let otherwise = self.inner(pos, |s| s.branch(b, result, pos));
-                self.emit(Stmt::If { cond, then, otherwise }, pos);
-                result
-            }
+            ExprKind::Chain(first, links) => self.chain(first, links, hint),
+            ExprKind::Select(arms, otherwise) => self.select(arms, otherwise, ty, pos),
             ExprKind::Convert(a) => {
                 let a = self.expr(a);
                 let dst = self.target(hint, ty, &[]);
@@ -140,6 +110,106 @@ impl<'a> Lowerer<'a> {
                 copy
             }
         }
+    }
+
+    /// Operators from left to right. Of long chains, what an operator made is free as soon as the next one has used it.
+    fn chain(&mut self, first: &'a hir::Expr, links: &'a [hir::Link], hint: Option<SymbolId>) -> SymbolId {
+        let mark = self.live.len();
+        let mut value = self.expr(first);
+        let mut pos = first.pos;
+        for (k, link) in links.iter().enumerate() {
+            value = self.link(value, pos, link, hint.filter(|_| k + 1 == links.len()));
+            pos = link.pos;
+            if links.len() > MANY_LINKS {
+                self.release_but(mark, value);
+            }
+        }
+        value
+    }
+
+    fn link(&mut self, a: SymbolId, pos_a: Pos, link: &'a hir::Link, hint: Option<SymbolId>) -> SymbolId {
+        let (ty, pos) = (link.ty, link.pos);
+        let a = match link.left {
+            None => a,
+            Some((code, ty)) => {
+                let dst = self.temp(ty);
+                self.op(code, Some(dst), vec![a], pos_a);
+                dst
+            }
+        };
+        let code = match link.operator {
+            Operator::Op(code) => code,
+            and_or => {
+                let cond = self.temp(ty);
+                let negated = if and_or == Operator::And { OpCode::Truth } else { OpCode::Not };
+                self.op(negated, Some(cond), vec![a], pos);
+                let result = self.local(ty);
+                let copied = if and_or == Operator::And { OpCode::Assign } else { OpCode::Not };
+                self.op(copied, Some(result), vec![cond], pos);
+                self.second(cond, &link.right, result, pos);
+                return result;
+            }
+        };
+        let args = vec![a, self.expr(&link.right)];
+        // Component by component it does not matter whether an operand is the result.
+        let apart: &[SymbolId] = if ty == ValueType::Matrix { &args } else { &[] };
+        let dst = self.target(hint, ty, apart);
+        self.op(code, Some(dst), args, pos);
+        dst
+    }
+
+    fn select(
+        &mut self,
+        arms: &'a [(hir::Expr, hir::Expr)],
+        otherwise: &'a hir::Expr,
+        ty: ValueType,
+        pos: Pos,
+    ) -> SymbolId {
+        let Some(((condition, _), _)) = arms.split_first() else { return self.expr(otherwise) };
+        if arms.len() <= MANY_ARMS {
+            let cond = self.expr(condition);
+            let result = self.local(ty);
+            self.select_nested(cond, arms, otherwise, result, pos);
+            return result;
+        }
+        let result = self.local(ty);
+        self.in_scope(pos, |s, scope| {
+            for (condition, value) in arms {
+                let mark = s.live.len();
+                let cond = s.expr(condition);
+                let then = s.inner(pos, |s| {
+                    s.branch(value, result, pos);
+                    s.emit(Stmt::Leave(scope), pos);
+                });
+                s.emit(Stmt::If { cond, then, otherwise: Vec::new() }, pos);
+                s.release(mark);
+            }
+            s.branch(otherwise, result, pos);
+        });
+        result
+    }
+
+    /// The first arm, whose condition is `cond`, and within its `else` the others.
+    fn select_nested(
+        &mut self,
+        cond: SymbolId,
+        arms: &'a [(hir::Expr, hir::Expr)],
+        otherwise: &'a hir::Expr,
+        result: SymbolId,
+        pos: Pos,
+    ) {
+        let Some(((_, value), rest)) = arms.split_first() else { return };
+        let then = self.inner(pos, |s| s.branch(value, result, pos));
+        let otherwise = self.inner(pos, |s| match rest.first() {
+            None => s.branch(otherwise, result, pos),
+            Some((condition, _)) => {
+                let mark = s.live.len();
+                let cond = s.expr(condition);
+                s.select_nested(cond, rest, otherwise, result, pos);
+                s.release(mark);
+            }
+        });
+        self.emit(Stmt::If { cond, then, otherwise }, pos);
     }
 
     /// The second operand of `&&` or `||`, where `cond` holds.
@@ -437,10 +507,7 @@ impl<'a> Lowerer<'a> {
         }
         let result = (func.ret != ValueType::Void).then(|| self.local(func.ret));
         let early = returns_early(&func.body, true);
-        let scope = early.then(|| {
-            self.next_scope += 1;
-            ScopeId(self.next_scope - 1)
-        });
+        let scope = early.then(|| self.scope_id());
         self.returns.push(Return { scope, result });
         if let (false, Some(result)) = (func.returns, result) {
             let value = self.constant(SymbolType::of(func.ret), &zero(func.ret));
@@ -464,7 +531,9 @@ fn returns_early(body: &[hir::Stmt], outermost: bool) -> bool {
     body.iter().enumerate().any(|(i, s)| match &s.kind {
         StmtKind::Return(_) => !(outermost && i + 1 == body.len()),
         StmtKind::Block(list) => returns_early(list, false),
-        StmtKind::If(_, a, b) => returns_early(a, false) || returns_early(b, false),
+        StmtKind::If(arms, otherwise) => {
+            arms.iter().any(|arm| returns_early(&arm.body, false)) || returns_early(otherwise, false)
+        }
         StmtKind::Loop { body, .. }
         | StmtKind::Emit(_, body)
         | StmtKind::Lights { body, .. }

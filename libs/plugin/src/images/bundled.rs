@@ -290,7 +290,7 @@ unsafe extern "C" fn out_open(
             (Some(file), 1) => file.next_level(&image).map_err(|e| e.to_string())?,
             _ => {
                 // Formats that must know say so.
-                let made = out.format.create(&path, &CreateOptions { spec: &image, levels: 1 });
+                let made = out.format.create(&path, &CreateOptions::new(&image, 1));
                 out.file = Some(made.map_err(|e| e.to_string())?);
             }
         }

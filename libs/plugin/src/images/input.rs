@@ -51,7 +51,7 @@ pub(super) fn open(format: &PluginFormat, path: &Path, limits: &Limits) -> Resul
         path: path.to_owned(),
         name,
         made,
-        limits: *limits,
+        limits: limits.clone(),
         specs: vec![first],
         levels: false,
         reader: Mutex::new(reader),

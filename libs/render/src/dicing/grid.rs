@@ -2,6 +2,7 @@
 
 use super::Placement;
 use super::motion::points_at;
+use crate::finite;
 use granita_base::{BaseType, ShapeDesc, Transform, Vec3, Vec4, hash};
 use granita_geom::{Dice, DiceData, DicePrimvar};
 use granita_scene::Primitive;
@@ -114,14 +115,18 @@ pub(crate) fn make_grid(
         dice.v.last().map_or(0, |v| v.to_bits()),
     ]);
     grid.primvars = dice.primvars.iter().map(|v| to_common(v, n, &to_world, &to_normal)).collect();
-    for (name, lanes) in [("C", &mut grid.c), ("opacity", &mut grid.opacity)] {
-        let constant = match attributes.floats(name)[..] {
-            [r, g, b] => Vec3::new(r, g, b),
-            _ => Vec3::ONE,
-        };
+    let color = match attributes.floats("C")[..] {
+        [r, g, b] => Vec3::new(r, g, b),
+        _ => Vec3::ONE,
+    };
+    let constants = [("C", &mut grid.c, color), ("opacity", &mut grid.opacity, finite::opacity(attributes))];
+    for (name, lanes, constant) in constants {
         *lanes = Lanes3::splat(constant, n);
         if let Some(variable) = grid.primvars.iter().find(|v| &*v.name == name) {
             override_color(lanes, variable, n);
+            if name == "opacity" {
+                finite::clamp_opacity(lanes);
+            }
         }
     }
     grid

@@ -1,7 +1,8 @@
 //! Where a primitive is at the times that matter.
 
+use crate::object::longest_axis;
 use crate::{CameraView, Projection};
-use granita_base::{Bound, MotionTransform, Transform, Vec3};
+use granita_base::{Bound, DMat4, DVec3, MotionTransform, Transform, Vec3};
 use granita_geom::{Surface, View};
 
 /// A primitive's way to world space, and the times between which its points move on straight lines.
@@ -11,6 +12,57 @@ pub(crate) struct Placement {
     pub(crate) to_world: MotionTransform,
     /// Increasing; one time, the shading time, for what does not move.
     times: Vec<f32>,
+    /// `None` where single precision never shows.
+    reach: Option<Reach>,
+}
+
+/// How large coordinates are on their way from object to camera space. The products of the matrices are rounded relative
+/// to these, not to what is left of them beside the eye.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reach {
+    /// Lengths of the transformed unit axes of object space, in camera space units.
+    stretch: Vec3,
+    /// Length of the translations, in camera space units.
+    offset: f32,
+}
+
+impl Reach {
+    /// Bound of the rounding of a camera space position, in camera space units; `largest` holds the largest object space
+    /// coordinates along the axes.
+    pub(crate) fn rounding(&self, largest: Vec3) -> f32 {
+        f32::EPSILON * (self.stretch.dot(largest) + self.offset)
+    }
+}
+
+/// Rounding of positions by less than this, in raster pixels, does not show: the rims of grids close it.
+const ROUNDING_PX: f32 = 0.02;
+
+/// Whether rounding by so many raster pixels shows; also where that is no number.
+pub(crate) fn shows(rounding_px: f32) -> bool {
+    rounding_px > ROUNDING_PX || rounding_px.is_nan()
+}
+
+/// Pixels per camera space unit at a depth, not nearer than the near plane.
+pub(crate) fn pixels_at(camera: &CameraView, z: f32) -> f32 {
+    camera.raster_scale(z.max(camera.near)).abs().max_element()
+}
+
+/// The largest object space coordinates along the axes of some pieces, at any motion key.
+pub(crate) fn largest_coordinates<'p>(pieces: impl Iterator<Item = &'p dyn Surface>) -> Vec3 {
+    let of_key = |(piece, key): (&dyn Surface, usize)| {
+        let bound = piece.bound(key);
+        if bound.is_empty() { Vec3::ZERO } else { bound.min.abs().max(bound.max.abs()) }
+    };
+    pieces
+        .flat_map(|p| (0..p.key_times().len()).map(move |key| (p, key)))
+        .map(of_key)
+        .fold(Vec3::ZERO, Vec3::max)
+}
+
+/// A position in double precision, transformed by a matrix for column vectors.
+pub(crate) fn precise_point(m: &DMat4, p: DVec3) -> DVec3 {
+    let h = *m * p.extend(1.0);
+    if h.w == 1.0 { h.truncate() } else { h.truncate() / h.w }
 }
 
 impl Placement {
@@ -36,7 +88,40 @@ impl Placement {
             times.sort_by(f32::total_cmp);
             times.dedup();
         }
-        Self { to_world: to_world.clone(), times }
+        Self { to_world: to_world.clone(), times, reach: None }
+    }
+
+    /// Finds out whether single precision may show to any of these cameras, of a primitive whose largest object space
+    /// coordinates are `largest`.
+    pub(crate) fn look_from<'c>(
+        &mut self,
+        cameras: impl Iterator<Item = &'c CameraView> + Clone,
+        largest: Vec3,
+    ) {
+        let mut reach = Reach { stretch: Vec3::ZERO, offset: 0.0 };
+        for camera in cameras.clone() {
+            for &time in &self.times {
+                let (to_world, to_camera) = (self.to_world.at(time), camera.world_to_camera.at(time));
+                let length = |m: &Transform| longest_axis(|v| m.vector(v));
+                let all = to_world.then(&to_camera);
+                let moved = to_world.point(Vec3::ZERO).length() * length(&to_camera);
+                reach.stretch =
+                    reach.stretch.max([Vec3::X, Vec3::Y, Vec3::Z].map(|v| all.vector(v).length()).into());
+                reach.offset = reach.offset.max(moved + to_camera.point(Vec3::ZERO).length());
+            }
+        }
+        let px = |camera: &CameraView| reach.rounding(largest) * pixels_at(camera, camera.near);
+        self.reach = cameras.into_iter().any(|camera| shows(px(camera))).then_some(reach);
+    }
+
+    /// How large its coordinates are; `None` where single precision never shows.
+    pub(crate) fn reach(&self) -> Option<&Reach> {
+        self.reach.as_ref()
+    }
+
+    /// Object to camera space at a time in double precision, for column vectors.
+    pub(crate) fn precise_to(&self, camera: &CameraView, time: f32) -> DMat4 {
+        camera.world_to_camera.precise_at(time) * self.to_world.precise_at(time)
     }
 
     /// Times between which points move on straight lines in world (and camera) space.

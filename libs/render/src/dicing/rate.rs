@@ -1,8 +1,8 @@
 //! How finely a piece is diced, and whether it must be split first.
 
-use super::Placement;
+use super::motion::{Placement, pixels_at, precise_point, shows};
 use crate::{CameraView, Projection};
-use granita_base::Vec3;
+use granita_base::{DVec3, Vec3};
 use granita_geom::{Dice, DiceData, Piece, SidePart, SidePoints, SplitDirection, Surface};
 use granita_scene::{AttributeSet, Scene};
 use std::sync::Arc;
@@ -10,11 +10,17 @@ use std::sync::Arc;
 /// Points of the lattice that a piece is measured on, along each parameter.
 const LATTICE: usize = 5;
 
-/// Deepest nesting of splits: enough to halve a piece a million times over in both directions.
-const MAX_DEPTH: u32 = 40;
+/// Deepest nesting of splits: groups of parts, then 50 halvings in both directions.
+const MAX_DEPTH: u32 = 160;
 
 /// Most points along one direction of a grid, whatever the grid size.
 const MAX_POINTS: usize = 1 << 12;
+
+/// Most shading samples per raster unit that "shadingquality" and "preview" may ask for.
+pub(crate) const MAX_QUALITY: f32 = 100.0;
+
+/// A measured length is right where rounding is less than this part of it.
+const ROUNDING_PART: f32 = 1e-4;
 
 /// How much coarser than this (pixels of motion along a line) detail may be before it is missed in the blur.
 const DETAIL_PER_MOTION: f32 = 0.25;
@@ -31,6 +37,8 @@ const STRAIGHT: f32 = 1.0 - 4.0 * f32::EPSILON;
 pub(crate) struct SceneDicing {
     /// "limits:gridsize".
     gridsize: i32,
+    /// "limits:primitivepoints"; 0 for any number.
+    most_points: i32,
     /// "trimcurve:quality".
     pub(crate) trim_quality: f32,
     /// "dice:fixeduname" and "dice:fixedvname".
@@ -42,9 +50,17 @@ impl SceneDicing {
     pub(crate) fn new(scene: &Scene) -> Self {
         Self {
             gridsize: scene.int("limits:gridsize"),
+            most_points: scene.int("limits:primitivepoints"),
             trim_quality: scene.float("trimcurve:quality"),
             fixed_names: ["dice:fixeduname", "dice:fixedvname"].map(|name| scene.string(name)),
         }
+    }
+}
+
+impl SceneDicing {
+    /// Most points that a primitive may be diced into.
+    pub(crate) fn most_points(&self) -> u64 {
+        if self.most_points > 0 { u64::from(self.most_points.unsigned_abs()) } else { u64::MAX }
     }
 }
 
@@ -95,7 +111,7 @@ impl DiceSettings {
         let gridsize = scene.gridsize;
         let not_negative = |v: f32| if v.is_finite() { v.max(0.0) } else { 0.0 };
         Self {
-            quality: positive(quality, 1.0).clamp(1e-4, 1e3),
+            quality: positive(quality, 1.0).clamp(1e-4, MAX_QUALITY),
             gridsize: if gridsize > 0 { (gridsize as usize).clamp(4, 1 << 16) } else { 256 },
             curvature: positive(curvature_deg, 10.0).to_radians(),
             highcurvature: positive(attributes.float("dice:highcurvature"), 120.0).to_radians(),
@@ -154,6 +170,13 @@ struct Asked {
     v: f32,
     /// The sides, as [`Surface::side`] numbers them; 0 for one that is a single point. `None` where the rates are given.
     sides: Option<[f32; 4]>,
+}
+
+/// Camera space positions of some points of a piece.
+struct Points {
+    p_cam: Vec<Vec3>,
+    /// Rounding to single precision shows, of some of them at least: who measures a part of them has to look again.
+    rounds: bool,
 }
 
 /// Measures pieces as the dicing camera sees them.
@@ -329,11 +352,13 @@ impl<'a> Measure<'a> {
             // Between two straight sides lines are no longer than the longer one.
             return Asked { u: u0.max(u1).max(1.0), v: v0.max(v1).max(1.0), sides: Some([u0, u1, v0, v1]) };
         }
-        let [Some(lattice), moved] =
+        let [Some(Points { p_cam: lattice, rounds }), moved] =
             self.at_ends(placement, settings, |time| self.lattice(piece, placement, time))
         else {
             return Asked { u: 1.0, v: 1.0, sides: None };
         };
+        let moved_rounds = moved.as_ref().is_some_and(|moved| moved.rounds);
+        let moved = moved.map(|moved| moved.p_cam);
         let line = |start: usize, step: usize| {
             let along =
                 |points: &[Vec3]| -> [Vec3; LATTICE] { std::array::from_fn(|k| points[start + k * step]) };
@@ -376,6 +401,12 @@ impl<'a> Measure<'a> {
             if is_point(&lattice) && moved.iter().all(is_point) { 0.0 } else { along[axis][end].max(1.0) }
         };
         let mut sides = [side(0, 0), side(0, last), side(1, 0), side(1, last)];
+        if rounds || moved_rounds {
+            // Rounded or not is a matter of the side alone, not of the lattice.
+            for (k, side) in sides.iter_mut().enumerate() {
+                *side = self.whole_side(piece, k, placement, settings).unwrap_or(*side);
+            }
+        }
         // Neighbours of which all is in front measure the common side as a whole.
         for (side, straight) in sides.iter_mut().zip(straight.into_iter().flatten()) {
             *side = straight.unwrap_or(*side);
@@ -399,8 +430,15 @@ impl<'a> Measure<'a> {
             return None;
         }
         let time = placement.times()[0];
-        let corners = self.seen_at(piece, placement, time, |key| piece.facet(0, key).to_vec());
-        let &[a, b, c, d] = &corners[..] else { return None };
+        let ends = |list: &[usize]| {
+            let at_key = |key: usize| {
+                let corners = piece.facet(0, key);
+                list.iter().map(|k| corners[*k]).collect::<Vec<Vec3>>()
+            };
+            let precisely = |key: usize| at_key(key).iter().map(|p| p.as_dvec3()).collect();
+            self.seen_at(piece, placement, time, at_key, precisely)
+        };
+        let whole = ends(&[0, 1, 2, 3]);
         let perspective = matches!(self.camera.projection, Projection::Perspective { .. });
         let side = |p: Vec3, q: Vec3| {
             if p == q {
@@ -409,9 +447,17 @@ impl<'a> Measure<'a> {
             if perspective && p.z.min(q.z) <= self.camera.near {
                 return None;
             }
-            let length_px = self.camera.project(p).truncate().distance(self.camera.project(q).truncate());
+            let length_px = self.raster_distance(p, q);
             length_px.is_finite().then(|| nearest(length_px * settings.quality, 0.0).max(1.0))
         };
+        if whole.rounds {
+            // Each side by itself: its neighbour finds the same, however large the rest of it is.
+            return Some([[0, 1], [2, 3], [0, 2], [1, 3]].map(|list| match ends(&list).p_cam[..] {
+                [p, q] => side(p, q),
+                _ => None,
+            }));
+        }
+        let &[a, b, c, d] = &whole.p_cam[..] else { return None };
         Some([side(a, b), side(c, d), side(a, c), side(b, d)])
     }
 
@@ -429,8 +475,13 @@ impl<'a> Measure<'a> {
                 piece.side_positions(key, part, LATTICE, &mut points);
                 points
             };
-            let points = self.seen_at(piece, placement, time, at_key);
-            <[Vec3; LATTICE]>::try_from(points).ok()
+            let precisely = |key: usize| {
+                let mut points = Vec::with_capacity(LATTICE);
+                piece.precise_side_positions(key, part, LATTICE, &mut points);
+                points
+            };
+            let points = self.seen_at(piece, placement, time, at_key, precisely);
+            <[Vec3; LATTICE]>::try_from(points.p_cam).ok()
         };
         match self.at_ends(placement, settings, at) {
             [Some(points), moved] => self.line(&points, moved.as_ref(), settings).max(1.0),
@@ -452,7 +503,7 @@ impl<'a> Measure<'a> {
     }
 
     /// Camera space positions of the measuring lattice at a time; `None` when the piece has none.
-    fn lattice(&self, piece: &dyn Surface, placement: &Placement, time: f32) -> Option<Vec<Vec3>> {
+    fn lattice(&self, piece: &dyn Surface, placement: &Placement, time: f32) -> Option<Points> {
         let viewer = piece.is_facing().then(|| super::Viewer::new(self.camera, placement, piece.key_times()));
         let at_key = |key: usize| {
             let mut lattice = Vec::with_capacity(LATTICE * LATTICE);
@@ -465,8 +516,16 @@ impl<'a> Measure<'a> {
             }
             lattice
         };
-        let lattice = self.seen_at(piece, placement, time, at_key);
-        (lattice.len() == LATTICE * LATTICE).then_some(lattice)
+        let precisely = |key: usize| {
+            if piece.is_facing() {
+                return at_key(key).iter().map(|p| p.as_dvec3()).collect();
+            }
+            let mut lattice = Vec::with_capacity(LATTICE * LATTICE);
+            piece.precise_positions(key, LATTICE, LATTICE, &mut lattice);
+            lattice
+        };
+        let lattice = self.seen_at(piece, placement, time, at_key, precisely);
+        (lattice.p_cam.len() == LATTICE * LATTICE).then_some(lattice)
     }
 
     /// Camera space positions at a time of points that are known at each motion key.
@@ -476,7 +535,8 @@ impl<'a> Measure<'a> {
         placement: &Placement,
         time: f32,
         at_key: impl Fn(usize) -> Vec<Vec3>,
-    ) -> Vec<Vec3> {
+        precisely: impl Fn(usize) -> Vec<DVec3>,
+    ) -> Points {
         let (key, next, alpha) = super::motion::key_at(piece.key_times(), time);
         let mut points = at_key(key);
         if alpha != 0.0 {
@@ -484,9 +544,51 @@ impl<'a> Measure<'a> {
                 *p = p.lerp(q, alpha);
             }
         }
+        let largest = placement.reach().map(|_| points.iter().map(|p| p.abs()).fold(Vec3::ZERO, Vec3::max));
         let to_camera = placement.to_world.at(time).then(&self.camera.world_to_camera.at(time));
         points.iter_mut().for_each(|p| *p = to_camera.point(*p));
-        points
+        let (Some(reach), Some(largest)) = (placement.reach(), largest) else {
+            return Points { p_cam: points, rounds: false };
+        };
+        let depth = |p: &Vec3| if self.by_distance { p.length() } else { p.z };
+        let nearest = points.iter().map(depth).fold(f32::INFINITY, f32::min);
+        let pixels = pixels_at(self.camera, nearest);
+        let rounding_px = reach.rounding(largest) * pixels;
+        let rounds = shows(rounding_px);
+        if rounds {
+            // To the bit the same in either order of the points.
+            let longest = points.windows(2).map(|w| (w[1] - w[0]).abs().max_element()).fold(0.0, f32::max);
+            let right = rounding_px <= ROUNDING_PART * longest * pixels;
+            if !right {
+                let to_camera = placement.precise_to(self.camera, time);
+                let mut precise = precisely(key);
+                if alpha != 0.0 {
+                    for (p, q) in precise.iter_mut().zip(precisely(next)) {
+                        *p = p.lerp(q, f64::from(alpha));
+                    }
+                }
+                points.clear();
+                points.extend(precise.into_iter().map(|p| precise_point(&to_camera, p).as_vec3()));
+            }
+        }
+        Points { p_cam: points, rounds }
+    }
+
+    /// Segments that a side asks for, measured by itself: 0 for a point, `None` for one that is settled.
+    fn whole_side(
+        &self,
+        piece: &dyn Surface,
+        side: usize,
+        placement: &Placement,
+        settings: &DiceSettings,
+    ) -> Option<f32> {
+        let part = piece.side(side)?;
+        let mut points = Vec::with_capacity(LATTICE);
+        let is_point = (0..piece.key_times().len()).all(|key| {
+            piece.precise_side_positions(key, &part, LATTICE, &mut points);
+            points.windows(2).all(|w| w[0] == w[1])
+        });
+        Some(if is_point { 0.0 } else { self.along_side(piece, &part, placement, settings) })
     }
 
     /// Segments that one line of the lattice asks for; `moved` is the line when the shutter closes. To the bit the same
@@ -570,16 +672,33 @@ impl<'a> Measure<'a> {
         1.0 + 0.25 * blur.x.max(blur.y)
     }
 
+    /// Distance in pixels of two points that are not before the near plane. Where squares of it overflow it is no more than
+    /// 1e30.
+    fn raster_distance(&self, a: Vec3, b: Vec3) -> f32 {
+        let [p, q] = [a, b].map(|p| self.camera.project(p).truncate());
+        let distance_px = p.distance(q);
+        if distance_px.is_finite() || !(a.is_finite() && b.is_finite()) {
+            return distance_px;
+        }
+        let project = |p: Vec3| {
+            let scale = self.camera.raster_scale(1.0).as_dvec2();
+            let perspective = matches!(self.camera.projection, Projection::Perspective { .. });
+            p.truncate().as_dvec2() * scale / if perspective { f64::from(p.z) } else { 1.0 }
+        };
+        project(a).distance(project(b)).min(1e30) as f32
+    }
+
     /// Length of a step in pixels.
     fn length(&self, a: Vec3, b: Vec3, rasterorient: bool) -> f32 {
         let perspective = matches!(self.camera.projection, Projection::Perspective { .. });
         let near = self.camera.near;
         if rasterorient && !self.by_distance {
             // What lies before the near plane is measured as if on it.
-            let project = |p: Vec3| self.camera.project(Vec3::new(p.x, p.y, p.z.max(near))).truncate();
+            let clamped = |p: Vec3| Vec3::new(p.x, p.y, p.z.max(near));
             let z_far_enough = !perspective || a.z.max(b.z) > near;
             if z_far_enough {
-                return project(a).distance(project(b)) / self.coarsening(((a.z + b.z) * 0.5).max(near));
+                return self.raster_distance(clamped(a), clamped(b))
+                    / self.coarsening(((a.z + b.z) * 0.5).max(near));
             }
         }
         let distance = if perspective { ((a + b) * 0.5).length().max(near) } else { 1.0 };

@@ -35,7 +35,7 @@ struct Rig {
 impl Rig {
     /// With attributes of the object; those of the scene are told apart by their names.
     fn new(list: &[(&str, ParamData)]) -> Self {
-        let mut values = BTreeMap::new();
+        let mut values = granita_scene::Values::default();
         let mut scene = Scene::default();
         for (declaration, data) in list {
             let p = param(declaration, data.clone());

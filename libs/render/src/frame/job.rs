@@ -1,8 +1,11 @@
 //! A primitive on its way to grids.
 
+use super::limits::{Budget, POINTS_OF_A_SPLIT};
 use super::{Eye, Frame, FrameShader, ObjectTraits};
 use crate::dicing::trimming;
-use crate::dicing::{DiceSettings, Leaf, Placement, Plan, Rates, Viewer, key_at};
+use crate::dicing::{
+    DiceSettings, Leaf, MAX_QUALITY, Placement, Plan, Rates, Viewer, key_at, largest_coordinates,
+};
 use crate::hider::{NOWHERE, ShadedGrid, pixels_of};
 use crate::statistics::add;
 use crate::{PixelRect, Projection, preshaded};
@@ -22,6 +25,7 @@ pub(super) struct Job<O> {
     /// Where each eye may see it.
     pub(super) seen: Box<[Sighting]>,
     pub(super) culls_hidden: bool,
+    budget: Budget,
     /// Until it is split.
     pieces: Mutex<Vec<Piece>>,
     split: OnceLock<Split>,
@@ -196,7 +200,20 @@ impl<S: FrameShader> Frame<'_, S> {
         let cameras = [&self.options.camera.world_to_camera, &self.options.dicing_camera.world_to_camera];
         let shutter =
             if self.pattern.blur { self.options.camera.shutter } else { [self.options.camera.shutter[0]; 2] };
-        let placement = Placement::new(&attributes.to_world, shape_times, &cameras, shutter);
+        let mut placement = Placement::new(&attributes.to_world, shape_times, &cameras, shutter);
+        let eyes = self.eyes.iter().map(|eye| eye.camera).chain([self.options.dicing_camera]);
+        placement.look_from(eyes, largest_coordinates(pieces.iter().map(|p| &**p)));
+        if let Some(what) = self.unplaceable(&pieces, &placement) {
+            report(Severity::Error, format!("{} is left out: {what}", primitive.shape.call_name()));
+            return None;
+        }
+        let quality = attributes.float("shadingquality");
+        if quality > MAX_QUALITY && self.options.dicing_camera.preview == 0.0 {
+            report(
+                Severity::Warning,
+                format!("\"shadingquality\" {quality:e} is more than {MAX_QUALITY}, which is used"),
+            );
+        }
         let sighting = |eye: &Eye<'_>| {
             let (mut bound_px, mut z_min, mut blurs) = (NOWHERE, f32::INFINITY, false);
             for piece in &pieces {
@@ -221,6 +238,7 @@ impl<S: FrameShader> Frame<'_, S> {
             traits,
             placement,
             seen,
+            budget: Budget::new(self.dicing.most_points()),
             pieces: Mutex::new(pieces),
             split: OnceLock::new(),
             passed: Mutex::new(Some(Vec::new())),
@@ -262,6 +280,7 @@ impl<S: FrameShader> Frame<'_, S> {
             add(&self.counters.primitives_split, 1);
             let pieces = std::mem::take(&mut *job.pieces.lock().unwrap_or_else(PoisonError::into_inner));
             let parts = self.leaves(job, pieces);
+            let parts = if job.budget.is_spent() { self.leave_out(job, parts) } else { parts };
             let mut leaves = Vec::with_capacity(parts.len());
             let mut of_bucket = vec![Vec::with_capacity(parts.len()); self.eyes.len()];
             for (seen, leaf) in parts {
@@ -363,6 +382,9 @@ impl<S: FrameShader> Frame<'_, S> {
             let rect = pixels_of(seen.bound_px, &self.region);
             Sighting { rect, z_min: seen.z_min, blurs: seen.blurs }
         };
+        if job.budget.is_spent() {
+            return;
+        }
         let seen: Box<[Sighting]> = self.eyes.iter().map(sighting).collect();
         if seen.iter().all(|s| s.rect.is_empty()) {
             add(&self.counters.pieces_culled, 1);
@@ -378,10 +400,15 @@ impl<S: FrameShader> Frame<'_, S> {
         };
         match plan {
             Plan::Split(direction, settled) => {
+                // Groups are as many as the scene has parts.
+                job.budget.spend(if piece.is_group() { 0 } else { POINTS_OF_A_SPLIT });
                 let parts = piece.split_settled(direction, settled);
                 out.extend(parts.into_iter().map(|p| Node::Piece(p, depth + 1)));
             }
-            Plan::Dice(rates) => out.push(Node::Leaf(seen, Leaf { piece, rates: Box::new(rates) })),
+            Plan::Dice(rates) => {
+                job.budget.spend((rates.nu * rates.nv) as u64);
+                out.push(Node::Leaf(seen, Leaf { piece, rates: Box::new(rates) }));
+            }
         }
     }
 
@@ -408,7 +435,14 @@ impl<S: FrameShader> Frame<'_, S> {
                 .fold(0.0, f32::max);
             boxes.push(bound.padded(traits.max_displacement_world * stretch));
         }
-        let hull = boxes.iter().copied().fold(Bound::EMPTY, Bound::union);
+        let mut hull = boxes.iter().copied().fold(Bound::EMPTY, Bound::union);
+        if self.is_loose(eye, piece, placement, &hull) {
+            match self.precise_boxes(eye, piece, placement, traits) {
+                Some(precise) => boxes = precise,
+                None => return Seen { bound_px: NOWHERE, z_min: f32::INFINITY, blurs: false },
+            }
+            hull = boxes.iter().copied().fold(Bound::EMPTY, Bound::union);
+        }
         if !hull.is_finite() || hull.is_empty() {
             return Seen { bound_px: NOWHERE, z_min: f32::INFINITY, blurs: false };
         }
@@ -484,8 +518,11 @@ impl<S: FrameShader> Frame<'_, S> {
             blur_px = confusion(hull.min.z).max(confusion(hull.max.z));
         }
         if moves {
-            // Of points that deform or are displaced a box says nothing.
-            if piece.key_times().len() > 1 || traits.displaces {
+            // Of points that deform or are displaced a box says nothing, nor does one that is rounded.
+            if piece.key_times().len() > 1
+                || traits.displaces
+                || self.is_coarse(camera, piece, placement, hull.min.z)
+            {
                 return true;
             }
             let corners = Placement::object_bound(piece, placement.times()[0]).corners();

@@ -2,9 +2,11 @@
 
 use super::cells::{Cells, finer, kept};
 use super::job::{Job, LeafSlot, Sighting};
+use super::precise::Precise;
 use super::{Eye, Frame, FrameShader, Holdout};
 use crate::Projection;
 use crate::dicing::{GridView, Leaf, Viewer, Viewpoint, key_at, make_grid};
+use crate::finite;
 use crate::griddump::is_identity;
 use crate::hider::{ShadedGrid, ViewedGrid};
 use crate::preshaded::GridTraits;
@@ -29,6 +31,8 @@ struct Diced<'a> {
     key_times: &'a [f32],
     lanes: Range<usize>,
     kept: Option<Cells>,
+    /// Where single precision shows.
+    precise: Option<Precise>,
 }
 
 /// What was shaded.
@@ -136,8 +140,13 @@ impl<S: FrameShader> Frame<'_, S> {
             if dice.nu < 2 || dice.nv < 2 || dice.p.is_empty() {
                 continue;
             }
-            let grid = make_grid(&dice, key_times, primitive, placement, &view);
-            let mut one = Diced { index, slot, leaf, dice, key_times, lanes: 0..grid.len(), kept: None };
+            let mut grid = make_grid(&dice, key_times, primitive, placement, &view);
+            let precise = self.precise(job, slot, leaf);
+            if let Some(precise) = &precise {
+                precise.place(&mut grid, job, &view, dicing_camera);
+            }
+            let mut one =
+                Diced { index, slot, leaf, dice, key_times, lanes: 0..grid.len(), kept: None, precise };
             // What is displaced is looked at when it is where it will be.
             if job.traits.displaces || one.keep(job, &grid, 0) {
                 all.push((one, grid));
@@ -153,10 +162,18 @@ impl<S: FrameShader> Frame<'_, S> {
         if let Some(found) = &shaded.variables {
             color = self.colors(&shaded.grid.c, lanes, job, "colour");
             opacity = self.colors(&shaded.grid.opacity, lanes, job, "opacity");
+            // More than all of what is behind cannot be hidden, nor less than nothing.
+            opacity.iter_mut().for_each(|o| *o = o.clamp(Color::ZERO, Color::ONE));
             for (values, components) in found {
                 match values {
                     Some(values) => {
                         values.chunks_exact(n).for_each(|c| variables.extend_from_slice(&c[lanes.clone()]));
+                        let own = variables.len() - components * lanes.len();
+                        if !finite::all_usable(&variables[own..]) {
+                            self.report_unusable("variable", job);
+                            let unusable = |v: &&mut f32| !finite::all_usable(&[**v]);
+                            variables[own..].iter_mut().filter(unusable).for_each(|v| *v = 0.0);
+                        }
                     }
                     // A shader without the variable shows 0 (reference 7.3.6).
                     None => variables.resize(variables.len() + components * lanes.len(), 0.0),
@@ -212,9 +229,13 @@ impl<S: FrameShader> Frame<'_, S> {
     ) -> Box<[ViewedGrid]> {
         let (nu, per_side) = (diced.dice.nu, diced.per_side());
         let times = job.placement.times();
-        let p_world = diced.positions(job, shaded);
+        let p_world = if diced.precise.is_some() { Vec::new() } else { diced.positions(job, shaded) };
         let view = |(eye, seen): (&Eye<'_>, &Sighting)| {
             let mut p_cam: Vec<Vec<Vec3>> = Vec::with_capacity(times.len());
+            if let Some(precise) = &diced.precise {
+                let offsets = diced.offsets(job, shaded);
+                p_cam.extend(times.iter().map(|t| precise.p_cam(&job.placement, eye.camera, *t, &offsets)));
+            }
             for (time, points) in times.iter().zip(&p_world) {
                 let to_camera = eye.camera.world_to_camera.at(*time);
                 let to_world = job.placement.to_world.at(*time);
@@ -246,23 +267,23 @@ impl<S: FrameShader> Frame<'_, S> {
             .clone()
             .map(|i| {
                 let c = values.get(i);
-                if c.is_finite() {
-                    return c;
-                }
-                bad = true;
-                Color::from_array(c.to_array().map(|v| if v.is_finite() { v } else { 0.0 }))
+                finite::mended(c).inspect(|_| bad = true).unwrap_or(c)
             })
             .collect();
         if bad {
-            let name = job.primitive.attributes.name();
-            self.options.reporter.once(
-                &format!("not finite {what} {name}"),
-                Severity::Warning,
-                &job.primitive.at,
-                format!("object \"{name}\": its shader gave a {what} that is no finite number; 0 is used"),
-            );
+            self.report_unusable(what, job);
         }
         colors
+    }
+
+    fn report_unusable(&self, what: &str, job: &Job<S::Object>) {
+        let name = job.primitive.attributes.name();
+        self.options.reporter.once(
+            &format!("not finite {what} {name}"),
+            Severity::Warning,
+            &job.primitive.at,
+            format!("object \"{name}\": its shader gave {}", finite::reason(what)),
+        );
     }
 
     /// Warns about points that a displacement moved out of the bound it declared.
@@ -316,24 +337,29 @@ impl Diced<'_> {
         first.iter().zip(second).map(|(p, q)| p.lerp(*q, alpha)).collect()
     }
 
+    /// How far its points were displaced, in object space when the shutter opens; nothing where they were not.
+    fn offsets<O>(&self, job: &Job<O>, shaded: &Shaded<'_>) -> Vec<Vec3> {
+        let Some(before) = shaded.before else { return Vec::new() };
+        let back = job.placement.to_world.at(shaded.grid.time).inverse();
+        let moved = |lane: usize| shaded.grid.p.get(lane) - before.get(lane);
+        self.lanes.clone().map(|lane| back.vector(moved(lane))).collect()
+    }
+
     /// World space positions at all times of the placement.
     ///
     /// A displacement is computed once, when the shutter opens, and moves with the surface.
     fn positions<O>(&self, job: &Job<O>, shaded: &Shaded<'_>) -> Vec<Vec<Vec3>> {
         let (placement, grid) = (&job.placement, shaded.grid);
-        let back = placement.to_world.at(grid.time).inverse();
-        let offset = |lane: usize| match shaded.before {
-            Some(before) => back.vector(grid.p.get(lane) - before.get(lane)),
-            None => Vec3::ZERO,
-        };
+        let offsets = self.offsets(job, shaded);
         let at = |time: f32| {
             if time == grid.time {
                 // The very points that were shaded.
                 return self.lanes.clone().map(|lane| grid.p.get(lane)).collect();
             }
             let to_world = placement.to_world.at(time);
-            let points = self.object_points(time).into_iter().zip(self.lanes.clone());
-            points.map(|(p, lane)| to_world.point(p + offset(lane))).collect()
+            let points = self.object_points(time).into_iter().enumerate();
+            let offset = |i: usize| offsets.get(i).copied().unwrap_or(Vec3::ZERO);
+            points.map(|(i, p)| to_world.point(p + offset(i))).collect()
         };
         placement.times().iter().map(|time| at(*time)).collect()
     }

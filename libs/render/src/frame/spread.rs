@@ -51,6 +51,10 @@ impl<S: FrameShader> Buckets for Share<'_, '_, S> {
         Some(index)
     }
 
+    fn is_over(&self) -> bool {
+        self.frame.options.stop.load(Ordering::Relaxed) || self.queue.is_done()
+    }
+
     fn put(&self, index: usize, pixels: Result<BucketPixels, String>) -> Result<(), String> {
         let frame = self.frame;
         let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);

@@ -1,7 +1,9 @@
 //! Whole frames with shaders that are Rust functions: geometry, sampling, filtering, determinism.
 
 mod cracks;
+mod endless;
 mod extremes;
+mod huge;
 mod passes;
 mod seams;
 mod stereo;
@@ -109,7 +111,7 @@ fn param(declaration: &str, values: &[f32]) -> Param {
 
 /// An object of these attributes, in the set "camera".
 fn attributes(list: &[(&str, &[f32])], to_world: MotionTransform) -> Arc<AttributeSet> {
-    let values: std::collections::BTreeMap<Arc<str>, Param> =
+    let values: granita_scene::Values =
         list.iter().map(|(d, v)| param(d, v)).map(|p| (p.name.clone(), p)).collect();
     let values = Arc::new(values);
     let geometry_sets: Arc<[Arc<str>]> = [Arc::from("camera")].into();

@@ -1,7 +1,7 @@
 //! Shaded grids as a camera sees them.
 
 use crate::{CameraView, Lens, PixelRect, Projection};
-use granita_base::{Bound, Color, Vec2, Vec3};
+use granita_base::{Bound, Color, DVec3, Vec2, Vec3};
 
 /// How a surface treats what is behind it (reference 4.4.4 "holdout").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -40,6 +40,42 @@ impl Projector {
             far: camera.far,
             lens: camera.lens.filter(|_| defocus),
         }
+    }
+
+    /// Whether all of some camera space points lie beyond one side of the view of `within` (raster pixels, grown by `room_px`),
+    /// as seen from any point of the lens, by more than `pad` camera space units: then so does their convex hull.
+    pub(crate) fn is_beyond(
+        &self,
+        points: impl Iterator<Item = DVec3> + Clone,
+        pad: f64,
+        within: &PixelRect,
+        room_px: f64,
+    ) -> bool {
+        let (near, far) = (f64::from(self.near), f64::from(self.far));
+        if points.clone().all(|p| p.z + pad < near) || points.clone().all(|p| p.z - pad > far) {
+            return true;
+        }
+        let lens = self.lens.map_or([0.0; 2], |lens| [lens.radius, -lens.radius]).map(f64::from);
+        let focus = self.lens.map_or(1.0, |lens| f64::from(lens.focal_distance));
+        let edges = [
+            (0, -1.0, f64::from(within.x0) - room_px),
+            (0, 1.0, f64::from(within.x1) + room_px),
+            (1, -1.0, f64::from(within.y0) - room_px),
+            (1, 1.0, f64::from(within.y1) + room_px),
+        ];
+        edges.into_iter().any(|(axis, sign, edge)| {
+            let (scale, from_center) = (f64::from(self.scale[axis]), edge - f64::from(self.center[axis]));
+            // In a perspective the sides are planes through the lens point; linear in the lens point, too.
+            let slope = if self.perspective { from_center } else { 0.0 };
+            let constant = if self.perspective { 0.0 } else { from_center };
+            let pad = pad * (scale.abs() + slope.abs());
+            points.clone().all(|p| {
+                lens.iter().all(|l| {
+                    let x = p[axis] - l + l * p.z / focus;
+                    sign * (x * scale - slope * p.z - constant) > pad
+                })
+            })
+        })
     }
 
     /// Raster box of the part of a camera space box between the clipping planes, as seen from the whole lens.

@@ -145,7 +145,8 @@ pub(crate) fn prepare(
     let shape_times: Vec<f32> = primitive.keys.iter().map(|k| k.time).collect();
     let shutter = if motion { camera.shutter } else { [camera.shading_time(); 2] };
     let still: [&MotionTransform; 0] = [];
-    let placement = Placement::new(&attributes.to_world, &shape_times, &still, shutter);
+    let mut placement = Placement::new(&attributes.to_world, &shape_times, &still, shutter);
+    placement.look_from(std::iter::once(camera), dicing::largest_coordinates(pieces.iter().map(|p| &**p)));
     let displaced = object.displaces_rays();
     let (primitive, object) = (primitive.clone(), object.clone());
     // Hits of faces with strings of their own cannot share a grid; parts know how to tell.
@@ -179,7 +180,19 @@ pub(crate) fn prepare(
         pixel_world: 0.0,
         triangles: 0.0,
     };
-    solid.divide(pieces, camera);
+    let most = dicing.most_points();
+    // Two triangles for a point.
+    solid.divide(pieces, camera, 2.0 * most as f32);
+    if solid.triangles > 2.0 * most as f32 {
+        report(
+            Severity::Error,
+            format!(
+                "its {} asks for more than {most} points and is left out for rays; lower \"shadingquality\", or raise \"limits:primitivepoints\"",
+                solid.primitive.shape.call_name()
+            ),
+        );
+        return None;
+    }
     if displaced && solid.object.max_displacement_world <= 0.0 {
         // Nothing says how far it moves: look.
         for k in 0..solid.parts.len() {
@@ -260,7 +273,7 @@ impl Solid {
     }
 
     /// Finds the parts.
-    fn divide(&mut self, pieces: Vec<Piece>, camera: &CameraView) {
+    fn divide(&mut self, pieces: Vec<Piece>, camera: &CameraView, most: f32) {
         let mut division = Division {
             displacement: if self.displaced { self.object.max_displacement_world } else { 0.0 },
             placement: &self.placement,
@@ -269,6 +282,7 @@ impl Solid {
             roots: Vec::new(),
             parts: Vec::new(),
             triangles: 0.0,
+            most,
         };
         for piece in pieces {
             if let Some((piece, _)) = division.run(piece) {
@@ -357,6 +371,8 @@ struct Division<'a> {
     parts: Vec<Part>,
     /// Of what cannot be divided any more, so far.
     triangles: f32,
+    /// What more than so many triangles are asked of is left out.
+    most: f32,
 }
 
 impl Division<'_> {
@@ -411,7 +427,7 @@ impl Division<'_> {
         let [u, v] = if must_split { [1.0; 2] } else { measure.asked(piece, self.placement, settings) };
         let triangles = 2.0 * u.ceil() * v.ceil();
         let small = !must_split && triangles <= PART_TRIANGLES;
-        if small || !piece.is_splittable() || path.len() >= MAX_SPLITS {
+        if small || !piece.is_splittable() || path.len() >= MAX_SPLITS || self.triangles > self.most {
             self.triangles += triangles;
             return Some(triangles);
         }

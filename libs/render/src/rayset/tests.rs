@@ -293,3 +293,23 @@ fn tessellations_stay_in_the_boxes_of_their_parts() {
     }
     assert!(seen > 10_000, "{seen}");
 }
+
+#[test]
+fn what_asks_for_too_many_triangles_is_left_out_alone() {
+    let mut f = Fixture::new(&[BUMPS]);
+    let own = [param("float displace:maxradius", 0.3), param("float dice:highcurvature", 1e-20_f32)];
+    let displacement = Some(shader("bumps", &[], Transform::IDENTITY));
+    let own = AttributeSet { displacement, ..f.attributes("", &["set"], &own) };
+    f.sphere(Vec3::ZERO, 1.0, own);
+    let own = f.attributes("", &["set"], &[]);
+    f.sphere(Vec3::X * 8.0, 1.0, own);
+    f.global("int limits:primitivepoints", 100_000);
+    let (scene, camera, environment) = f.finish();
+    let frame = ShadingContext::new(&scene, &camera, &environment);
+    let set = frame.rays.scene("set", &frame).unwrap();
+    let mut thread = ShaderThread::new(&frame);
+    let rays = [0.0, 8.0].map(|x| request(Vec3::new(x, 0.0, -9.0), Vec3::new(x, 0.0, 0.0), 0.0, 0.0));
+    assert_eq!(any(set, &mut thread, &rays), [false, true]);
+    let said = f.complaints();
+    assert!(said.len() == 1 && said[0].contains("100000 points and is left out for rays"), "{said:?}");
+}

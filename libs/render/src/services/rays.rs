@@ -5,6 +5,7 @@ use super::{Run, count, option};
 use crate::rayset::RayScene;
 use crate::raytrace::{RayPurpose, RayRequest};
 use crate::sampling::{Distribution, in_cone};
+use crate::shading::{MAX_RAY_LEVELS, MORE_NESTED};
 use granita_base::{Color, Vec3, hash, sample};
 use granita_shade::{
     EnvironmentQuery, HitValues, Lane, Lanes3, LookupResult, ShadowQuery, TraceQuery, TraceResult,
@@ -77,8 +78,16 @@ impl Run<'_, '_> {
         }
     }
 
-    /// Whether rays may be traced: not by shaders that run while the structures are being built.
+    /// Whether rays may be traced: not by shaders that run while the structures are being built, nor by those within too many
+    /// others.
     pub(super) fn may_trace(&mut self) -> bool {
+        if self.thread.nested > MAX_RAY_LEVELS + MORE_NESTED {
+            self.report_depth();
+            return false;
+        }
+        if self.frame.is_stopped() {
+            return false;
+        }
         if self.thread.builds_rays {
             self.frame.unsupported("tracing rays from a displacement shader of an object that rays see");
         }
@@ -87,7 +96,24 @@ impl Run<'_, '_> {
 
     /// Whether a shader at this ray level may not spawn rays that shade (reference 4.3.5).
     pub(super) fn is_too_deep(&self) -> bool {
-        self.ray.level >= self.frame.rays.limits.max_depth
+        let allowed = self.frame.rays.limits.max_depth;
+        if self.ray.level >= MAX_RAY_LEVELS && allowed > MAX_RAY_LEVELS {
+            self.report_depth();
+        }
+        self.ray.level >= allowed.min(MAX_RAY_LEVELS)
+    }
+
+    fn report_depth(&self) {
+        let Self { frame, owner, .. } = self;
+        frame.reporter.once(
+            "rays too deep",
+            granita_base::Severity::Warning,
+            &granita_base::Location::default(),
+            format!(
+                "object \"{owner}\": rays are followed {MAX_RAY_LEVELS} levels deep and no further (\"ray:maxdepth\" is {})",
+                frame.rays.limits.max_depth
+            ),
+        );
     }
 
     pub(super) fn purpose(&self) -> RayPurpose {
@@ -174,10 +200,14 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
     out.p_hit = Lanes3::zeros(lanes);
     out.n_hit = Lanes3::zeros(lanes);
     let o = &query.options;
-    let mut spread_over: Vec<(u32, u32)> = Vec::new();
-    let mut rays = Vec::new();
     let traces = !run.is_too_deep() && run.may_trace();
     let call = run.next_call(query.batch.active);
+    let scene = if traces { run.frame.rays.scene(query.name, run.frame) } else { None };
+    let shade = o.shade.is_none_or(|s| query.batch.active.iter().any(|l| s.get(*l as usize) != 0.0));
+    let purpose = RayPurpose { shade, ..run.purpose() };
+    let most = if run.ray.level < DEEP { RAYS } else { RAYS_WHERE_DEEP };
+    let mut rays: Vec<RayRequest> = Vec::new();
+    let mut sums: Vec<Sum> = Vec::new();
     for &lane in query.batch.active {
         let i = lane as usize;
         let value = if traces { Color::ZERO } else { run.frame.rays.limits.max_depth_color };
@@ -197,6 +227,7 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
         let samples = count(o.samples, i);
         let per_ray = 1.0 / (samples as f32).sqrt();
         let seed = run.lane_seed(call, lane);
+        sums.push(Sum::new(lane, samples));
         for index in 0..samples {
             let (x, y) = in_footprint(index, samples, seed);
             let axis = (r + drdx * x + drdy * y).normalize_or(r);
@@ -217,33 +248,83 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
                 width: dpdx.length().max(dpdy.length()) * per_ray,
                 spread: (drdx.length().max(drdy.length()) + 2.0 * half_angle.max(0.0)) * per_ray,
             });
+            if rays.len() == most {
+                trace_into(run, scene, &mut rays, purpose, &mut sums);
+            }
         }
-        spread_over.push((lane, samples));
     }
-    let Some(scene) = run.frame.rays.scene(query.name, run.frame).filter(|_| !rays.is_empty()) else {
+    trace_into(run, scene, &mut rays, purpose, &mut sums);
+    if scene.is_none() {
         return;
-    };
-    let shade = o.shade.is_none_or(|s| query.batch.active.iter().any(|l| s.get(*l as usize) != 0.0));
-    let purpose = RayPurpose { shade, ..run.purpose() };
-    let found = run.thread.radiance(scene, &rays, purpose, &run.said);
-    let mut rest = &found[..];
-    for (lane, samples) in spread_over {
-        let (own, others) = rest.split_at(samples as usize);
-        rest = others;
-        let i = lane as usize;
-        let share = 1.0 / samples as f32;
-        let color = own.iter().fold(Color::ZERO, |sum, r| sum + r.color) * share;
-        let opacity = own.iter().fold(Color::ZERO, |sum, r| sum + r.opacity) * share;
+    }
+    for sum in sums {
+        let i = sum.lane as usize;
+        let share = 1.0 / sum.samples as f32;
+        let (color, opacity) = (sum.color * share, sum.opacity * share);
         (0..query.channels).for_each(|c| out.value[c][i] = color[c.min(2)]);
         out.alpha[i] = (opacity.x + opacity.y + opacity.z) / 3.0;
-        let hits: Vec<_> = own.iter().filter(|r| r.distance.is_finite()).collect();
-        if !hits.is_empty() {
-            let mean = 1.0 / hits.len() as f32;
-            out.hitdist[i] = hits.iter().map(|r| r.distance).sum::<f32>() * mean;
-            out.p_hit.set(i, hits.iter().fold(Vec3::ZERO, |sum, r| sum + r.p) * mean);
-            out.n_hit.set(i, hits.iter().fold(Vec3::ZERO, |sum, r| sum + r.n) * mean);
+        if sum.hits > 0 {
+            let mean = 1.0 / sum.hits as f32;
+            out.hitdist[i] = sum.distance * mean;
+            out.p_hit.set(i, sum.p * mean);
+            out.n_hit.set(i, sum.n * mean);
         }
     }
+}
+
+/// Rays of one `environment ()` that are traced at once: they are there while their hits are shaded.
+const RAYS: usize = 1 << 14;
+/// The same from level [`DEEP`] on, where as many are there at each level before.
+const RAYS_WHERE_DEEP: usize = 1 << 10;
+const DEEP: u32 = 8;
+
+/// What the rays of a lane brought back so far.
+struct Sum {
+    lane: u32,
+    samples: u32,
+    color: Color,
+    opacity: Color,
+    /// Of those that hit something: how many, and sums of distances, places and normals.
+    hits: u32,
+    distance: f32,
+    p: Vec3,
+    n: Vec3,
+}
+
+impl Sum {
+    fn new(lane: u32, samples: u32) -> Self {
+        let (color, opacity) = (Color::ZERO, Color::ZERO);
+        Self { lane, samples, color, opacity, hits: 0, distance: 0.0, p: Vec3::ZERO, n: Vec3::ZERO }
+    }
+}
+
+/// Traces rays, in the order of the lanes in `sums`, and adds what they bring back; none are left.
+fn trace_into(
+    run: &mut Run<'_, '_>,
+    scene: Option<&RayScene>,
+    rays: &mut Vec<RayRequest>,
+    purpose: RayPurpose,
+    sums: &mut [Sum],
+) {
+    if let (Some(scene), Some(first)) = (scene, rays.first()) {
+        let mut at = sums.partition_point(|sum| sum.lane < first.lane);
+        let found = run.thread.radiance(scene, rays, purpose, &run.said);
+        for (ray, found) in rays.iter().zip(found) {
+            while sums[at].lane != ray.lane {
+                at += 1;
+            }
+            let sum = &mut sums[at];
+            sum.color += found.color;
+            sum.opacity += found.opacity;
+            if found.distance.is_finite() {
+                sum.hits += 1;
+                sum.distance += found.distance;
+                sum.p += found.p;
+                sum.n += found.n;
+            }
+        }
+    }
+    rays.clear();
 }
 
 /// `shadow ()` with the name of a geometry set (reference 10.1.6): rays from the points to the light.

@@ -107,6 +107,69 @@ fn a_mirror_box_darkens_to_the_colour_of_the_deepest_ray() {
 }
 
 #[test]
+fn depth_takes_memory_and_no_stack() {
+    // Two mirrors face each other, and a ray goes straight up and down between them for ever.
+    let mirror = "surface mirror (float r = 0.999) {
+        C = r * environment (\"box\", reflect (normalize (I), normalize (N))) + r * 0.001;
+    }";
+    for depth in [130, 999, 1000, 1001, 10_000] {
+        let mut f = Fixture::new(&[mirror]);
+        f.global("int ray:maxdepth", depth);
+        f.global("color ray:maxdepthcolor", &[1.0_f32; 3][..]);
+        let own = f.attributes("mirror", &["box"], &[param("string name", "looking glass")]);
+        let floor = f.rectangle([-2.0; 2], [2.0; 2], 0.0, own.clone());
+        f.rectangle([-2.0; 2], [2.0; 2], 1.0, own);
+        let points = [[Vec3::ZERO, Vec3::Z, -Vec3::Z], [Vec3::X, Vec3::Z, -Vec3::Z]];
+        // A thread's usual stack is enough.
+        let grid = std::thread::scope(|s| s.spawn(|| shade_at(&f, &floor, &points).0).join().unwrap());
+        let levels = depth.min(1000) + 1;
+        let expected = (0..levels).fold(1.0_f32, |sum, _| sum * 0.999 + 0.000999);
+        for k in 0..2 {
+            assert!(
+                (grid.c.get(k) - expected).abs().max_element() < 1e-4,
+                "{depth}: {} {expected}",
+                grid.c.get(k)
+            );
+        }
+        let said = f.complaints();
+        if depth <= 1000 {
+            assert_eq!(said, Vec::<String>::new());
+        } else {
+            let text = format!(
+                "warning: object \"looking glass\": rays are followed 1000 levels deep and no further \
+                 (\"ray:maxdepth\" is {depth})"
+            );
+            assert_eq!(said, [text]);
+        }
+    }
+}
+
+#[test]
+fn rays_end_when_the_frame_is_to_end() {
+    // Each hit sends two rays on: 2 to the power of 60 of them, were they all traced.
+    let glass = "surface glass () {
+        C = environment (\"box\", reflect (normalize (I), normalize (N))) + environment (\"box\", -normalize (I)) + 1;
+    }";
+    let mut f = Fixture::new(&[glass]);
+    f.global("int ray:maxdepth", 60);
+    let own = f.attributes("glass", &["box"], &[]);
+    let floor = f.rectangle([-2.0; 2], [2.0; 2], 0.0, own.clone());
+    f.rectangle([-2.0; 2], [2.0; 2], 1.0, own);
+    let (scene, camera, environment) = f.finish();
+    let frame = ShadingContext::new(&scene, &camera, &environment);
+    let object = frame.object(&floor);
+    let mut grid = flat_grid(&[[0.1, 0.1]]);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            std::thread::sleep(std::time::Duration::from_millis(100));
+            environment.stop.store(true, std::sync::atomic::Ordering::Relaxed);
+        });
+        ShaderThread::new(&frame).shade(&object, &mut grid, &[]);
+    });
+    assert!(frame.statistics().ray_hits_shaded > 60);
+}
+
+#[test]
 fn a_glass_ball_bends_rays_as_snell_says() {
     // A ray that meets a ball of index n at height b turns by asin (b) - asin (b / n) at each side.
     let bends = "surface bends (float eta = 1.5) {

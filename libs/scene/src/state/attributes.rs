@@ -203,7 +203,7 @@ impl State {
 
     /// A scene-wide attribute, checked and converted.
     fn set_global(&mut self, mut param: Param) {
-        let previous = crate::attribute::lookup(&self.globals, &param.name);
+        let previous = crate::attribute::lookup(self.globals.get(&param.name), &param.name);
         if param.name.starts_with("path:") {
             // "&" is the path as it was until now.
             let old = previous.as_ref().and_then(string).unwrap_or("");
@@ -237,9 +237,9 @@ impl State {
         let name = row.map_or(name.as_str(), |r| r.name);
         let found = match row.map(|r| r.scope) {
             None => self.current.set.values.get(name).cloned(),
-            Some(Scope::Object) => crate::attribute::lookup(&self.current.set.values, name),
-            Some(Scope::Global) => crate::attribute::lookup(&self.globals, name),
-            Some(Scope::Writer) => crate::attribute::lookup(&self.writer_values, name),
+            Some(Scope::Object) => crate::attribute::lookup(self.current.set.values.get(name), name),
+            Some(Scope::Global) => crate::attribute::lookup(self.globals.get(name), name),
+            Some(Scope::Writer) => crate::attribute::lookup(self.writer_values.get(name), name),
             Some(Scope::Camera) => self.camera_value(name),
             Some(Scope::Output) => attribute_default(name),
             Some(Scope::ReadOnly) => self.read_only(name),

@@ -275,7 +275,7 @@ impl State {
 
     /// Takes removed lights off the lists of all objects.
     fn drop_removed_lights(&mut self) {
-        let removed = |id: &crate::LightId| self.lights[id.0 as usize].group.layers.is_empty();
+        let removed = |id: crate::LightId| self.lights[id.0 as usize].group.layers.is_empty();
         if !self.lights.iter().any(|l| l.group.layers.is_empty()) {
             return;
         }
@@ -286,7 +286,7 @@ impl State {
                 continue;
             }
             let set = new.entry(Arc::as_ptr(&old) as usize).or_insert_with(|| {
-                let lights = old.lights.iter().copied().filter(|l| !removed(l)).collect();
+                let lights = old.lights.iter().filter(|l| !removed(*l)).collect();
                 Arc::new(AttributeSet { lights, ..(*old).clone() })
             });
             Arc::make_mut(primitive).attributes = set.clone();

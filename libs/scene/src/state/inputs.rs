@@ -112,7 +112,7 @@ impl State {
         bound: Option<[f32; 6]>,
         at: &Location,
     ) -> Result<(), Stop> {
-        let path = |name: &str| crate::attribute::lookup(&self.globals, name);
+        let path = |name: &str| crate::attribute::lookup(self.globals.get(name), name);
         let (input, generator) = (path("path:input"), path("path:generator"));
         let word = |p: &Option<granita_base::Param>| p.as_ref().and_then(string).unwrap_or(".").to_owned();
         let (input, generator) = (word(&input), word(&generator));

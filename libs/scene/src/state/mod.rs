@@ -203,7 +203,7 @@ impl State {
     }
 
     fn is_rerender(&self) -> bool {
-        crate::attribute::lookup(&self.globals, "rerender")
+        crate::attribute::lookup(self.globals.get("rerender"), "rerender")
             .and_then(|p| p.data.to_ints()?.first().copied())
             .is_some_and(|v| v != 0)
     }

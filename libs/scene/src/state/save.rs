@@ -118,7 +118,7 @@ fn copy_item(target: &mut AttributeSet, saved: &Saved, item: &str) {
         "trimcurve" if holds(item) => target.trim = from.trim.clone(),
         "user" => {
             let values = Arc::make_mut(&mut target.values);
-            values.retain(|k, _| !k.starts_with("user:"));
+            values.retain(|k| !k.starts_with("user:"));
             let users = from.values.iter().filter(|(k, _)| k.starts_with("user:"));
             let all = saved.items.as_ref().is_none_or(|i| i.iter().any(|i| &**i == "user"));
             values.extend(users.filter(|(k, _)| all || holds(k)).map(|(k, v)| (k.clone(), v.clone())));

@@ -5,7 +5,7 @@ use super::attributes::typed;
 use super::transforms::hint;
 use crate::attribute::suggestion;
 use crate::{Connection, Light, LightId, ShaderGroup, ShaderInstance, ShaderUsage};
-use granita_base::{Location, Params, Severity};
+use granita_base::{Location, ParamData, Params, Severity};
 use std::sync::Arc;
 
 /// Shaders between `ShaderGroupBegin` and `ShaderGroupEnd`.
@@ -75,7 +75,15 @@ impl State {
         let mut good = Params::new();
         for param in params {
             match typed(param) {
-                Ok(param) => good.0.push(param),
+                Ok(param) => {
+                    if let ParamData::Float(values) = &param.data
+                        && values.iter().any(|v| v.is_nan())
+                    {
+                        let text = format!("{call} \"{shader}\": \"{}\" is no number (NaN)", param.name);
+                        self.report_object(Severity::Warning, at, "shader parameter", text);
+                    }
+                    good.0.push(param);
+                }
                 Err(text) => {
                     let text = format!("{call} \"{shader}\": {text}");
                     self.report_object(Severity::Error, at, "shader parameter", text);
@@ -245,15 +253,9 @@ impl State {
 
     fn switch(&mut self, id: LightId, on: bool) {
         self.edit_sets(|set| {
-            if set.lights.contains(&id) == on {
-                return;
+            if set.lights.contains(id) != on {
+                set.lights.switch(id, on);
             }
-            let mut lights: Vec<LightId> = set.lights.iter().copied().filter(|l| *l != id).collect();
-            if on {
-                lights.push(id);
-                lights.sort();
-            }
-            set.lights = lights.into();
         });
     }
 }

@@ -25,6 +25,9 @@ pub fn predeclared(name: &str) -> Option<ParamType> {
     })
 }
 
+/// Largest coordinate of a vertex, in units of the object: squares of larger ones are no numbers any more.
+const FARTHEST: f32 = 1e20;
+
 impl State {
     /// A geometric primitive, alone or in a motion block.
     pub(super) fn shape(&mut self, shape: ShapeDesc, params: Params, at: &Location) {
@@ -67,9 +70,11 @@ impl State {
             for name in ["P", "Pw"] {
                 let Some(param) = key.params.get(name) else { continue };
                 let ParamData::Float(values) = &param.data else { continue };
-                if let Some(bad) = values.iter().position(|x| !x.is_finite()) {
+                if let Some(bad) = values.iter().position(|x| x.is_nan() || x.abs() > FARTHEST) {
                     let width = param.ty.width().max(1);
-                    let text = format!("{call}: \"{name}\" of vertex {} is {}", bad / width, values[bad]);
+                    let why = if values[bad].is_finite() { ", farther than 1e20" } else { "" };
+                    let text =
+                        format!("{call}: \"{name}\" of vertex {} is {:?}{why}", bad / width, values[bad]);
                     return self.report_object(Severity::Error, at, "NaN", text);
                 }
             }

@@ -20,10 +20,14 @@ impl State {
             Call::Translate(t) => Change::Append(Transform::translate(t.into())),
             Call::Scale(s) => Change::Append(Transform::scale(s.into())),
             Call::Rotate { angle_deg, axis } => {
-                if Vec3::from(axis) == Vec3::ZERO && angle_deg != 0.0 {
+                let axis = Vec3::from(axis);
+                if axis == Vec3::ZERO && angle_deg != 0.0 {
                     self.report_object(Severity::Error, at, name, "Rotate about an axis of length zero");
                 }
-                Change::Append(Transform::rotate(angle_deg.to_radians(), axis.into()))
+                // Of an axis that is no number a rotation would make the identity.
+                let known = axis.is_finite();
+                let rotation = Transform::rotate(angle_deg.to_radians(), axis);
+                Change::Append(if known { rotation } else { Transform::scale(axis) })
             }
             Call::AppendTransform(m) => Change::Append(Transform::from_rows(&m)),
             Call::SetTransform(TransformTarget::Matrix(m)) => Change::Set(Transform::from_rows(&m).into()),

@@ -150,6 +150,11 @@ fn calls_out_of_place() {
         ),
         (vec![Call::Translate([f32::NAN, 0.0, 0.0])], "numbers that are not finite"),
         (vec![Call::Rotate { angle_deg: 10.0, axis: [0.0; 3] }], "axis of length zero"),
+        (vec![Call::Rotate { angle_deg: 10.0, axis: [f32::NAN, 0.0, 1.0] }], "numbers that are not finite"),
+        (
+            vec![Call::Rotate { angle_deg: 10.0, axis: [0.0, f32::INFINITY, 0.0] }],
+            "numbers that are not finite",
+        ),
         (
             vec![Call::Command { name: "sytsem ls".into(), params: Params::new() }],
             "unknown command \"sytsem\"; did you mean \"system\"?",
@@ -226,7 +231,7 @@ fn lights_switch_replace_and_vanish() {
     run.calls([Call::World, light("a", Some("x")), sphere(), light("a", Some("y")), light("a", Some("z"))]);
     let scene = run.scene();
     assert_eq!(&*scene.lights[0].group.layers[0].shader, "z");
-    assert_eq!(scene.primitives[0].attributes.lights[..], [LightId(0)]);
+    assert_eq!(scene.primitives[0].attributes.lights.iter().collect::<Vec<_>>(), [LightId(0)]);
     assert!(run.message().contains("declared again"));
 }
 

@@ -2,6 +2,8 @@
 
 use super::images::Arriving;
 use super::{GREETING, message};
+use crate::patient::{Patience, Patient};
+use granita_base::process::Process;
 use granita_base::{BaseType, Location, Param, ParamData, ParamType, Reporter, Severity};
 use granita_image::FormatFinder;
 use granita_plugin::{Meanwhile, Plugins};
@@ -11,9 +13,13 @@ use granita_scene::{Call, SceneSink, Stop};
 use std::io::{self, Read, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{JoinHandle, ThreadId};
+use std::time::Duration;
 
 /// Calls are sent when they are so many bytes.
 const PIECE: usize = 1 << 16;
+
+/// How long a renderer without a connection may take to end.
+const ENDING: Duration = Duration::from_secs(5);
 
 /// The connection to a renderer.
 pub struct RemoteEnds {
@@ -21,8 +27,10 @@ pub struct RemoteEnds {
     pub from: Box<dyn Read + Send>,
     /// What it is told.
     pub to: Box<dyn Write + Send>,
-    /// Waits until it is gone, and tells how it ended.
-    pub ended: Box<dyn FnOnce() -> String + Send>,
+    /// Its process, which is ended when it is silent.
+    pub process: Process,
+    /// The longest silence in seconds, at least 2.
+    pub patience: f32,
 }
 
 impl std::fmt::Debug for RemoteEnds {
@@ -63,6 +71,8 @@ struct Known {
     waited: bool,
     /// The program said that it wants no more.
     leaving: bool,
+    /// Something could not be sent before that: the process is gone, which is reported even if the program leaves meanwhile.
+    lost: bool,
     /// There will be no answers.
     over: bool,
 }
@@ -87,16 +97,19 @@ impl Write for Pieces {
         if self.text.is_empty() {
             return Ok(());
         }
-        let sent = send(&mut **lock(&self.link.to), b'T', &[&self.text]);
+        let sent = self.link.send(b'T', &self.text);
         self.text.clear();
-        sent
+        if sent { Ok(()) } else { Err(io::ErrorKind::BrokenPipe.into()) }
     }
 }
 
 impl Link {
     /// Sends a frame; `false` when nobody is there.
     fn send(&self, kind: u8, payload: &[u8]) -> bool {
-        send(&mut **lock(&self.to), kind, &[payload]).is_ok()
+        let sent = send(&mut **lock(&self.to), kind, &[payload]).is_ok();
+        let mut known = lock(&self.known);
+        known.lost |= !sent && !known.leaving;
+        sent
     }
 
     /// Waits for an answer; `None` when there will be none.
@@ -116,12 +129,18 @@ impl Link {
         }
     }
 
-    /// Takes what the renderer says until it is gone.
-    fn listen(&self, mut from: Box<dyn Read + Send>, reporter: &Reporter, plugins: &Plugins) {
+    /// Takes what the renderer says until it is gone. Tells when it was silent for too long instead.
+    fn listen(&self, mut from: Patient, reporter: &Reporter, plugins: &Plugins) -> Option<String> {
         let mut arriving = Arriving::default();
         lock(&self.known).listener = Some(std::thread::current().id());
-        while let Ok((kind, payload)) = receive(&mut *from) {
+        loop {
+            let (kind, payload) = match receive(&mut from) {
+                Ok(frame) => frame,
+                Err(error) if error.kind() == io::ErrorKind::TimedOut => return Some(error.to_string()),
+                Err(_) => return None,
+            };
             match kind {
+                b'B' => continue,
                 b'M' => {
                     if let Some(message) = message(&payload) {
                         reporter.say(message.severity, &message.at, message.text);
@@ -148,6 +167,11 @@ impl Link {
             self.changed.notify_all();
         }
     }
+}
+
+/// How a process without a connection ends.
+fn ended(process: &mut Process) -> String {
+    process.wait_for_end(ENDING).map_or_else(|e| e.to_string(), |status| status.to_string())
 }
 
 impl Meanwhile for Link {
@@ -177,21 +201,37 @@ impl Remote {
         reporter: &Reporter,
         plugins: Plugins,
     ) -> Result<(Self, Arc<dyn Meanwhile>), String> {
-        match receive(&mut *ends.from) {
+        let mut from =
+            Patient::new(ends.from, Patience::new(ends.patience)).map_err(|error| error.to_string())?;
+        match receive(&mut from) {
             Ok((b'H', greeting)) if greeting == GREETING.as_bytes() => {}
-            Ok(_) => return Err("the renderer that was found is of another version".to_owned()),
-            Err(_) => return Err(format!("the renderer did not start ({})", (ends.ended)())),
+            Ok((_, greeting)) => {
+                let start: String = String::from_utf8_lossy(&greeting).chars().take(80).collect();
+                return Err(format!(
+                    "the renderer that was found is \"{start}\", and this is \"{GREETING}\""
+                ));
+            }
+            Err(error) if error.kind() == io::ErrorKind::TimedOut => {
+                return Err(format!("the renderer did not start: {error}"));
+            }
+            Err(_) => return Err(format!("the renderer did not start ({})", ended(&mut ends.process))),
         }
         let link =
             Arc::new(Link { to: Mutex::new(ends.to), known: Mutex::default(), changed: Condvar::new() });
-        let (listener, from, ended) = (link.clone(), ends.from, ends.ended);
+        let (listener, mut process) = (link.clone(), ends.process);
         let (says, reporter) = (reporter.clone(), reporter.clone());
         let thread = std::thread::Builder::new().name("gelato".to_owned()).spawn(move || {
-            listener.listen(from, &says, &plugins);
-            let how = ended();
+            // One that is silent is ended, so that whoever writes to it goes on.
+            let how = match listener.listen(from, &says, &plugins) {
+                Some(silence) => {
+                    drop(process);
+                    silence
+                }
+                None => ended(&mut process),
+            };
             let mut known = lock(&listener.known);
             (known.over, known.rendering) = (true, false);
-            let leaving = known.leaving;
+            let leaving = known.leaving && !known.lost;
             drop(known);
             if !leaving {
                 says.error(format!("the renderer's process has ended ({how}): nothing more is rendered"));
@@ -295,5 +335,51 @@ impl Drop for Remote {
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
+    }
+}
+
+#[cfg(test)]
+#[cfg(unix)]
+mod tests {
+    use super::*;
+    use granita_base::Supervisor;
+    use std::process::{Command, Stdio};
+    use std::time::Instant;
+
+    fn refused(script: &str) -> String {
+        let mut command = Command::new("sh");
+        command.args(["-c", script]).stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut process = Supervisor::default().spawn(&mut command, "").unwrap();
+        let (to, from) = (process.take_stdin().unwrap(), process.take_stdout().unwrap());
+        let ends = RemoteEnds { from: Box::new(from), to: Box::new(to), process, patience: 2.0 };
+        let begin = Instant::now();
+        let plugins = Plugins::new(Reporter::silent(), granita_plugin::PluginRules::default());
+        let error = Remote::new(ends, &Reporter::silent(), plugins).map(|_| ()).unwrap_err();
+        assert!(begin.elapsed() < Duration::from_secs(10));
+        error
+    }
+
+    #[test]
+    fn renderers_that_do_not_greet_are_refused() {
+        std::thread::scope(|scope| {
+            for (script, error) in [
+                ("exec sleep 1000", "the renderer did not start: it has been silent for 2 s"),
+                // Announces a greeting of 4 GiB.
+                (
+                    "printf 'H\\377\\377\\377\\377'; exec sleep 1000",
+                    "did not start: it has been silent for 2 s",
+                ),
+                ("exit 3", "the renderer did not start (exit status: 3)"),
+                (
+                    "printf 'H\\003\\000\\000\\000old'; exec sleep 1000",
+                    "the renderer that was found is \"old\", and this is \"granita-remote ",
+                ),
+            ] {
+                scope.spawn(move || {
+                    let said = refused(script);
+                    assert!(said.contains(error), "{script}: {said}");
+                });
+            }
+        });
     }
 }

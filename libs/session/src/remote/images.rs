@@ -152,7 +152,7 @@ impl Arriving {
                 let (name, spec) = frame.text().zip(spec(&mut frame)).ok_or_else(unreadable)?;
                 let format =
                     find(&address).ok_or_else(|| format!("{address} is no ImageOutput of the program"))?;
-                let made = format.create(Path::new(&name), &CreateOptions { spec: &spec, levels: 1 });
+                let made = format.create(Path::new(&name), &CreateOptions::new(&spec, 1));
                 made.map(|image| drop(self.0.insert(number, image)))
             }
             b'S' => match self.0.get_mut(&number) {

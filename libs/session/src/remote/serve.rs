@@ -2,6 +2,7 @@
 
 use super::images::Forwarded;
 use super::{GREETING, message_bytes};
+use crate::patient::PULSE;
 use crate::{Outcome, Session, SharedProgress};
 use granita_base::report::VERBOSITY_INFO;
 use granita_base::{Location, Param, Reporter};
@@ -52,6 +53,13 @@ impl Told {
             images: AtomicU32::new(0),
         }));
         told.say(b'H', &[GREETING.as_bytes()]);
+        let inner = Arc::downgrade(&told.0);
+        std::thread::spawn(move || {
+            while let Some(inner) = inner.upgrade() {
+                Self(inner).say(b'B', &[]);
+                std::thread::sleep(PULSE);
+            }
+        });
         told
     }
 

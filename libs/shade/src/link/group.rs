@@ -377,22 +377,28 @@ impl Group {
         self.keeps = true;
     }
 
-    /// Whether a layer need not run: it only computes parameters, and nobody takes one of them.
-    pub(crate) fn is_idle(&self, layer: usize, wanted: &[(&str, ValueType)]) -> bool {
-        let l = &self.layers[layer];
-        l.inert
-            && !self.keeps
-            && !l.params.iter().zip(&l.module.params).any(|(p, decl)| {
-                // A symbol of this name may be asked for.
-                decl.output && wanted.iter().any(|(name, _)| *name == &*p.name)
-            })
-            && l.kept.is_empty()
-            && l.feeds.iter().all(|&target| self.is_idle(target, wanted))
+    /// Whether each layer need not run: it only computes parameters, and nobody takes one of them. From the last layer to the
+    /// first, so that each is looked at once however many ways lead to those that it feeds.
+    pub(crate) fn find_idle(&self, wanted: &[(&str, ValueType)], idle: &mut Vec<bool>) {
+        idle.clear();
+        idle.resize(self.layers.len(), false);
+        for (layer, l) in self.layers.iter().enumerate().rev() {
+            idle[layer] = l.inert
+                && !self.keeps
+                && !l.params.iter().zip(&l.module.params).any(|(p, decl)| {
+                    // A symbol of this name may be asked for.
+                    decl.output && wanted.iter().any(|(name, _)| *name == &*p.name)
+                })
+                && l.kept.is_empty()
+                && l.feeds.iter().all(|&target| idle[target]);
+        }
     }
 
     /// Layers, by number, that a run with these wanted results leaves out.
     pub fn idle_layers(&self, wanted: &[(&str, ValueType)]) -> Vec<usize> {
-        (0..self.layers.len()).filter(|&k| self.is_idle(k, wanted)).collect()
+        let mut idle = Vec::new();
+        self.find_idle(wanted, &mut idle);
+        (0..self.layers.len()).filter(|&k| idle[k]).collect()
     }
 
     /// How many operations the code of all layers has, each counted once however often it runs.

@@ -1,5 +1,6 @@
 //! Templates as of C's `printf` (reference 5.8.9).
 
+use crate::run::strings::MAX_TEXT;
 use std::fmt::Write as _;
 
 /// A value to be printed.
@@ -29,12 +30,16 @@ const MAX_FIELD: usize = 4096;
 /// Fills a template. `%f`, `%c`, `%p` and `%m` print the numbers of any numeric value, separated by
 /// blanks, as C's `%f`; also `%e`, `%g`, `%d`, `%i`, `%x` and `%s` are known, with flags, width and
 /// precision; `%%` is a percent sign. A conversion without a value prints nothing; of the wrong type, the
-/// value as it is.
+/// value as it is. Ends behind the first value that makes it longer than [`MAX_TEXT`].
 pub(super) fn fill<'a>(template: &str, items: impl IntoIterator<Item = Item<'a>>) -> String {
     let mut items = items.into_iter();
     let mut out = String::with_capacity(template.len() + 16);
     let mut chars = template.chars().peekable();
     while let Some(c) = chars.next() {
+        // What is beyond is cut off anyway.
+        if out.len() > MAX_TEXT {
+            break;
+        }
         if c != '%' {
             out.push(c);
             continue;

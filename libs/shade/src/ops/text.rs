@@ -3,6 +3,7 @@
 use super::compute_as;
 use super::format::{Item, fill};
 use crate::run::machine::Machine;
+use crate::run::strings::{MAX_TEXT, cut};
 use granita_base::Severity;
 use granita_gsl::Func;
 use granita_gsl::ir::{Op, SymbolId, ValueType};
@@ -14,7 +15,14 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     match func {
         Func::Format => strings(m, op, |m, i| formatted(m, &op.args, i)),
         Func::Concat => strings(m, op, |m, i| {
-            op.args.iter().map(|&s| &**m.text(m.view(s).get(i))).collect::<Vec<_>>().concat()
+            let mut text = String::new();
+            for part in op.args.iter().map(|&s| m.text(m.view(s).get(i))) {
+                text.push_str(part);
+                if text.len() > MAX_TEXT {
+                    break;
+                }
+            }
+            text
         }),
         Func::Substr => strings(m, op, |m, i| {
             let text = m.text(m.view(op.args[0]).get(i)).clone();
@@ -69,7 +77,7 @@ fn formatted(m: &Machine<'_>, args: &[SymbolId], i: usize) -> String {
     fill(m.text(m.view(template).get(i)), items)
 }
 
-/// A string per lane.
+/// A string per lane, none longer than [`MAX_TEXT`].
 fn strings(m: &mut Machine<'_>, op: &Op, f: impl Fn(&Machine<'_>, usize) -> String) {
     let Some(dst) = op.dst else { return };
     let varying = m.varies(&op.args);
@@ -78,15 +86,23 @@ fn strings(m: &mut Machine<'_>, op: &Op, f: impl Fn(&Machine<'_>, usize) -> Stri
         for k in 0..m.mask.count() {
             let i = m.mask.active[k] as usize;
             let text = f(m, i);
-            let id = m.intern(&text);
+            let id = made(m, op, text);
             out.set(0, i, id);
         }
     } else {
         let text = f(m, 0);
-        let id = m.intern(&text);
+        let id = made(m, op, text);
         out.set(0, 0, id);
     }
     m.commit(dst, out);
+}
+
+/// The number of a text that an operation made.
+fn made(m: &mut Machine<'_>, op: &Op, mut text: String) -> f32 {
+    if cut(&mut text) {
+        m.complain(op.at, &format!("a string is cut after {MAX_TEXT} bytes"));
+    }
+    m.intern_at(&text, op.at)
 }
 
 /// Something said once, or per active lane.

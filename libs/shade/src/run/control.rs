@@ -3,8 +3,12 @@
 use crate::run::machine::{LoopFrame, Machine};
 use granita_gsl::ir::{Op, OpCode, ScopeId, SourcePos, Stmt, SymbolId, ValueType};
 
-/// A loop with more iterations than this is taken for one that never ends.
+/// A loop with more iterations than this is taken for one that never ends: the shader ends for the points that are still
+/// in it.
 pub(crate) const MAX_ITERATIONS: u32 = 1 << 22;
+
+/// How often a loop asks whether the frame is to end.
+const ITERATIONS_BETWEEN_LOOKS: u32 = 256;
 
 impl Machine<'_> {
     /// Runs statements in order until no lane is left.
@@ -119,9 +123,18 @@ impl Machine<'_> {
             if self.mask.is_empty() {
                 break;
             }
+            if iteration % ITERATIONS_BETWEEN_LOOKS == ITERATIONS_BETWEEN_LOOKS - 1
+                && self.services.is_stopped()
+            {
+                break;
+            }
             if iteration == MAX_ITERATIONS {
-                let what = format!("a loop was left after {MAX_ITERATIONS} iterations");
-                self.complain(SourcePos::default(), &what);
+                let what =
+                    format!("a loop does not end after {MAX_ITERATIONS} iterations; the shader ends there");
+                let at = [test, body, step].into_iter().find_map(first_place);
+                self.complain(at.unwrap_or_default(), &what);
+                // Not only the loop: in another one that does not end either it would begin again and again.
+                self.mask.clear();
                 break;
             }
         }
@@ -232,4 +245,16 @@ impl Machine<'_> {
         );
         self.services.say(granita_base::Severity::Warning, &text);
     }
+}
+
+/// The place of the first operation of a block.
+fn first_place(block: &[Stmt]) -> Option<SourcePos> {
+    block.iter().find_map(|stmt| match stmt {
+        Stmt::Op(op) => Some(op.at).filter(|at| *at != SourcePos::default()),
+        Stmt::If { then, otherwise, .. } => first_place(then).or_else(|| first_place(otherwise)),
+        Stmt::Loop { test, body, .. } => first_place(test).or_else(|| first_place(body)),
+        Stmt::Lights { at, .. } | Stmt::Emit { at, .. } | Stmt::Trace { at, .. } => Some(*at),
+        Stmt::Scope { body, .. } => first_place(body),
+        Stmt::Leave(_) | Stmt::Break | Stmt::Continue | Stmt::Exit => None,
+    })
 }

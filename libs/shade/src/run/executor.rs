@@ -176,8 +176,13 @@ impl Machine<'_> {
     fn layers(&mut self, primvars: bool, wanted: Option<&[(&str, ValueType)]>) {
         let mut all = self.borrow_mask();
         all.copy_from(&self.mask);
+        let mut idle = std::mem::take(&mut self.st.idle);
+        match wanted {
+            Some(wanted) => self.group.find_idle(wanted, &mut idle),
+            None => idle.clear(),
+        }
         for layer in 0..self.group.layers.len() {
-            if wanted.is_some_and(|wanted| self.group.is_idle(layer, wanted)) {
+            if idle.get(layer) == Some(&true) {
                 continue;
             }
             self.layer = layer;
@@ -194,6 +199,7 @@ impl Machine<'_> {
             self.keep_globals();
             self.readmit(&all);
         }
+        self.st.idle = idle;
         self.return_mask(all);
     }
 

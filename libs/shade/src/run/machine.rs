@@ -25,6 +25,8 @@ pub(crate) struct State {
     /// Stacks of a run, empty between runs.
     pub(crate) loops: Vec<LoopFrame>,
     pub(crate) scopes: Vec<(ScopeId, Mask)>,
+    /// Layers that need not run.
+    pub(crate) idle: Vec<bool>,
     /// Whether results are searched for NaN.
     pub(crate) nan_check: bool,
     /// Group and lanes of the last run.
@@ -244,7 +246,20 @@ impl<'a> Machine<'a> {
 
     /// The number of a text.
     pub(crate) fn intern(&mut self, text: &str) -> f32 {
-        self.st.strings.intern(&self.group.strings, text)
+        self.intern_at(text, SourcePos::default())
+    }
+
+    /// The number of a text that is made at a place of the source; of one that finds no room, that of the empty string.
+    pub(crate) fn intern_at(&mut self, text: &str, at: SourcePos) -> f32 {
+        if let Some(id) = self.st.strings.intern(&self.group.strings, text) {
+            return id;
+        }
+        let what = format!(
+            "its strings take more than {} MiB at once; further ones are empty",
+            crate::run::strings::MAX_BYTES >> 20
+        );
+        self.complain(at, &what);
+        0.0
     }
 
     /// The string of a symbol in the first active lane.

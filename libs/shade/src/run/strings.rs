@@ -37,11 +37,30 @@ impl Strings {
     }
 }
 
+/// The longest string that a shader can make, in bytes.
+pub(crate) const MAX_TEXT: usize = 1 << 16;
+/// What all strings that one run makes may take. Numbers of strings are exact in a float well beyond what fits.
+pub(crate) const MAX_BYTES: usize = 64 << 20;
+/// What a string takes beside its text.
+const ENTRY_BYTES: usize = 64;
+/// The longest regular expression, in bytes.
+const MAX_PATTERN: usize = 4096;
+
 /// Strings made by one run.
 #[derive(Debug, Default)]
 pub(crate) struct StringTable {
     list: Vec<Arc<str>>,
     ids: HashMap<Arc<str>, u32>,
+    bytes: usize,
+}
+
+/// Cuts a text that is too long, between two characters; whether it was.
+pub(crate) fn cut(text: &mut String) -> bool {
+    let is_long = text.len() > MAX_TEXT;
+    if is_long {
+        text.truncate(text.floor_char_boundary(MAX_TEXT));
+    }
+    is_long
 }
 
 impl StringTable {
@@ -49,18 +68,24 @@ impl StringTable {
     pub(crate) fn reset(&mut self) {
         self.list.clear();
         self.ids.clear();
+        self.bytes = 0;
     }
 
-    /// The number of a text, beside those of a group.
-    pub(crate) fn intern(&mut self, known: &Strings, text: &str) -> f32 {
+    /// The number of a text, beside those of a group; `None` when there is no room for it.
+    pub(crate) fn intern(&mut self, known: &Strings, text: &str) -> Option<f32> {
         if let Some(&id) = known.ids.get(text).or_else(|| self.ids.get(text)) {
-            return id as f32;
+            return Some(id as f32);
         }
+        let bytes = self.bytes + text.len() + ENTRY_BYTES;
+        if bytes > MAX_BYTES {
+            return None;
+        }
+        self.bytes = bytes;
         let id = (known.list.len() + self.list.len()) as u32;
         let text: Arc<str> = Arc::from(text);
         self.list.push(text.clone());
         self.ids.insert(text, id);
-        id as f32
+        Some(id as f32)
     }
 
     /// The text of a number; the empty string for what is no string.
@@ -86,6 +111,10 @@ impl Regexes {
     ///
     /// Errors: the pattern is no regular expression.
     pub(crate) fn matches(&mut self, pattern: &Arc<str>, subject: &str) -> Result<bool, String> {
+        if pattern.len() > MAX_PATTERN {
+            let (n, max) = (pattern.len(), MAX_PATTERN);
+            return Err(format!("a regular expression of {n} bytes is longer than {max}"));
+        }
         if self.by_pattern.len() >= MAX_PATTERNS && !self.by_pattern.contains_key(pattern) {
             self.by_pattern.clear();
         }
@@ -215,14 +244,32 @@ mod tests {
         let a = known.intern(&"a".into());
         assert_eq!((known.intern(&"".into()), a, known.intern(&"a".into())), (0.0, 1.0, 1.0));
         let mut made = StringTable::default();
-        let b = made.intern(&known, "b");
-        assert_eq!((made.intern(&known, "a"), b, made.intern(&known, "b")), (1.0, 2.0, 2.0));
+        let b = made.intern(&known, "b").unwrap();
+        assert_eq!((made.intern(&known, "a"), b, made.intern(&known, "b")), (Some(1.0), 2.0, Some(2.0)));
         assert_eq!(&**made.text(&known, b), "b");
         for bad in [-1.0, 77.0, f32::NAN, f32::INFINITY] {
             assert_eq!(&**made.text(&known, bad), "", "{bad}");
         }
         made.reset();
         assert_eq!(&**made.text(&known, b), "");
+    }
+
+    #[test]
+    fn room_for_strings_is_bounded() {
+        let (known, mut made) = (Strings::default(), StringTable::default());
+        let long = |k: usize| format!("{k} {}", "x".repeat(MAX_TEXT - 8));
+        let most = MAX_BYTES / MAX_TEXT;
+        let made_before = (0..2 * most).take_while(|k| made.intern(&known, &long(*k)).is_some()).count();
+        assert!((most - 1..=most).contains(&made_before), "{made_before}");
+        // Those that are there are found, and the next run begins anew.
+        assert_eq!(made.intern(&known, &long(7)), Some(8.0));
+        assert_eq!(made.intern(&known, &"x".repeat(MAX_TEXT)), None);
+        made.reset();
+        assert_eq!(made.intern(&known, &long(7)), Some(1.0));
+        let mut text = "ä".repeat(MAX_TEXT);
+        assert!(cut(&mut text) && text.len() == MAX_TEXT && !cut(&mut text));
+        let mut text = format!("a{}", "ä".repeat(MAX_TEXT));
+        assert!(cut(&mut text) && text.len() == MAX_TEXT - 1);
     }
 
     #[test]

@@ -116,3 +116,52 @@ fn an_empty_grid_is_nothing() {
     let out = granita_shade::Executor::new().run(&group, &mut grid, &mut Double::default(), &[]);
     assert!(out.is_empty());
 }
+
+/// What is long is flat: neither linking nor running it takes stack or more than a moment.
+#[test]
+fn long_chains_choose_as_short_ones_do() {
+    let n = 2000;
+    let arms: Vec<String> = (0..n).map(|k| format!("if (u * {n} <= {k}) r = {k};")).collect();
+    let half = (n / 2) as f32;
+    assert_eq!(floats(&format!("{} else r = -1;", arms.join(" else ")))[..3], [0.0, half, -1.0]);
+    let choice: Vec<String> = (0..n).map(|k| format!("u * {n} <= {k} ? {k} : ")).collect();
+    assert_eq!(floats(&format!("r = {}-1;", choice.concat()))[..3], [0.0, half, -1.0]);
+    // In a loop that arms leave and go on with, and in a function that they return from.
+    let arms: Vec<String> = (0..20).map(|k| format!("if (i + u * 4 == {k}) r += {k};")).collect();
+    let body = format!(
+        "r = 0; for (float i = 0; i < 9; ++i) {{ if (i == 2) continue; else if (i > 4 + u) break; else {} }}",
+        arms.join(" else ")
+    );
+    assert_eq!(floats(&body)[..3], [8.0, 0.0 + 2.0 + 3.0 + 5.0 + 6.0, 4.0 + 5.0 + 7.0 + 8.0 + 9.0]);
+    let arms: Vec<String> = (0..20).map(|k| format!("if (x * 4 == {k}) return {k} + 1;")).collect();
+    let source = format!(
+        "float f (float x) {{ {} return -1; }} surface t (output float r = 0) {{ r = f (u); }}",
+        arms.join(" else ")
+    );
+    let group = link(&[(&source, granita_base::Params::new())], &[]);
+    let mut services = Double::default();
+    let out = output(&group, &mut square(3, 2), &mut services, "r", granita_gsl::ir::ValueType::Float);
+    assert_eq!(out[..3], [1.0, 3.0, 5.0]);
+}
+
+#[test]
+fn long_sums_are_the_sums_of_their_parts() {
+    let n = 5000;
+    assert_eq!(floats(&format!("r = u{};", " + u".repeat(n)))[..3], [0.0, 2500.5, 5001.0]);
+    assert_eq!(floats(&format!("r = 1{};", " && u < 0.7".repeat(n)))[..3], [1.0, 1.0, 0.0]);
+    assert_eq!(floats(&format!("r = 0{};", " || u > 0.7".repeat(n)))[..3], [0.0, 0.0, 1.0]);
+    // Left to right: types, conversions and what is true of a triple along the way.
+    assert_eq!(floats("color c = 2; r = u + 1 + c == c + 1 == 1 && c;")[..3], [1.0, 0.0, 0.0]);
+    assert_eq!(floats("point p = 1; r = length (p - p + p - point (u));")[0], 3.0_f32.sqrt());
+    assert_eq!(floats("r = 8 / 4 / 2 - 1 - 1 + 2 * 3 * u;")[..3], [-1.0, 2.0, 5.0]);
+}
+
+#[test]
+fn unused_code_is_found_at_once() {
+    // Each value is read by the next one alone, and nobody reads the last.
+    let n = 20_000;
+    let body = format!("float a = u; {} r = 1;", "a = a * 2 + v; ".repeat(n));
+    assert_eq!(floats(&body)[0], 1.0);
+    let body: String = (0..n).map(|k| format!("float a{} = a{k} + 1; ", k + 1)).collect();
+    assert_eq!(floats(&format!("float a0 = u; {body} r = 1;"))[0], 1.0);
+}

@@ -23,6 +23,8 @@ pub(crate) struct Double {
     pub(crate) records: Vec<(String, Vec<f32>, Vec<f32>)>,
     /// Options of the last database call, as text.
     pub(crate) options: String,
+    /// The frame is to end.
+    pub(crate) is_stopped: bool,
 }
 
 /// All numbers of a key.
@@ -122,6 +124,10 @@ impl Services for Double {
         for &i in q.batch.active {
             out.set(i as usize, Vec3::splat(0.25));
         }
+    }
+
+    fn is_stopped(&mut self) -> bool {
+        self.is_stopped
     }
 
     fn light_count(&mut self) -> usize {

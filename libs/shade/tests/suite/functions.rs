@@ -468,7 +468,7 @@ fn mistakes_are_reported_once_and_have_substitutes() {
         ("r = transformu (\"mm\", \"seconds\", 4);", "cannot convert \"mm\" to \"seconds\"", 4.0),
         ("r = match (\"(\", \"x\");", "\"(\" is not a regular expression", 0.0),
         ("r = spline (\"cubist\", 0, 1, 2, 3, 4);", "there is no spline basis \"cubist\"", 2.0),
-        ("while (1 < 2) r = 3;", "a loop was left", 3.0),
+        ("while (1 < 2) r = 3;", "a loop does not end", 3.0),
     ] {
         let mut services = Double::default();
         let got = floats_with(&format!("for (float k = 0; k < 3; ++k) {{ {body} }}"), &mut services);

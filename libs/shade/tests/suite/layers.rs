@@ -309,3 +309,27 @@ fn strings_that_can_be_told() {
     assert_eq!(told("map").as_deref(), Some("m.sm"));
     assert_eq!((told("x"), told("nothing")), (None, None));
 }
+
+#[test]
+fn layers_that_feed_the_next_twice_are_looked_at_once() {
+    // Whether a layer need not run depends on those that it feeds: 2 to the power of 60 ways lead to the last.
+    let source = "surface t (float a = 1, float b = 2, output float c = 0, output float d = 0) { c = a + b; d = a - b; }";
+    let names: Vec<String> = (0..60).map(|k| format!("l{k}")).collect();
+    let none = Params::new();
+    let layers: Vec<LayerSource<'_>> = names
+        .iter()
+        .map(|name| LayerSource { module: module(source), params: &none, name: Some(name) })
+        .collect();
+    let wire = |k: usize, source: &'static str, target: &'static str| granita_shade::ConnectionSource {
+        source_layer: &names[k],
+        source,
+        target_layer: &names[k + 1],
+        target,
+    };
+    let wires: Vec<granita_shade::ConnectionSource<'_>> =
+        (0..59).flat_map(|k| [wire(k, "c", "a"), wire(k, "d", "b")]).collect();
+    let group = Group::link(&layers, &wires, &mut |_, text| panic!("{text}")).expect("a group");
+    assert_eq!(group.idle_layers(&[]), (0..60).collect::<Vec<usize>>());
+    assert!(group.idle_layers(&[("c", ValueType::Float)]).is_empty());
+    assert_eq!(run1(&group, "c", ValueType::Float), [2.0_f32.powi(30)]);
+}

@@ -11,6 +11,7 @@ mod joined;
 mod language;
 mod layers;
 mod lights;
+mod limits;
 mod lookups;
 mod messages;
 mod nan;

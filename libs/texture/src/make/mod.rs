@@ -22,7 +22,8 @@ use crate::Wrap;
 use crate::error::{Result, TextureError};
 use crate::picture::half;
 use granita_base::Filter;
-use granita_image::FormatRegistry;
+use granita_base::files::is_same_file;
+use granita_image::{FormatRegistry, Limits};
 use input::Input;
 use output::Texture;
 use source::Source;
@@ -37,8 +38,8 @@ pub type Progress<'a> = &'a (dyn Fn(u64, u64) + Sync);
 /// [`Mode::ShadCube`] an input called "-" is an empty face.
 ///
 /// Plain textures, and latitude-longitude maps of one picture with the box filter, are made while their
-/// rows are read, in memory for some hundred rows. Others are made in memory as a whole: see
-/// [`MakeOptions::memory_bytes`].
+/// rows are read, in memory for some hundred rows; of plain ones that repeat in t, made with another filter than the box, all
+/// rows wait for the last. Others are made in memory as a whole: see [`MakeOptions::memory_bytes`].
 ///
 /// The result does not depend on the number of threads. The file appears complete or not at all.
 ///
@@ -68,6 +69,10 @@ pub fn make_measured(
     progress: Progress<'_>,
 ) -> Result<(Made, Costs)> {
     check(inputs, options)?;
+    if inputs.iter().any(|input| is_same_file(input, output)) {
+        let what = format!("{} is an input, and is not overwritten", output.display());
+        return Err(TextureError::Misuse { what });
+    }
     let stamp = if options.update { Some(newest(inputs)?) } else { None };
     if let Some(stamp) = stamp
         && std::fs::metadata(output).and_then(|m| m.modified()).is_ok_and(|time| time == stamp)
@@ -116,28 +121,51 @@ fn streamed<'a>(
     Ok(Some(stream::Stream { source, kind, wrap, options, registry, progress }))
 }
 
-/// Whether what is made as a whole fits into the memory allowed: the inputs in floats, all levels (a third
-/// more), and the level that is being written.
+/// Whether what is made as a whole fits into the memory allowed: the inputs in floats, and all levels of the texture, for a
+/// moment twice.
 fn check_memory(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegistry) -> Result<()> {
-    let mut bytes = 0_u64;
+    let (mut bytes, mut working) = (0_u64, 0);
+    let files = inputs.iter().filter(|p| !is_empty_face(p)).count();
     for path in inputs.iter().filter(|p| !is_empty_face(p)) {
-        let file = registry.open(path)?;
-        if let Some(spec) = file.spec(0, 0) {
-            let side = |n: u32| u64::from(if options.resize { n.next_power_of_two() } else { n });
-            let texels =
-                u64::from(spec.width) * u64::from(spec.height) + side(spec.width) * side(spec.height) * 3 / 2;
-            bytes = bytes.saturating_add(texels.saturating_mul(4 * spec.nchannels() as u64));
-        }
+        let source = Source::open(path, options, registry)?;
+        let (w, h) = (source.width as u64, source.height as u64);
+        let side = |n: u64| match options.mode {
+            Mode::Shadow | Mode::ShadCube | Mode::VolShad => n,
+            _ if options.resize => n.next_power_of_two(),
+            _ => n,
+        };
+        let texture = match options.mode {
+            // Six faces.
+            Mode::EnvCube if files == 1 && environment::is_cube(&source.spec) => {
+                side(w / 3) * side(h / 2) * 6
+            }
+            Mode::EnvCube if files == 1 => side(w / 4) * side(w / 4) * 6,
+            Mode::LightProbe => side(w / 3) * side(w / 3) * 6,
+            Mode::VertCross => side(w / 3) * side(h / 4) * 6,
+            // A map four faces wide and two high, a part of it for each of the six.
+            Mode::EnvLatLong if files > 1 => side(4 * w) * side(2 * h) / 6,
+            _ => side(w) * side(h),
+        };
+        // Levels are a third more. A mosaic of them is made beside the faces, one level is stored beside that.
+        let texels = (w * h).saturating_add(texture.saturating_mul(if options.hash { 9 } else { 7 }) / 2);
+        bytes = bytes.saturating_add(texels.saturating_mul(4 * source.channels as u64));
+        working = source.working_bytes().max(working);
     }
+    allow_memory(&inputs[0], bytes.saturating_add(working), options)
+}
+
+/// `Ok` when the options allow so many bytes of memory, and the system grants them.
+fn allow_memory(path: &Path, bytes: u64, options: &MakeOptions) -> Result<()> {
     if bytes > options.memory_bytes {
-        let mib = |b: u64| b >> 20;
+        let mib = |b: u64| b.div_ceil(1 << 20);
         return Err(TextureError::Limit {
-            path: inputs[0].clone(),
+            path: path.to_owned(),
             what: "memory needed, in MiB, which the option -memory allows,",
             asked: mib(bytes),
             max: mib(options.memory_bytes),
         });
     }
+    Limits::check_memory(path, bytes)?;
     Ok(())
 }
 
@@ -150,24 +178,32 @@ pub(crate) fn level_sizes(width: usize, height: usize) -> Vec<(usize, usize)> {
     sizes
 }
 
-/// All levels of a flat picture in memory, the largest first, as [`make`] makes them without resizing.
-pub(crate) fn levels(
-    kind: TextureKind,
-    size: (usize, usize),
-    channels: usize,
-    wrap: (Wrap, Wrap),
-    data: Vec<f32>,
-) -> Vec<((usize, usize), Vec<f32>)> {
-    let measure = Measure::of(kind);
-    let mut made = vec![(size, data)];
-    for to in level_sizes(size.0, size.1).into_iter().skip(1) {
-        let Some((from, data)) = made.last() else { break };
-        let mut stage =
-            Stage::new(Resample { from: *from, to, channels, filter: Filter::Box, wrap, measure });
-        let data = stage.push(data);
-        made.push((to, data));
+/// The smaller levels of a flat picture, made while its rows come: as [`make`] makes them without resizing.
+pub(crate) struct Levels(Vec<Stage>);
+
+impl Levels {
+    pub(crate) fn new(kind: TextureKind, size: (usize, usize), channels: usize, wrap: (Wrap, Wrap)) -> Self {
+        let measure = Measure::of(kind);
+        let sizes = level_sizes(size.0, size.1);
+        let stage = |pair: &[(usize, usize)]| {
+            let (from, to) = (pair[0], pair[1]);
+            Stage::new(Resample { from, to, channels, filter: Filter::Box, wrap, measure })
+        };
+        Self(sizes.windows(2).map(stage).collect())
     }
-    made
+
+    /// Takes the next rows of the largest level; calls `put` with the number of each smaller level and its next rows.
+    pub(crate) fn push(&mut self, rows: &[f32], mut put: impl FnMut(usize, &[f32])) {
+        let mut above: Option<Vec<f32>> = None;
+        for (i, stage) in self.0.iter_mut().enumerate() {
+            let next = stage.push(above.as_deref().unwrap_or(rows));
+            if next.is_empty() {
+                break;
+            }
+            put(i + 1, &next);
+            above = Some(next);
+        }
+    }
 }
 
 /// Whether the options make sense, before anything is read.

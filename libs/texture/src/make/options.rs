@@ -113,8 +113,8 @@ pub struct MakeOptions {
     /// Stores a picture whose pixels are all alike as one tile. For plain textures and
     /// latitude-longitude maps.
     pub constant_color: bool,
-    /// What one texture may take of memory, in bytes, where it depends on the size of the picture: all
-    /// kinds but plain textures and latitude-longitude maps, which are streamed.
+    /// What one texture may take of memory, in bytes, where it depends on the size of the picture: rows of it, all of it
+    /// where it is made or decoded as a whole. Nothing is made that needs more.
     pub memory_bytes: u64,
 }
 

@@ -9,8 +9,15 @@ use granita_image::{BlockCopy, FormatRegistry, ImageInput, ImageSpec, PixelType,
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Pixels that any display window may have, however little of it there is data for: 16384 x 16384.
+const LARGEST_WINDOW: u64 = 1 << 28;
+
+/// Bytes of rows in floats that may wait for the last row of an image that repeats.
+const KEPT: usize = 16 << 20;
 
 /// Values converted by one task.
 const CHUNK: usize = 1 << 16;
@@ -48,10 +55,16 @@ impl Source {
         } else {
             (spec.width as usize, spec.height as usize)
         };
-        let (texels, max) = (width as u64 * height as u64, registry.limits().pixels);
-        if texels > max {
-            let what = "number of pixels of the display window";
-            return Err(TextureError::Limit { path: path.to_owned(), what, asked: texels, max });
+        let limits = registry.limits();
+        // What a display window has around the data is not in the file, and would be made of nothing.
+        let most = limits.pixels.min(LARGEST_WINDOW.max(u64::from(spec.width) * u64::from(spec.height) * 64));
+        for (what, asked, max) in [
+            ("side of the display window", width.max(height) as u64, u64::from(limits.dimension)),
+            ("number of pixels of the display window", width as u64 * height as u64, most),
+        ] {
+            if asked > max {
+                return Err(TextureError::Limit { path: path.to_owned(), what, asked, max });
+            }
         }
         Ok(Self {
             path: path.to_owned(),
@@ -64,6 +77,11 @@ impl Source {
             nans: AtomicU64::new(0),
             infinities: AtomicU64::new(0),
         })
+    }
+
+    /// Bytes of memory that reading takes beside the rows.
+    pub(crate) fn working_bytes(&self) -> u64 {
+        self.file.working_bytes(0, 0)
     }
 
     /// Name of the file's format.
@@ -125,13 +143,19 @@ impl Source {
     /// # Errors
     /// When the file cannot be read, or holds a value that is not finite and that is to be refused.
     pub(crate) fn rows(&self, y0: usize, y1: usize) -> Result<Pixels> {
+        let (pixels, nans, infinities) = self.finite_rows(y0, y1)?;
+        self.nans.fetch_add(nans, Ordering::Relaxed);
+        self.infinities.fetch_add(infinities, Ordering::Relaxed);
+        Ok(pixels)
+    }
+
+    /// The same, and how many values were not numbers, and infinite.
+    fn finite_rows(&self, y0: usize, y1: usize) -> Result<(Pixels, u64, u64)> {
         let mut pixels = self.window(y0, y1)?;
         let (nans, infinities) = not_finite(&pixels);
         if nans + infinities == 0 {
-            return Ok(pixels);
+            return Ok((pixels, 0, 0));
         }
-        self.nans.fetch_add(nans, Ordering::Relaxed);
-        self.infinities.fetch_add(infinities, Ordering::Relaxed);
         match self.broken {
             BrokenValues::Refuse => {
                 let row = self.width * self.channels;
@@ -152,7 +176,7 @@ impl Source {
             }
             BrokenValues::Replace => replace(&mut pixels),
         }
-        Ok(pixels)
+        Ok((pixels, nans, infinities))
     }
 
     /// Values that are not finite become the mean of the finite ones among the eight around them, or 0.
@@ -335,6 +359,8 @@ pub(crate) struct Reader<'a> {
     pixel_type: PixelType,
     pub(crate) units: Units,
     next: usize,
+    /// Rows that `resize` needs before all others.
+    tail: Option<Range<usize>>,
 }
 
 impl<'a> Reader<'a> {
@@ -350,7 +376,26 @@ impl<'a> Reader<'a> {
             && conversion.keeps_inputs()
             && conversion.keeps_outputs();
         let units = if same { Units::Stored } else { Units::Fractions };
-        Self { source, conversion, resize, pixel_type, units, next: 0 }
+        // Where keeping all rows is cheap, none is read twice.
+        let bytes = resize.as_ref().map_or(0, |_| source.height * source.width * source.channels * 4);
+        let tail = resize.as_ref().and_then(Stage::tail).filter(|_| bytes > KEPT);
+        Self { source, conversion, resize, pixel_type, units, next: 0, tail }
+    }
+
+    /// Reads the rows that are needed before all others.
+    fn read_tail(&mut self) -> Result<()> {
+        if let (Some(tail), Some(stage)) = (self.tail.take(), &mut self.resize) {
+            let (rows, ..) = self.source.finite_rows(tail.start, tail.end)?;
+            let floats = floats(&rows, self.source.channels, self.units, Some(self.conversion));
+            stage.preload(tail.start, &floats);
+        }
+        Ok(())
+    }
+
+    /// The stage that makes level 0, ready to be given rows.
+    pub(crate) fn resize(&mut self) -> Result<Option<&Stage>> {
+        self.read_tail()?;
+        Ok(self.resize.as_ref())
     }
 
     /// The rows that come of the next `rows` rows of the input; `None` behind the last.
@@ -359,6 +404,7 @@ impl<'a> Reader<'a> {
         if from == to {
             return Ok(None);
         }
+        self.read_tail()?;
         self.next = to;
         let n = self.source.channels;
         let raw = self.source.rows(from, to)?;

@@ -4,6 +4,8 @@ use crate::picture::{Taps, solid_taps, taps};
 use crate::{TextureKind, Wrap};
 use granita_base::Filter;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// How rows are measured when they are averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,12 +46,19 @@ pub(crate) struct Stage {
     shape: Resample,
     across: Across,
     down: Vec<Taps>,
-    /// For every row that comes out: the first row that it or a later one needs.
+    /// For every row that comes out: the last row that it needs, of those that are not kept apart.
+    last: Vec<usize>,
+    /// For every row that comes out: the first row that it or a later one needs, of those that are not kept apart.
     first_needed: Vec<usize>,
     /// Rows filtered across: from row `base` on.
     window: Vec<f32>,
     base: usize,
     next: usize,
+    /// Rows of the other end, which rows near an end need where the image repeats; filtered across. Only after
+    /// [`Stage::preload`].
+    apart: BTreeMap<usize, Vec<f32>>,
+    /// Rows above this one are kept apart as they come.
+    head: usize,
 }
 
 /// Means of neighbours in a row of pixels of `N` channels.
@@ -93,11 +102,81 @@ impl Stage {
             Measure::Plane => taps(from.1, to.1, filter, wrap.1),
             Measure::LatLong => solid_taps(from.1, to.1),
         };
-        let mut first_needed: Vec<usize> = down.iter().map(Taps::first).collect();
-        for i in (1..first_needed.len()).rev() {
-            first_needed[i - 1] = first_needed[i - 1].min(first_needed[i]);
+        let last = down.iter().map(Taps::last).collect();
+        let first_needed = needed_from(down.iter().map(Taps::first).collect());
+        let (apart, head) = (BTreeMap::new(), 0);
+        Self { shape, across, down, last, first_needed, window: Vec::new(), base: 0, next: 0, apart, head }
+    }
+
+    /// Whether row `i` that comes in is at the other end than row `o` that comes out.
+    fn is_far(&self, o: usize, i: usize) -> bool {
+        let (from, to) = (self.shape.from.1, self.shape.to.1);
+        // Twice the distance of their centres, in rows that come in times `to`.
+        ((2 * i + 1) * to).abs_diff((2 * o + 1) * from) > from * to
+    }
+
+    /// The rows at the end that the first rows to come out need, where the image repeats: until they come, all rows are
+    /// kept. `None` where there are no such rows, or where the image is so low that keeping all of it is as good.
+    pub(crate) fn tail(&self) -> Option<Range<usize>> {
+        /// Lower images are kept as a whole.
+        const LOW: usize = 64;
+        let from = self.shape.from.1;
+        if self.shape.wrap.1 != Wrap::Periodic || from < LOW {
+            return None;
         }
-        Self { shape, across, down, first_needed, window: Vec::new(), base: 0, next: 0 }
+        let upper = self.down.iter().take(self.down.len() / 2).enumerate();
+        let far = upper.flat_map(|(o, taps)| taps.iter().map(move |(i, _)| (o, i)));
+        let first = far.filter(|(o, i)| self.is_far(*o, *i)).map(|(_, i)| i).min()?;
+        (first > from / 2).then_some(first..from)
+    }
+
+    /// Gives it the rows of [`Stage::tail`] before all others. They come again in their turn.
+    pub(crate) fn preload(&mut self, first: usize, rows: &[f32]) {
+        let to = self.shape.to.0 * self.shape.channels;
+        let mut filtered = vec![0.0; rows.len() / (self.shape.from.0 * self.shape.channels) * to];
+        self.filter_across(rows, &mut filtered);
+        self.apart = (first..).zip(filtered.chunks(to).map(<[f32]>::to_vec)).collect();
+        let this = &*self;
+        let near = |o: usize| this.down[o].iter().map(|t| t.0).filter(move |&i| !this.is_far(o, i));
+        let (mut firsts, mut lasts, mut head) = (Vec::new(), Vec::new(), 0);
+        for (o, taps) in this.down.iter().enumerate() {
+            firsts.push(near(o).min().unwrap_or(this.shape.from.1));
+            lasts.push(near(o).max().unwrap_or(0));
+            if o >= this.down.len() / 2 {
+                let far = taps.iter().map(|t| t.0).filter(|&i| this.is_far(o, i));
+                head = far.map(|i| i + 1).max().unwrap_or(0).max(head);
+            }
+        }
+        (self.first_needed, self.last, self.head) = (needed_from(firsts), lasts, head);
+    }
+
+    fn filter_across(&self, rows: &[f32], out: &mut [f32]) {
+        let n = self.shape.channels;
+        let (from, to) = (self.shape.from.0 * n, self.shape.to.0 * n);
+        let across = &self.across;
+        out.par_chunks_mut(to).zip(rows.par_chunks(from)).for_each(|(to, from)| match across {
+            Across::Same => to.copy_from_slice(from),
+            Across::Halved => match n {
+                1 => halve::<1>(from, to),
+                2 => halve::<2>(from, to),
+                3 => halve::<3>(from, to),
+                4 => halve::<4>(from, to),
+                _ => {
+                    for (to, from) in to.chunks_exact_mut(n).zip(from.chunks_exact(2 * n)) {
+                        for c in 0..n {
+                            to[c] = (from[c] + from[n + c]) * 0.5;
+                        }
+                    }
+                }
+            },
+            Across::Any(taps) => {
+                for (x, t) in taps.iter().enumerate() {
+                    for c in 0..n {
+                        to[x * n + c] = t.apply(|i| from[i * n + c]);
+                    }
+                }
+            }
+        });
     }
 
     /// Adds whole rows; gives the rows that can be made now.
@@ -105,46 +184,80 @@ impl Stage {
         let n = self.shape.channels;
         let (from, to) = (self.shape.from.0 * n, self.shape.to.0 * n);
         let start = self.window.len();
-        self.window.resize(start + rows.len() / from * to, 0.0);
-        let across = &self.across;
-        self.window[start..].par_chunks_mut(to).zip(rows.par_chunks(from)).for_each(
-            |(to, from)| match across {
-                Across::Same => to.copy_from_slice(from),
-                Across::Halved => match n {
-                    1 => halve::<1>(from, to),
-                    2 => halve::<2>(from, to),
-                    3 => halve::<3>(from, to),
-                    4 => halve::<4>(from, to),
-                    _ => {
-                        for (to, from) in to.chunks_exact_mut(n).zip(from.chunks_exact(2 * n)) {
-                            for c in 0..n {
-                                to[c] = (from[c] + from[n + c]) * 0.5;
-                            }
-                        }
-                    }
-                },
-                Across::Any(taps) => {
-                    for (x, t) in taps.iter().enumerate() {
-                        for c in 0..n {
-                            to[x * n + c] = t.apply(|i| from[i * n + c]);
-                        }
-                    }
-                }
-            },
-        );
-        let end = self.base + self.window.len() / to;
-        let last = self.down[self.next..].iter().take_while(|t| t.last() < end).count() + self.next;
+        let mut window = std::mem::take(&mut self.window);
+        window.resize(start + rows.len() / from * to, 0.0);
+        self.filter_across(rows, &mut window[start..]);
+        let first = self.base + start / to;
+        for (i, row) in (first..self.head).zip(window[start..].chunks(to)) {
+            self.apart.insert(i, row.to_vec());
+        }
+        let end = self.base + window.len() / to;
+        let last = self.last[self.next..].iter().take_while(|last| **last < end).count() + self.next;
         let mut out = vec![0.0; (last - self.next) * to];
-        let (window, base, down) = (&self.window, self.base, &self.down[self.next..last]);
-        out.par_chunks_mut(to).zip(down).for_each(|(out, taps)| {
-            let rows: Vec<(&[f32], f32)> =
-                taps.iter().map(|(i, w)| (&window[(i - base) * to..][..to], w)).collect();
-            combine(&rows, taps, out);
+        let this = &*self;
+        out.par_chunks_mut(to).enumerate().for_each(|(k, out)| {
+            let (o, base) = (this.next + k, this.base);
+            let row = |i: usize| match this.apart.get(&i) {
+                Some(row) if this.is_far(o, i) => row.as_slice(),
+                _ => &window[(i - base) * to..][..to],
+            };
+            let rows: Vec<(&[f32], f32)> = this.down[o].iter().map(|(i, w)| (row(i), w)).collect();
+            combine(&rows, &this.down[o], out);
         });
+        self.window = window;
         self.next = last;
         let keep = self.first_needed.get(last).copied().unwrap_or(end).clamp(self.base, end);
         self.window.drain(..(keep - self.base) * to);
         self.base = keep;
+        out
+    }
+}
+
+/// For each of `firsts` the least of it and those that follow.
+fn needed_from(mut firsts: Vec<usize>) -> Vec<usize> {
+    for i in (1..firsts.len()).rev() {
+        firsts[i - 1] = firsts[i - 1].min(firsts[i]);
+    }
+    firsts
+}
+
+/// What a [`Stage`] will hold, found by counting rows.
+pub(crate) struct Forecast<'a> {
+    stage: &'a Stage,
+    base: usize,
+    end: usize,
+    next: usize,
+    /// The most rows at once, and bytes of them, those that come out included.
+    peak_rows: usize,
+    peak_bytes: u64,
+}
+
+impl<'a> Forecast<'a> {
+    pub(crate) fn new(stage: &'a Stage) -> Self {
+        Self { stage, base: 0, end: 0, next: 0, peak_rows: 0, peak_bytes: 0 }
+    }
+
+    /// Bytes held at most, where these grow with the height of the image; 0 where they do not.
+    pub(crate) fn growing_bytes(&self) -> u64 {
+        /// So many rows come at once, and some more wait for those below.
+        const FEW: usize = 512;
+        let all = self.peak_rows >= self.stage.shape.from.1;
+        if all && self.peak_rows > FEW { self.peak_bytes } else { 0 }
+    }
+
+    /// As [`Stage::push`] of so many rows: how many come out.
+    pub(crate) fn push(&mut self, rows: usize) -> usize {
+        let stage = self.stage;
+        self.end += rows;
+        let last = stage.last[self.next..].iter().take_while(|last| **last < self.end).count() + self.next;
+        let out = last - self.next;
+        let row = (stage.shape.to.0 * stage.shape.channels * size_of::<f32>()) as u64;
+        // Rows that come out are copied to be stored, and stored.
+        let held = (self.end - self.base + stage.head) as u64 + 3 * out as u64;
+        self.peak_bytes = self.peak_bytes.max(held * row);
+        self.peak_rows = self.peak_rows.max(self.end - self.base);
+        self.next = last;
+        self.base = stage.first_needed.get(last).copied().unwrap_or(self.end).clamp(self.base, self.end);
         out
     }
 }
@@ -191,6 +304,64 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    /// Where an image repeats, rows of its end given ahead make the same rows, to the bit, and only a few are held.
+    #[test]
+    fn a_repeating_image_is_not_held() {
+        for (from, to, filter) in [
+            ((6, 300), (8, 512), Filter::CatmullRom),
+            ((5, 100), (5, 128), Filter::CatmullRom),
+            ((8, 512), (4, 256), Filter::Gaussian),
+            ((3, 64), (3, 128), Filter::Sinc),
+        ] {
+            let p = noise(from.0, from.1, 2);
+            let shape = Resample {
+                from,
+                to,
+                channels: 2,
+                filter,
+                wrap: (Wrap::Periodic, Wrap::Periodic),
+                measure: Measure::Plane,
+            };
+            let whole = Stage::new(shape).push(&p.data);
+            for portion in [1, 7, 64] {
+                let mut stage = Stage::new(shape);
+                let tail = stage.tail().unwrap();
+                stage.preload(tail.start, &p.data[tail.start * from.0 * 2..]);
+                let (mut got, mut held) = (Vec::new(), 0);
+                for rows in p.data.chunks(portion * from.0 * 2) {
+                    got.extend(stage.push(rows));
+                    held = held.max(stage.window.len() / (to.0 * 2));
+                }
+                assert!(got == whole, "{shape:?} {portion}");
+                assert!(held < portion + 40, "{held} rows of {from:?}");
+            }
+        }
+    }
+
+    /// What is foreseen is what is held.
+    #[test]
+    fn forecasts_hold() {
+        for wrap in [Wrap::Clamp, Wrap::Periodic] {
+            let shape = Resample {
+                from: (4, 200),
+                to: (8, 256),
+                channels: 1,
+                filter: Filter::CatmullRom,
+                wrap: (wrap, wrap),
+                measure: Measure::Plane,
+            };
+            let (mut stage, idle) = (Stage::new(shape), Stage::new(shape));
+            let mut forecast = Forecast::new(&idle);
+            for _ in 0..20 {
+                let (out, foreseen) = (stage.push(&[0.5; 40]), forecast.push(10));
+                assert_eq!((out.len() / 8, stage.base, stage.next), (foreseen, forecast.base, forecast.next));
+            }
+            // All rows of 32 bytes where the first needs the last.
+            assert_eq!(forecast.peak_bytes > 200 * 32, wrap == Wrap::Periodic, "{}", forecast.peak_bytes);
+            assert_eq!(forecast.peak_rows == 200, wrap == Wrap::Periodic);
         }
     }
 

@@ -3,7 +3,7 @@
 use super::output::Plan;
 use super::scan::Scan;
 use super::source::{Band, Reader, Source, Units, pixels};
-use super::stage::{Measure, Resample, Stage};
+use super::stage::{Forecast, Measure, Resample, Stage};
 use super::writer::{Shelf, Writer};
 use super::{Costs, Made, MakeOptions, Progress, level_sizes, power_of_two};
 use crate::error::Result;
@@ -60,6 +60,7 @@ impl Stream<'_> {
         if self.options.hash || self.options.constant_color {
             let start = Instant::now();
             let mut reader = self.reader(&plan, size);
+            self.check_memory(&mut reader, &[], rows)?;
             let mut scan = Scan::new(size, self.source.channels, plan.pixel_type, self.options.hash);
             while let Some(band) = reader.next(rows)? {
                 if !scan.push(&band.stored) {
@@ -119,27 +120,10 @@ impl Stream<'_> {
         specs: &[ImageSpec],
         mut writer: Writer<'_>,
     ) -> Result<Costs> {
-        let n = self.source.channels;
         let rows = Self::rows_at_once(plan.tile.1);
-        let measure = Measure::of(self.kind);
-        let stage = |pair: &[(usize, usize)]| {
-            Stage::new(Resample {
-                from: pair[0],
-                to: pair[1],
-                channels: n,
-                filter: self.options.filter,
-                wrap: self.wrap,
-                measure,
-            })
-        };
-        let mut pyramid = Pyramid {
-            stages: sizes.windows(2).map(stage).collect(),
-            shelves: specs.iter().map(Shelf::new).collect(),
-            channels: n,
-            units: Units::Fractions,
-            conversion: self.source.conversion(self.options),
-        };
         let mut reader = self.reader(plan, sizes[0]);
+        let mut pyramid = self.pyramid(sizes, specs);
+        self.check_memory(&mut reader, &pyramid.stages, rows)?;
         pyramid.units = reader.units;
         let mut read = |costs: &mut std::time::Duration| {
             let start = Instant::now();
@@ -156,6 +140,47 @@ impl Stream<'_> {
         }
         writer.costs.read = reading;
         writer.finish()
+    }
+
+    fn pyramid(&self, sizes: &[(usize, usize)], specs: &[ImageSpec]) -> Pyramid {
+        let n = self.source.channels;
+        let measure = Measure::of(self.kind);
+        let stage = |pair: &[(usize, usize)]| {
+            Stage::new(Resample {
+                from: pair[0],
+                to: pair[1],
+                channels: n,
+                filter: self.options.filter,
+                wrap: self.wrap,
+                measure,
+            })
+        };
+        Pyramid {
+            stages: sizes.windows(2).map(stage).collect(),
+            shelves: specs.iter().map(Shelf::new).collect(),
+            channels: n,
+            units: Units::Fractions,
+            conversion: self.source.conversion(self.options),
+        }
+    }
+
+    /// Whether what grows with the height of the image is within the options: rows that stages hold until the last one comes,
+    /// and what reading takes.
+    fn check_memory(&self, reader: &mut Reader<'_>, stages: &[Stage], rows: usize) -> Result<()> {
+        // Before anything is read, if only the rows that are read ahead.
+        super::allow_memory(&self.source.path, self.source.working_bytes(), self.options)?;
+        let mut first = reader.resize()?.map(Forecast::new);
+        let mut others: Vec<Forecast<'_>> = stages.iter().map(Forecast::new).collect();
+        for y in (0..self.source.height).step_by(rows) {
+            let rows = rows.min(self.source.height - y);
+            let mut count = first.as_mut().map_or(rows, |first| first.push(rows));
+            for stage in &mut others {
+                count = stage.push(count);
+            }
+        }
+        let held: u64 = first.iter().chain(&others).map(Forecast::growing_bytes).sum();
+        let bytes = held.saturating_add(self.source.working_bytes());
+        super::allow_memory(&self.source.path, bytes, self.options)
     }
 }
 

@@ -32,7 +32,7 @@ impl<'a> Writer<'a> {
         registry: &FormatRegistry,
         progress: Progress<'a>,
     ) -> Result<Self> {
-        let create = CreateOptions { spec: &specs[0], levels: specs.len() };
+        let create = CreateOptions::new(&specs[0], specs.len());
         let mut output = registry.create(path, &options.format, &create)?;
         let any_order = specs.len() > 1 && output.plan_levels(&specs[1..])?;
         let total = specs.iter().map(|s| u64::from(s.tiles().0) * u64::from(s.tiles().1)).sum();

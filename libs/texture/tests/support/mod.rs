@@ -52,7 +52,7 @@ impl Folder {
                 values.extend((0..spec.nchannels()).map(|c| f(x, y, c)));
             }
         }
-        let options = CreateOptions { spec: &spec, levels: 1 };
+        let options = CreateOptions::new(&spec, 1);
         let mut out = self.registry.create(&self.path(name), "tiff", &options).unwrap();
         out.write_rows(&Pixels::from_floats(spec.pixel_type, &values)).unwrap();
         out.close().unwrap();

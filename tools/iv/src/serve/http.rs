@@ -1,11 +1,13 @@
 //! As much of HTTP as one page and its socket need.
 
 use std::io::{ErrorKind, Read, Write};
-use std::net::TcpStream;
+use std::net::{IpAddr, TcpStream};
 use std::time::{Duration, Instant};
 
 /// Most bytes of a request.
 const HEAD_BYTES: usize = 16 << 10;
+/// Most headers of a request.
+const HEADERS: usize = 100;
 /// Longest time that a request may take.
 const PATIENCE: Duration = Duration::from_secs(10);
 
@@ -25,37 +27,54 @@ impl Request {
         self.headers.iter().find(|(n, _)| n == name).map(|(_, value)| value.as_str())
     }
 
-    /// From the head of a request, up to its empty line.
-    fn parse(head: &str) -> Option<Self> {
-        let mut lines = head.split("\r\n");
-        let mut words = lines.next()?.split(' ');
-        let (method, target, version) = (words.next()?, words.next()?, words.next()?);
-        if words.next().is_some() || !version.starts_with("HTTP/1.") || !target.starts_with('/') {
-            return None;
+    /// A request and the number of its bytes; `Ok(None)` when they are its beginning.
+    ///
+    /// # Errors
+    /// When they are no request, or one that brings content.
+    fn parse(bytes: &[u8]) -> Result<Option<(Self, usize)>, ()> {
+        let mut headers = [httparse::EMPTY_HEADER; HEADERS];
+        let mut request = httparse::Request::new(&mut headers);
+        let httparse::Status::Complete(length) = request.parse(bytes).map_err(drop)? else { return Ok(None) };
+        let (method, target) = (request.method.ok_or(())?, request.path.ok_or(())?);
+        if !target.starts_with('/') {
+            return Err(());
         }
-        let header = |line: &str| {
-            let (name, value) = line.split_once(':')?;
-            Some((name.to_ascii_lowercase(), value.trim().to_owned()))
+        let header = |header: &httparse::Header<'_>| {
+            let value = std::str::from_utf8(header.value).map_err(drop)?;
+            Ok((header.name.to_ascii_lowercase(), value.trim().to_owned()))
         };
-        let headers = lines.filter(|line| !line.is_empty()).map(header).collect::<Option<_>>()?;
+        let headers = request.headers.iter().map(header).collect::<Result<Vec<_>, ()>>()?;
+        // Nothing is uploaded here: content would be taken for the words of the web socket.
+        let brings = |(name, value): &(String, String)| match &**name {
+            "content-length" => value != "0",
+            "transfer-encoding" => true,
+            // Two hosts would be two opinions about who is asked.
+            "host" => headers.iter().filter(|(name, _)| name == "host").count() > 1,
+            _ => false,
+        };
+        if headers.iter().any(brings) {
+            return Err(());
+        }
         let path = target.split('?').next().unwrap_or_default().to_owned();
-        Some(Self { method: method.to_owned(), path, headers })
+        Ok(Some((Self { method: method.to_owned(), path, headers }, length)))
     }
 
-    /// Reads a request; `None` when it is none, or takes too long.
-    pub(super) fn read(socket: &mut TcpStream) -> Option<Self> {
+    /// Reads a request, and what came after it; `None` when it is none, or takes too long.
+    pub(super) fn read(socket: &mut TcpStream) -> Option<(Self, Vec<u8>)> {
         let begin = Instant::now();
         socket.set_read_timeout(Some(Duration::from_secs(1))).ok()?;
-        let mut head = Vec::new();
-        // Byte by byte at its end: what follows belongs to the socket's next owner.
-        let mut byte = [0; 1];
-        while !head.ends_with(b"\r\n\r\n") {
-            if head.len() >= HEAD_BYTES || begin.elapsed() > PATIENCE {
-                return None;
-            }
-            match socket.read(&mut byte) {
-                Ok(1) => head.push(byte[0]),
-                Ok(_) => return None,
+        let mut bytes = Vec::new();
+        let mut part = [0; 2048];
+        while bytes.len() < HEAD_BYTES && begin.elapsed() <= PATIENCE {
+            match socket.read(&mut part) {
+                Ok(0) => return None,
+                Ok(count) => {
+                    bytes.extend_from_slice(&part[..count]);
+                    if let Some((request, length)) = Self::parse(&bytes).ok()? {
+                        bytes.drain(..length);
+                        return Some((request, bytes));
+                    }
+                }
                 Err(e)
                     if matches!(
                         e.kind(),
@@ -64,7 +83,41 @@ impl Request {
                 Err(_) => return None,
             }
         }
-        Self::parse(std::str::from_utf8(&head).ok()?)
+        None
+    }
+}
+
+/// The hosts that browsers may ask.
+///
+/// A page of somebody else can make a browser ask this server under a name of its own ("DNS rebinding"), and then counts as
+/// the server's own page. Addresses and the names that belong to this machine cannot be taken over in that way.
+#[derive(Debug)]
+pub(super) struct Hosts {
+    /// Where the server listens.
+    address: IpAddr,
+    /// Names besides, in lower case.
+    names: Vec<String>,
+}
+
+impl Hosts {
+    /// Those of a server that listens on `address`, and has also `names`.
+    pub(super) fn new(address: IpAddr, names: &[String]) -> Self {
+        let bare = |name: &String| name.trim_end_matches('.').to_ascii_lowercase();
+        Self { address, names: names.iter().map(bare).collect() }
+    }
+
+    /// Whether a browser may ask `host`, the value of a header: a name or address with or without a port. The port is not
+    /// looked at: ssh brings others.
+    pub(super) fn accept(&self, host: &str) -> bool {
+        let name = match host.strip_prefix('[') {
+            Some(rest) => rest.split_once(']').map_or("", |(name, _)| name),
+            None => host.split_once(':').map_or(host, |(name, _)| name),
+        };
+        if let Ok(address) = name.parse::<IpAddr>() {
+            return self.address.is_unspecified() || address == self.address || address.is_loopback();
+        }
+        let name = name.trim_end_matches('.').to_ascii_lowercase();
+        name == "localhost" || self.names.contains(&name)
     }
 }
 
@@ -107,18 +160,62 @@ pub(super) fn upgrade(socket: &mut TcpStream, request: &Request) -> Option<()> {
 mod tests {
     use super::*;
 
+    fn parse(text: &str) -> Result<Option<(Request, usize)>, ()> {
+        Request::parse(text.as_bytes())
+    }
+
     #[test]
     fn heads() {
-        let request = Request::parse("GET /a/b?c=d HTTP/1.1\r\nHost:  x:1 \r\nX-Y: z\r\n\r\n").unwrap();
-        assert_eq!((&*request.method, &*request.path), ("GET", "/a/b"));
+        let text = "GET /a/b?c=d HTTP/1.1\r\nHost:  x:1 \r\nX-Y: z\r\nContent-Length: 0\r\n\r\n";
+        let (request, length) = parse(&format!("{text}more")).unwrap().unwrap();
+        assert_eq!((&*request.method, &*request.path, length), ("GET", "/a/b", text.len()));
         assert_eq!(
             (request.header("host"), request.header("x-y"), request.header("z")),
             (Some("x:1"), Some("z"), None)
         );
-        for wrong in
-            ["", "GET /", "GET / HTTP/2", "GET / HTTP/1.1 x", "GET x HTTP/1.1", "GET / HTTP/1.1\r\nnothing"]
-        {
-            assert_eq!(Request::parse(wrong), None, "{wrong}");
+        for part in ["", "GET", "GET /", "GET / HTTP/1.1\r\nA: b\r\n"] {
+            assert_eq!(parse(part), Ok(None), "{part}");
         }
+        for wrong in [
+            "GET / HTTP/2\r\n\r\n",
+            "GET / HTTP/1.1 x\r\n\r\n",
+            "GET x HTTP/1.1\r\n\r\n",
+            "GET / HTTP/1.1\r\nnothing\r\n\r\n",
+            "GET / HTTP/1.1\r\nContent-Length: 99999999999999999999\r\n\r\n",
+            "GET / HTTP/1.1\r\nContent-Length: 1\r\n\r\nx",
+            "GET / HTTP/1.1\r\nContent-Length: 0\r\nContent-Length: 7\r\n\r\n",
+            "GET / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n",
+            "GET / HTTP/1.1\r\nHost: a\r\nHost: b\r\n\r\n",
+            &format!("GET / HTTP/1.1\r\n{}\r\n", "a: b\r\n".repeat(HEADERS + 1)),
+        ] {
+            assert_eq!(parse(wrong), Err(()), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn hosts() {
+        let at = |address: &str, names: &[&str]| {
+            let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
+            Hosts::new(address.parse().unwrap(), &names)
+        };
+        let here = at("127.0.0.1", &[]);
+        for own in
+            ["127.0.0.1:80", "127.0.0.1", "localhost:9", "LocalHost", "localhost.", "[::1]:9", "127.0.0.2"]
+        {
+            assert!(here.accept(own), "{own}");
+        }
+        for foreign in
+            ["", "evil.example", "evil.example:80", "10.0.0.1:80", "localhost.evil", "[", "[::2]:9"]
+        {
+            assert!(!here.accept(foreign), "{foreign}");
+        }
+        let there = at("192.168.1.5", &["Render-Box.lan."]);
+        assert!(
+            there.accept("192.168.1.5:80") && there.accept("render-box.lan:80") && there.accept("localhost")
+        );
+        assert!(!there.accept("192.168.1.6") && !there.accept("render-box"));
+        // One that listens everywhere cannot know all its addresses; a name is needed to take one over.
+        let everywhere = at("0.0.0.0", &[]);
+        assert!(everywhere.accept("10.1.2.3:80") && !everywhere.accept("evil.example"));
     }
 }

@@ -10,7 +10,7 @@ mod page;
 use crate::listen::{self, NetArgs, files};
 use granita_base::{Location, Reporter, Severity};
 use granita_cli::Status;
-use granita_display::listen_address;
+use granita_display::{Place, Places, listen_address};
 use granita_image::FormatRegistry;
 use granita_view::Live;
 use page::{Message, Page};
@@ -18,7 +18,6 @@ use std::io::ErrorKind;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Error, WebSocket};
@@ -27,6 +26,8 @@ use tungstenite::{Error, WebSocket};
 const PAGE: &str = include_str!("page.html");
 /// Browsers at once, each with a connection or two.
 const CONNECTIONS: usize = 64;
+/// Of one address.
+const CONNECTIONS_OF_ADDRESS: usize = 48;
 /// Longest wait for a browser that takes nothing.
 const STALL: Duration = Duration::from_secs(20);
 /// How often a browser's words are heard while nothing changes.
@@ -42,28 +43,25 @@ pub(crate) struct Server {
 struct Shared {
     live: Live,
     token: String,
-    ending: AtomicBool,
-    connections: AtomicUsize,
+    hosts: http::Hosts,
+    places: Arc<Places>,
 }
 
 impl Server {
-    /// Serves `live` at `address`; port 0 is any that is free.
+    /// Serves `live` at `address`, also to browsers that ask for it by one of `names`; port 0 is any that is free.
     ///
     /// # Errors
     /// What the system says.
-    pub(crate) fn start(address: SocketAddr, live: Live) -> std::io::Result<Self> {
+    pub(crate) fn start(address: SocketAddr, names: &[String], live: Live) -> std::io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         let address = listener.local_addr()?;
         let mut random = [0; 16];
         getrandom::fill(&mut random).map_err(|e| std::io::Error::other(e.to_string()))?;
         let token: String = random.iter().map(|b| format!("{b:02x}")).collect();
         let url = format!("http://{address}/{token}/");
-        let shared = Arc::new(Shared {
-            live,
-            token,
-            ending: AtomicBool::new(false),
-            connections: AtomicUsize::new(0),
-        });
+        let hosts = http::Hosts::new(address.ip(), names);
+        let places = Places::new(CONNECTIONS, CONNECTIONS_OF_ADDRESS);
+        let shared = Arc::new(Shared { live, token, hosts, places });
         let own = shared.clone();
         std::thread::Builder::new().name("pages".to_owned()).spawn(move || accept(&own, &listener))?;
         Ok(Self { address, url, shared })
@@ -77,55 +75,52 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
-        self.shared.ending.store(true, Ordering::SeqCst);
-        // Somebody must knock, or it waits for the next browser.
-        let _ = TcpStream::connect_timeout(&self.address, Duration::from_millis(200));
-    }
-}
-
-/// A place among the connections.
-struct Place(Arc<Shared>);
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        self.0.connections.fetch_sub(1, Ordering::Relaxed);
+        self.shared.places.close(self.address);
     }
 }
 
 fn accept(shared: &Arc<Shared>, listener: &TcpListener) {
-    loop {
+    for id in 1.. {
         let accepted = listener.accept();
-        if shared.ending.load(Ordering::SeqCst) {
+        if shared.places.is_ending() {
             return;
         }
-        let Ok((socket, _)) = accepted else {
+        let Ok((socket, address)) = accepted else {
             std::thread::sleep(Duration::from_millis(50));
             continue;
         };
-        let place = Place(shared.clone());
-        if shared.connections.fetch_add(1, Ordering::Relaxed) >= CONNECTIONS {
-            continue;
-        }
-        // Without a thread, the browser is told nothing, and tries again.
-        let _ = std::thread::Builder::new().name("page".to_owned()).spawn(move || converse(&place.0, socket));
+        let Ok(place) = shared.places.take(id, &socket, address) else { continue };
+        let own = shared.clone();
+        // Without a thread, the connection ends and the browser tries again.
+        let _ =
+            std::thread::Builder::new().name("page".to_owned()).spawn(move || converse(&own, &place, socket));
     }
 }
 
 /// Answers one request.
-fn converse(shared: &Shared, mut socket: TcpStream) {
+fn converse(shared: &Shared, place: &Place, mut socket: TcpStream) {
     let _ = socket.set_nodelay(true);
-    let Some(request) = http::Request::read(&mut socket) else {
+    let Some((request, more)) = http::Request::read(&mut socket) else {
         let _ = http::answer(&mut socket, "400 Bad Request", "text/plain", b"this is no request\n");
         return;
     };
     let below = request.path.strip_prefix('/').and_then(|path| path.strip_prefix(&*shared.token));
+    let is_own = request.header("host").is_some_and(|host| shared.hosts.accept(host));
     let result = match (&*request.method, below) {
+        ("GET" | "HEAD", _) if !is_own => {
+            let text = b"this server has no such name (see iv -servename)\n";
+            http::answer(&mut socket, "421 Misdirected Request", "text/plain", text)
+        }
         ("GET", Some("/")) => {
             http::answer(&mut socket, "200 OK", "text/html; charset=utf-8", PAGE.as_bytes())
         }
         ("GET", Some("/live")) => {
             match http::upgrade(&mut socket, &request) {
-                Some(()) => show(shared, socket),
+                Some(()) => {
+                    // It knows the word of the address: it is no stranger.
+                    place.heard();
+                    show(shared, socket, more);
+                }
                 None => {
                     let _ =
                         http::answer(&mut socket, "403 Forbidden", "text/plain", b"a page of ours asks\n");
@@ -139,8 +134,8 @@ fn converse(shared: &Shared, mut socket: TcpStream) {
     drop(result);
 }
 
-/// Keeps a page up to date until it goes.
-fn show(shared: &Shared, socket: TcpStream) {
+/// Keeps a page up to date until it goes; `more` came with its request.
+fn show(shared: &Shared, socket: TcpStream, more: Vec<u8>) {
     if socket.set_read_timeout(Some(Duration::from_millis(1))).is_err()
         || socket.set_write_timeout(Some(TICK)).is_err()
     {
@@ -151,9 +146,9 @@ fn show(shared: &Shared, socket: TcpStream) {
         .max_frame_size(Some(1 << 16))
         .write_buffer_size(0)
         .max_write_buffer_size(64 << 20);
-    let mut web = WebSocket::from_raw_socket(socket, Role::Server, Some(config));
+    let mut web = WebSocket::from_partially_read(socket, more, Role::Server, Some(config));
     let mut page = Page::new(shared.live.clone());
-    while !shared.ending.load(Ordering::Relaxed) {
+    while !shared.places.is_ending() {
         let mut answers = page.news();
         loop {
             match web.read() {
@@ -208,6 +203,12 @@ fn is_later(error: &Error) -> bool {
         if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted))
 }
 
+/// The names that the user gave: by -servename, and before the port of -serve.
+fn names(args: &NetArgs, serve: &str) -> Vec<String> {
+    let named = serve.rsplit_once(':').map(|(host, _)| host.to_owned());
+    args.servename.iter().cloned().chain(named).collect()
+}
+
 /// `-serve`: does not return before the process is ended, except when it cannot begin.
 pub(crate) fn run(
     args: &NetArgs,
@@ -218,7 +219,8 @@ pub(crate) fn run(
     let live = Live::default();
     let begun = args.serve.as_deref().map_or(Err("-serve needs a port".to_owned()), |text| {
         let address = listen_address(text).map_err(|e| format!("-serve: {e}"))?;
-        Server::start(address, live.clone()).map_err(|e| format!("cannot serve pages on {address}: {e}"))
+        Server::start(address, &names(args, text), live.clone())
+            .map_err(|e| format!("cannot serve pages on {address}: {e}"))
     });
     let server = match begun {
         Ok(server) => server,

@@ -5,7 +5,7 @@ use granita_image::PixelRect;
 use std::io::{Read, Write};
 
 fn serving(live: &Live) -> Server {
-    Server::start(([127, 0, 0, 1], 0).into(), live.clone()).unwrap()
+    Server::start(([127, 0, 0, 1], 0).into(), &[], live.clone()).unwrap()
 }
 
 /// Sends bytes; what comes back until the end.
@@ -50,7 +50,7 @@ fn the_page_is_found_under_its_word_only() {
     let post = ask(&server, &format!("POST /{token}/ HTTP/1.1\r\nContent-Length: 0\r\n\r\n"));
     assert!(post.starts_with("HTTP/1.1 405"), "{post}");
     for wrong in [
-        "\r\n\r\n",
+        " \r\n\r\n",
         "GET\r\n\r\n",
         "\u{1}\r\n\r\n",
         &format!("GET / HTTP/1.1\r\nA: {}\r\n\r\n", "x".repeat(40_000)),
@@ -64,11 +64,61 @@ fn the_page_is_found_under_its_word_only() {
     for headers in ["", "Upgrade: websocket\r\n", &format!("{asks}Origin: http://evil.example\r\n")] {
         assert!(get(&server, &path, headers).starts_with("HTTP/1.1 403"), "{headers}");
     }
+    // Who asks by another name is somebody else's page.
+    for host in ["evil.example", "evil.example:80", "10.9.8.7"] {
+        for path in [format!("/{token}/"), path.clone()] {
+            let answer = ask(&server, &format!("GET {path} HTTP/1.1\r\nHost: {host}\r\n{asks}\r\n"));
+            assert!(answer.starts_with("HTTP/1.1 421"), "{answer}");
+        }
+    }
+    let own = ask(&server, &format!("GET /{token}/ HTTP/1.1\r\nHost: localhost:1\r\n\r\n"));
+    assert!(own.starts_with("HTTP/1.1 200"), "{own}");
     // The server's end is the end of its connections.
     let address = server.address;
     drop(server);
     std::thread::sleep(Duration::from_millis(200));
     assert!(TcpStream::connect(address).is_err());
+}
+
+#[test]
+fn half_requests_keep_no_browser_out() {
+    let live = Live::default();
+    let server = serving(&live);
+    let mut slow: Vec<TcpStream> = Vec::new();
+    for _ in 0..2 * CONNECTIONS {
+        let mut socket = TcpStream::connect(server.address).unwrap();
+        let _ = socket.write_all(b"GET / HTTP/1.1\r\nHost: localhost\r\nA: b");
+        slow.push(socket);
+    }
+    let begin = Instant::now();
+    let path = server.url().splitn(4, '/').nth(3).unwrap();
+    assert!(get(&server, &format!("/{path}"), "").starts_with("HTTP/1.1 200"));
+    assert!(begin.elapsed() < Duration::from_secs(5), "{:?}", begin.elapsed());
+    let address = server.address;
+    drop(server);
+    // They end with the server, too.
+    let last = slow.last_mut().unwrap();
+    last.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+    let late = |e: std::io::Error| is_later(&Error::Io(e));
+    assert!(!last.read(&mut [0]).is_err_and(late));
+    is_closed(address);
+}
+
+/// Waits until nothing listens there.
+fn is_closed(address: SocketAddr) {
+    let begin = Instant::now();
+    while TcpStream::connect(address).is_ok() {
+        assert!(begin.elapsed() < Duration::from_secs(5), "{address} is listened on still");
+    }
+}
+
+#[test]
+fn a_server_of_all_addresses_ends() {
+    let live = Live::default();
+    let server = Server::start(([0, 0, 0, 0], 0).into(), &["box".to_owned()], live).unwrap();
+    let port = server.address.port();
+    drop(server);
+    is_closed(([127, 0, 0, 1], port).into());
 }
 
 #[test]

@@ -9,7 +9,7 @@ use std::path::Path;
 
 fn write(path: &Path, formats: &FormatRegistry, (width, height): (u32, u32)) {
     let spec = ImageSpec::new(width, height, 3, PixelType::U8);
-    let mut file = formats.create(path, "png", &CreateOptions { spec: &spec, levels: 1 }).unwrap();
+    let mut file = formats.create(path, "png", &CreateOptions::new(&spec, 1)).unwrap();
     file.write_rows(&Pixels::U8(vec![100; (width * height * 3) as usize])).unwrap();
     file.close().unwrap();
 }

@@ -172,3 +172,30 @@ fn parameters_that_are_no_numbers_are_replaced() {
         assert!(shaded(&nowhere, &[]).iter().all(|v| v.is_finite()), "scaled by {value}");
     }
 }
+
+#[test]
+fn opacities_and_colours_of_any_size_make_pixels() {
+    // Several layers, each more opaque than can be: nothing behind the first is seen.
+    for (opacity, color) in [(1e20_f32, 0.5_f32), (1.5, 0.5), (-1e20, 0.5), (0.5, 3e38), (1e20, 3e38)] {
+        let mut build = square_image();
+        for z in [3.0, 4.0, 5.0, 6.0] {
+            build.square(1.0, &[("color opacity", &[0.5; 3])], at(0.0, 0.0, z));
+        }
+        let paint = move |grid: &mut Grid| {
+            let n = grid.len();
+            grid.c = granita_shade::Lanes3::splat(Vec3::splat(color), n);
+            grid.opacity = granita_shade::Lanes3::splat(Vec3::splat(opacity), n);
+        };
+        let shader = Painted { paint, displace: None };
+        let image = render_with(&build, &build.view(&[]), 2, ("rgba", &box_filter()), &shader);
+        assert!(image.iter().all(|v| v.is_finite()), "{opacity} {color}");
+        let expected = match (opacity > 0.0, color < 1.0) {
+            (true, true) => [0.5, 0.5, 0.5, 1.0],
+            // Clear: the light of all four.
+            (false, true) => [2.0, 2.0, 2.0, 0.0],
+            // Too bright to be a colour.
+            (_, false) => [0.0, 0.0, 0.0, if opacity < 1.0 { 0.9375 } else { 1.0 }],
+        };
+        assert_eq!(pixel(&image, 4, 32, 32), expected, "{opacity} {color}");
+    }
+}

@@ -7,9 +7,9 @@ use granita_gsl::ir::{Block, Op, Stmt, Symbol, SymbolId, SymbolKind};
 /// Removes operations whose results are never read, and conditions around nothing.
 pub(super) fn remove(block: &mut Block, symbols: &[Symbol]) {
     loop {
-        let mut read = vec![false; symbols.len()];
-        reads(block, &mut |s| read[s.0 as usize] = true);
-        if !sweep(block, symbols, &read) {
+        let mut read = vec![0; symbols.len()];
+        reads(block, &mut |s| read[s.0 as usize] += 1);
+        if !sweep(block, symbols, &mut read) {
             return;
         }
     }
@@ -61,29 +61,37 @@ fn head(stmt: &Stmt) -> Stmt {
     }
 }
 
-/// Whether something was removed.
-fn sweep(block: &mut Block, symbols: &[Symbol], read: &[bool]) -> bool {
+/// Whether something was removed. From the end to the beginning, with the number of times that each symbol is read: what was
+/// computed for removed operations alone goes with them.
+fn sweep(block: &mut Block, symbols: &[Symbol], read: &mut [u32]) -> bool {
     let before = block.len();
     let mut changed = false;
-    for stmt in &mut *block {
-        for inside in blocks_mut(stmt) {
+    let mut kept = Vec::with_capacity(before);
+    for mut stmt in std::mem::take(block).into_iter().rev() {
+        for inside in blocks_mut(&mut stmt).into_iter().rev() {
             changed |= sweep(inside, symbols, read);
         }
+        match &mut stmt {
+            Stmt::Op(op) if is_dead(op, symbols, read) => {
+                op.args.iter().for_each(|s| read[s.0 as usize] -= 1);
+            }
+            Stmt::If { cond, then, otherwise } if then.is_empty() && otherwise.is_empty() => {
+                read[cond.0 as usize] -= 1;
+            }
+            _ => kept.push(stmt),
+        }
     }
-    block.retain(|stmt| match stmt {
-        Stmt::Op(op) => !is_dead(op, symbols, read),
-        Stmt::If { then, otherwise, .. } => !then.is_empty() || !otherwise.is_empty(),
-        _ => true,
-    });
+    kept.reverse();
+    *block = kept;
     changed || block.len() != before
 }
 
-fn is_dead(op: &Op, symbols: &[Symbol], read: &[bool]) -> bool {
+fn is_dead(op: &Op, symbols: &[Symbol], read: &[u32]) -> bool {
     let Some(dst) = op.dst else { return false };
     let own = matches!(symbols[dst.0 as usize].kind, SymbolKind::Local | SymbolKind::Temp);
     // A copy of itself changes nothing.
     let idle = op.code == granita_gsl::ir::OpCode::Assign && op.args[0] == dst;
-    idle || own && !read[dst.0 as usize] && effect(op, symbols) < Effect::Bound
+    idle || own && read[dst.0 as usize] == 0 && effect(op, symbols) < Effect::Bound
 }
 
 /// Lets operations write the variable that their result is copied to right after, where nobody else reads it.

@@ -1,0 +1,247 @@
+//! How many connections a server holds, and which of them ends when another one needs its place.
+//!
+//! Connections that have not yet sent anything whole must never keep others out: when all places are taken, or those of one
+//! address, the oldest such connection is closed in favour of the new one. Connections that have sent something keep their
+//! places, and the new one is refused.
+
+use std::collections::BTreeMap;
+use std::net::{IpAddr, Ipv6Addr, Shutdown, SocketAddr, TcpStream};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// The connections of one server.
+#[derive(Debug)]
+pub struct Places {
+    total: usize,
+    per_address: usize,
+    ending: AtomicBool,
+    /// By an id that grows: the first is the oldest.
+    taken: Mutex<BTreeMap<u64, Taken>>,
+}
+
+#[derive(Debug)]
+struct Taken {
+    origin: IpAddr,
+    socket: TcpStream,
+    /// It has sent something whole.
+    heard: bool,
+}
+
+/// The place of one connection; dropping it gives the place back.
+#[derive(Debug)]
+pub struct Place {
+    places: Arc<Places>,
+    id: u64,
+}
+
+/// Why a connection has no place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// All places are taken by connections that have sent something; the number of places.
+    Full(usize),
+    /// The same of the places for one address.
+    FullOfAddress(usize),
+    /// The system does not duplicate the socket, as when no more files may be open.
+    NoSocket,
+}
+
+impl std::fmt::Display for Refusal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Full(count) => write!(f, "more than {count} connections"),
+            Self::FullOfAddress(count) => write!(f, "more than {count} connections from one address"),
+            Self::NoSocket => f.write_str("no more files may be open"),
+        }
+    }
+}
+
+impl Places {
+    /// Places for `total` connections, of which `per_address` may come from one address (of IPv6: from one network of 64
+    /// bits, which is what one machine can choose from).
+    pub fn new(total: usize, per_address: usize) -> Arc<Self> {
+        let (ending, taken) = (AtomicBool::new(false), Mutex::default());
+        Arc::new(Self { total, per_address, ending, taken })
+    }
+
+    /// Gives `socket`, which comes from `address`, a place.
+    ///
+    /// # Errors
+    /// When there is none, and none could be made.
+    pub fn take(
+        self: &Arc<Self>,
+        id: u64,
+        socket: &TcpStream,
+        address: SocketAddr,
+    ) -> Result<Place, Refusal> {
+        let socket = socket.try_clone().map_err(|_| Refusal::NoSocket)?;
+        let origin = origin(address.ip());
+        let mut taken = self.taken();
+        if taken.values().filter(|t| t.origin == origin).count() >= self.per_address
+            && !close_oldest_silent(&mut taken, |t| t.origin == origin)
+        {
+            return Err(Refusal::FullOfAddress(self.per_address));
+        }
+        if taken.len() >= self.total && !close_oldest_silent(&mut taken, |_| true) {
+            return Err(Refusal::Full(self.total));
+        }
+        taken.insert(id, Taken { origin, socket, heard: false });
+        Ok(Place { places: self.clone(), id })
+    }
+
+    /// The number of places that are taken.
+    pub fn count(&self) -> usize {
+        self.taken().len()
+    }
+
+    /// True after [`Places::close`].
+    pub fn is_ending(&self) -> bool {
+        self.ending.load(Ordering::SeqCst)
+    }
+
+    /// Ends all connections, and the thread that accepts them at `address`: that one waits for a connection, is sent one,
+    /// and finds that the server [is ending](Places::is_ending).
+    pub fn close(&self, mut address: SocketAddr) {
+        self.ending.store(true, Ordering::SeqCst);
+        for taken in self.taken().values() {
+            let _ = taken.socket.shutdown(Shutdown::Both);
+        }
+        // Not every system connects to the address that stands for all of them.
+        if address.ip().is_unspecified() {
+            address.set_ip(match address {
+                SocketAddr::V4(_) => std::net::Ipv4Addr::LOCALHOST.into(),
+                SocketAddr::V6(_) => Ipv6Addr::LOCALHOST.into(),
+            });
+        }
+        let _ = TcpStream::connect_timeout(&address, Duration::from_millis(200));
+    }
+
+    fn taken(&self) -> MutexGuard<'_, BTreeMap<u64, Taken>> {
+        self.taken.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Place {
+    /// Something whole has come: this place is not given to others any more.
+    pub fn heard(&self) {
+        if let Some(taken) = self.places.taken().get_mut(&self.id) {
+            taken.heard = true;
+        }
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.places.taken().remove(&self.id);
+    }
+}
+
+/// Closes the oldest connection that has sent nothing whole, among those that `may` end; false when there is none.
+fn close_oldest_silent(taken: &mut BTreeMap<u64, Taken>, may: impl Fn(&Taken) -> bool) -> bool {
+    let oldest = taken.iter().find(|(_, t)| !t.heard && may(t)).map(|(id, _)| *id);
+    let Some(closed) = oldest.and_then(|id| taken.remove(&id)) else { return false };
+    let _ = closed.socket.shutdown(Shutdown::Both);
+    true
+}
+
+/// What counts as one address.
+fn origin(address: IpAddr) -> IpAddr {
+    match address.to_canonical() {
+        IpAddr::V6(v6) => {
+            let [a, b, c, d, ..] = v6.segments();
+            Ipv6Addr::new(a, b, c, d, 0, 0, 0, 0).into()
+        }
+        v4 => v4,
+    }
+}
+
+/// Lets through the first few messages, then one in a while, and counts those in between.
+#[derive(Debug)]
+pub struct Sparingly {
+    first: u32,
+    pause: Duration,
+    last: Option<Instant>,
+    left_out: u64,
+}
+
+impl Sparingly {
+    /// `first` messages at once, then one in each `pause`.
+    pub fn new(first: u32, pause: Duration) -> Self {
+        Self { first, pause, last: None, left_out: 0 }
+    }
+
+    /// The text to print at `now`; `None` when it is too early. It says how many messages were left out before it.
+    pub fn say(&mut self, now: Instant, text: &str) -> Option<String> {
+        if self.first > 0 {
+            self.first -= 1;
+        } else if self.last.is_some_and(|last| now.duration_since(last) < self.pause) {
+            self.left_out += 1;
+            return None;
+        }
+        self.last = Some(now);
+        Some(match std::mem::take(&mut self.left_out) {
+            0 => text.to_owned(),
+            count => format!("{text} ({count} messages like this were left out)"),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Read;
+    use std::net::TcpListener;
+
+    /// Both ends of a connection.
+    fn pair(listener: &TcpListener) -> (TcpStream, TcpStream) {
+        let client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        client.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
+        (client, listener.accept().unwrap().0)
+    }
+
+    #[test]
+    fn silent_connections_give_way() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let places = Places::new(3, 2);
+        let from = |text: &str| SocketAddr::new(text.parse().unwrap(), 9);
+        let mut clients = Vec::new();
+        let mut next = |address: &str| {
+            let (client, server) = pair(&listener);
+            clients.push(client);
+            places.take(clients.len() as u64, &server, from(address))
+        };
+        let a = next("10.0.0.1").unwrap();
+        let b = next("10.0.0.1").unwrap();
+        a.heard();
+        // A third one of the address: the silent one of them ends. Then nothing of this address gives way.
+        let c = next("::ffff:10.0.0.1").unwrap();
+        c.heard();
+        assert_eq!(next("10.0.0.1").unwrap_err(), Refusal::FullOfAddress(2));
+        let d = next("fd00::1").unwrap();
+        assert_eq!(places.count(), 3);
+        // The same network of 64 bits is the same address.
+        d.heard();
+        assert_eq!(next("10.0.0.2").unwrap_err(), Refusal::Full(3));
+        drop(c);
+        let e = next("fd00::2").unwrap();
+        e.heard();
+        assert_eq!(next("fd00::3").unwrap_err(), Refusal::FullOfAddress(2));
+        // The place of one that was closed before is not given back twice.
+        drop(b);
+        assert_eq!(places.count(), 3);
+        let is_closed = |k: usize| matches!((&clients[k]).read(&mut [0; 1]), Ok(0));
+        assert_eq!([0, 1].map(is_closed), [false, true]);
+        drop((a, d, e));
+        assert_eq!(places.count(), 0);
+    }
+
+    #[test]
+    fn few_messages() {
+        let mut sparingly = Sparingly::new(2, Duration::from_secs(60));
+        let begin = Instant::now();
+        let mut at = |seconds| sparingly.say(begin + Duration::from_secs(seconds), "x");
+        assert_eq!((at(0), at(1), at(2), at(59)), (Some("x".to_owned()), Some("x".to_owned()), None, None));
+        assert_eq!(at(61).unwrap(), "x (2 messages like this were left out)");
+        assert_eq!((at(120), at(121)), (None, Some("x (1 messages like this were left out)".to_owned())));
+    }
+}

@@ -1,0 +1,159 @@
+//! Headers that promise far more than their files hold are refused before memory is taken for it.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use granita_image::{CreateOptions, Format, ImageError, ImageInput, ImageSpec, Limits, PixelType, Pixels};
+use std::path::PathBuf;
+
+/// Opens a file of these bytes and reads all of it.
+fn read(name: &str, bytes: &[u8]) -> Result<Pixels, ImageError> {
+    let (_folder, input) = open(name, bytes)?;
+    let height = input.spec(0, 0).unwrap().height;
+    input.read_rows(0, 0, 0, height)
+}
+
+/// The folder stays as long as the file is read.
+fn open(name: &str, bytes: &[u8]) -> Result<(tempfile::TempDir, Box<dyn ImageInput>), ImageError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path: PathBuf = folder.path().join(name);
+    std::fs::write(&path, bytes).unwrap();
+    let ending = path.extension().unwrap().to_str().unwrap();
+    let format: std::sync::Arc<dyn Format> =
+        granita_raster::formats().into_iter().find(|f| f.extensions().contains(&ending)).unwrap();
+    Ok((folder, format.open(&path, &Limits::default())?))
+}
+
+fn tga(kind: u8, width: u16, height: u16, bits: u8, body: &[u8]) -> Vec<u8> {
+    let mut file = vec![0, 0, kind, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+    file.extend([width.to_le_bytes(), height.to_le_bytes()].concat());
+    file.extend([bits, 0]);
+    file.extend(body);
+    file
+}
+
+#[test]
+fn promises_are_compared_with_what_there_is() {
+    let gif =
+        [b"GIF89a\xff\xff\xff\x7f\0\0\0," as &[u8], &[0, 0, 0, 0, 1, 0, 1, 0, 0], b"\x02\x02\x44\x01\0;"];
+    let bmp = {
+        let mut file = b"BM".to_vec();
+        let words = [62, 0, 54, 40, 40000, 40000, 24 << 16 | 1, 0, 8, 0, 0, 0, 0_u32];
+        file.extend(words.iter().flat_map(|w| w.to_le_bytes()));
+        file.extend([0; 8]);
+        file
+    };
+    let files = [
+        ("a.gif", gif.concat()),
+        ("a.tga", tga(2, 65535, 16000, 32, &[0; 8])),
+        ("b.tga", tga(10, 65535, 16000, 32, &[0xff, 1, 2, 3, 4])),
+        ("c.tga", tga(3, 65535, 65535, 8, &[0; 8])),
+        ("a.bmp", bmp),
+        ("a.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 60000 +X 10000\n\x02\x02\x27\x10".to_vec()),
+        ("a.pbm", b"P4\n60000 60000\n\0\0\0\0".to_vec()),
+        ("b.pgm", b"P2\n60000 60000\n255\n1 2 3".to_vec()),
+        ("c.pgm", b"P5\n60000 60000\n254\n\0\0\0".to_vec()),
+    ];
+    for (name, bytes) in files {
+        let error = read(name, &bytes).unwrap_err().to_string();
+        assert!(error.contains("promises") || error.contains("exceeds"), "{error}");
+    }
+}
+
+/// Small pictures may lack any part, so that what is there can be had.
+#[test]
+fn small_ones_are_opened_in_any_case() {
+    assert!(open("a.tga", &tga(2, 1000, 1000, 32, &[0; 8])).is_ok());
+    assert!(open("a.pbm", b"P4\n4000 4000\n\0\0\0\0").is_ok());
+}
+
+fn chunk(kind: &[u8; 4], body: &[u8]) -> Vec<u8> {
+    let mut sum = crc32fast::Hasher::new();
+    sum.update(kind);
+    sum.update(body);
+    [&(body.len() as u32).to_be_bytes()[..], kind, body, &sum.finalize().to_be_bytes()].concat()
+}
+
+/// Texts and colour profiles that unpack to a thousand times their length cost neither time nor memory.
+#[test]
+fn packed_texts_are_bounded() {
+    let deflated = |bytes: &[u8]| {
+        let mut out = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
+        std::io::Write::write_all(&mut out, bytes).unwrap();
+        out.finish().unwrap()
+    };
+    let header = [0, 0, 0, 2, 0, 0, 0, 2, 8, 0, 0, 0, 0];
+    let long = deflated(&vec![b'a'; 40 << 20]);
+    let png = |texts: &[Vec<u8>]| {
+        let front = [b"\x89PNG\r\n\x1a\n".to_vec(), chunk(b"IHDR", &header)].concat();
+        let data = chunk(b"IDAT", &deflated(&[0; 6]));
+        [front, texts.concat(), data, chunk(b"IEND", b"")].concat()
+    };
+    let text = |keyword: &[u8], packed: &[u8]| chunk(b"iTXt", &[keyword, b"\0\x01\0\0\0", packed].concat());
+    let short = deflated(b"somebody");
+    let file = png(&[
+        text(b"Title", &long),
+        text(b"Author", &short),
+        chunk(b"iCCP", &[b"x\0\0", &long[..]].concat()),
+    ]);
+    let (_folder, input) = open("a.png", &file).unwrap();
+    let spec = input.spec(0, 0).unwrap();
+    assert_eq!((spec.string("DocumentName"), spec.string("Artist")), (None, Some("somebody")));
+    assert_eq!(input.read_rows(0, 0, 0, 2).unwrap(), Pixels::U8(vec![0; 4]));
+}
+
+fn iff(width: u32, height: u32, tiles: &[([u16; 4], &[u8])]) -> Vec<u8> {
+    let sized = |kind: &[u8], body: &[u8]| {
+        let mut out = [kind, &(body.len() as u32).to_be_bytes(), body].concat();
+        out.resize(out.len().next_multiple_of(4), 0);
+        out
+    };
+    let header = [
+        &width.to_be_bytes()[..],
+        &height.to_be_bytes(),
+        &[0, 1, 0, 1, 0, 0, 0, 3, 0, 0],
+        &(tiles.len() as u16).to_be_bytes(),
+        &[0, 0, 0, 1],
+    ];
+    let tiles = tiles.iter().map(|(at, body)| {
+        let at: Vec<u8> = at.iter().flat_map(|n| n.to_be_bytes()).collect();
+        sized(b"RGBA", &[&at[..], body].concat())
+    });
+    let body =
+        [b"CIMG".to_vec(), sized(b"TBHD", &header.concat()), tiles.collect::<Vec<_>>().concat()].concat();
+    sized(b"FOR4", &body)
+}
+
+#[test]
+fn tiles_that_cover_each_other_are_refused() {
+    let run = [0xff, 9].repeat(4 * 16);
+    let tile = |n: usize| vec![([0, 0, 31, 63], run.as_slice()); n];
+    let file = iff(32, 64, &tile(1));
+    assert_eq!(read("a.iff", &file).unwrap().len(), 32 * 64 * 4);
+    let error = read("a.iff", &iff(32, 64, &tile(5))).unwrap_err().to_string();
+    assert!(error.contains("its tiles hold 10240 pixels, of which the picture has at most 8192"), "{error}");
+}
+
+/// What is broken is decoded once: asked for again, its rows cost nothing.
+#[test]
+fn broken_files_are_decoded_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let registry = granita_image::FormatRegistry::new(Limits::default());
+    let registry = granita_raster::formats().into_iter().fold(registry, |mut registry, format| {
+        registry.register(format);
+        registry
+    });
+    for name in ["png", "webp"] {
+        let path = folder.path().join(format!("cut.{name}"));
+        let spec = ImageSpec::new(64, 64, 3, PixelType::U8);
+        let mut file = registry.create(&path, name, &CreateOptions::new(&spec, 1)).unwrap();
+        let noise = (0..64 * 64 * 3_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        file.write_rows(&Pixels::U8(noise)).unwrap();
+        file.close().unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+        let file = registry.open(&path).unwrap();
+        assert!(file.read_rows(0, 0, 0, 64).is_err(), "{name}");
+        let read = file.bytes_read();
+        assert!(file.read_rows(0, 0, 0, 64).is_err() && file.read_rows(0, 0, 60, 64).is_err(), "{name}");
+        assert_eq!(file.bytes_read(), read, "{name}");
+    }
+}

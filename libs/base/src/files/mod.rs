@@ -1,0 +1,238 @@
+//! Files: every file that a run reads or writes is opened through one [`Files`].
+//!
+//! By default it opens whatever the process may open. [`Files::confined`] is for scenes from strangers: what is read must
+//! lie beneath one of a list of folders, and what is written beneath one folder that belongs to the scene (see
+//! [`Confinement`] for the rules). The value travels with the variables of a session ([`crate::Environment`]), so search
+//! paths, readers and writers obey it without asking.
+//!
+//! ```
+//! use granita_base::Files;
+//! let files = Files::default();
+//! assert!(files.is_file("Cargo.toml".as_ref()));
+//! ```
+
+mod atomic;
+mod confined;
+
+pub use atomic::{AtomicFile, remove_unfinished};
+pub use confined::{Confinement, Rules};
+
+use confined::Confined;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A file that cannot be opened, read or written.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {source}", path.display())]
+pub struct FileError {
+    /// The file, as it was named.
+    pub path: PathBuf,
+    /// What the system said, or why the rules of the run refuse it ([`io::ErrorKind::PermissionDenied`]).
+    pub source: io::Error,
+}
+
+/// True when two names mean one file that exists: what is written as one would replace the other.
+pub fn is_same_file(a: &Path, b: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        if let (Ok(a), Ok(b)) = (a.metadata(), b.metadata()) {
+            return (a.dev(), a.ino()) == (b.dev(), b.ino()) && a.is_file();
+        }
+    }
+    matches!((std::fs::canonicalize(a), std::fs::canonicalize(b)), (Ok(a), Ok(b)) if a == b && a.is_file())
+}
+
+/// Opens the files of a run; clones share the rules.
+#[derive(Clone, Default)]
+pub struct Files(Option<Arc<Confined>>);
+
+impl std::fmt::Debug for Files {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(if self.is_confined() { "Files(confined)" } else { "Files" })
+    }
+}
+
+/// Two values are equal when they share their rules.
+impl PartialEq for Files {
+    fn eq(&self, other: &Self) -> bool {
+        match (&self.0, &other.0) {
+            (None, None) => true,
+            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+            _ => false,
+        }
+    }
+}
+
+impl Eq for Files {}
+
+impl Files {
+    /// Opens files by the rules of `confinement`.
+    pub fn confined(confinement: Confinement) -> Self {
+        Self(Some(Arc::new(Confined::new(confinement))))
+    }
+
+    /// Reads the files and folders that the user `named`, and what lies beneath the folders of the files; writes anywhere. For
+    /// tools whose user names all results, while files name other files.
+    pub fn reading<'a>(named: impl IntoIterator<Item = &'a Path>) -> Self {
+        let files = Self::confined(Confinement::default());
+        named.into_iter().for_each(|path| files.add_named(path));
+        files
+    }
+
+    /// Lets a file that the user named be read, and what lies beneath its folder; or all beneath a folder that the user named.
+    pub fn add_named(&self, path: &Path) {
+        self.grant(path);
+        match path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+            _ if path.is_dir() => self.add_root(path),
+            Some(folder) => self.add_root(folder),
+            None => self.add_root(Path::new(".")),
+        }
+    }
+
+    /// True when rules restrict what is opened.
+    pub fn is_confined(&self) -> bool {
+        self.0.is_some()
+    }
+
+    /// Lets files beneath `folder` be read. A folder that does not exist, or a relative one, adds nothing.
+    pub fn add_root(&self, folder: &Path) {
+        if let Some(confined) = &self.0 {
+            confined.add_root(folder);
+        }
+    }
+
+    /// Lets this one file be read, whatever the rules: the user named it.
+    pub fn grant(&self, file: &Path) {
+        if let Some(confined) = &self.0 {
+            confined.grant(file, false);
+        }
+    }
+
+    /// Lets this one file be written and read, whatever the rules: the user named it as a result.
+    pub fn grant_output(&self, file: &Path) {
+        if let Some(confined) = &self.0 {
+            confined.grant(file, true);
+        }
+    }
+
+    /// What the rules say now; `None` without rules.
+    pub fn rules(&self) -> Option<Rules> {
+        self.0.as_ref().map(|confined| confined.rules())
+    }
+
+    /// Opens a file for reading.
+    ///
+    /// # Errors
+    /// What the system says; [`io::ErrorKind::PermissionDenied`] when the rules refuse it.
+    pub fn open(&self, path: &Path) -> io::Result<File> {
+        match &self.0 {
+            None => File::open(path),
+            Some(confined) => confined.open(path),
+        }
+    }
+
+    /// All bytes of a file.
+    ///
+    /// # Errors
+    /// As [`Files::open`].
+    pub fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
+        let mut file = self.open(path)?;
+        let size = file.metadata().map_or(0, |m| m.len());
+        let mut bytes = Vec::with_capacity(usize::try_from(size).unwrap_or(0).min(1 << 28));
+        file.read_to_end(&mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// All of a file's text.
+    ///
+    /// # Errors
+    /// As [`Files::open`]; [`io::ErrorKind::InvalidData`] for what is not UTF-8.
+    pub fn read_to_string(&self, path: &Path) -> io::Result<String> {
+        String::from_utf8(self.read(path)?).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))
+    }
+
+    /// True when `path` is a file that may be read.
+    pub fn is_file(&self, path: &Path) -> bool {
+        match &self.0 {
+            None => path.is_file(),
+            Some(confined) => confined.is_file(path),
+        }
+    }
+
+    /// The place of a file that the run itself wrote under the relative name `path`, where that is not `path`.
+    pub fn written(&self, path: &Path) -> Option<PathBuf> {
+        self.0.as_ref()?.written(path)
+    }
+
+    /// Begins a file that appears under its name whole or not at all.
+    ///
+    /// # Errors
+    /// [`FileError`]: what the system says, or which rule refuses the name.
+    pub fn create(&self, path: &Path) -> Result<AtomicFile, FileError> {
+        match &self.0 {
+            None => AtomicFile::create(path),
+            Some(confined) => confined.create(path),
+        }
+    }
+
+    /// Creates a file that can be read by others while it is written, as a log; an older one is replaced.
+    ///
+    /// # Errors
+    /// As [`Files::create`].
+    pub fn create_log(&self, path: &Path) -> Result<File, FileError> {
+        match &self.0 {
+            None => File::create(path).map_err(|source| FileError { path: path.to_owned(), source }),
+            Some(confined) => confined.create_log(path),
+        }
+    }
+
+    /// Finds out whether [`Files::create`] would begin the file, without leaving anything behind.
+    ///
+    /// # Errors
+    /// As [`Files::create`].
+    pub fn check_create(&self, path: &Path) -> Result<(), FileError> {
+        let special = self.0.is_none() && path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir());
+        // What is written directly may not be opened twice.
+        if special { Ok(()) } else { self.create(path).map(drop) }
+    }
+
+    /// A file without a name that vanishes with its handle: in the folder of `beside` where that can be, as files that
+    /// are large belong on the disk of the result, otherwise in the folder for temporary files.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn scratch(&self, beside: &Path) -> io::Result<File> {
+        let folder = match &self.0 {
+            Some(confined) => confined.scratch_folder(beside),
+            None => beside.parent().unwrap_or(Path::new("")).to_owned(),
+        };
+        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { &folder };
+        tempfile::tempfile_in(folder).or_else(|_| tempfile::tempfile())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_file_has_many_names() {
+        let dir = tempfile::tempdir().unwrap();
+        let (a, b) = (dir.path().join("a"), dir.path().join("b"));
+        assert!(!is_same_file(&a, &a), "nothing is there");
+        std::fs::write(&a, "a").unwrap();
+        std::fs::write(&b, "a").unwrap();
+        assert!(is_same_file(&a, &dir.path().join(".").join("a")));
+        assert!(!is_same_file(&a, &b) && !is_same_file(dir.path(), dir.path()));
+        #[cfg(unix)]
+        {
+            let (soft, hard) = (dir.path().join("soft"), dir.path().join("hard"));
+            std::os::unix::fs::symlink("a", &soft).unwrap();
+            std::fs::hard_link(&a, &hard).unwrap();
+            assert!(is_same_file(&a, &soft) && is_same_file(&hard, &a) && !is_same_file(&b, &hard));
+        }
+    }
+}

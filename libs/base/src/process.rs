@@ -1,0 +1,489 @@
+//! What a run is busy with, and the processes that it started: both are known in one place, so that a run can be ended.
+//!
+//! Every child process is the leader of a process group of its own (on Unix). [`Supervisor::end`] ends the groups, and so the
+//! children of children as well. When this process is killed, nothing can run in it any more. A *guard*, a small shell that is
+//! started with the first child, then sees its connection end and ends the groups in its place.
+//!
+//! Programs that a scene started without waiting for them ([`Process::detach`]) live on when the run ends by itself, and are
+//! ended when the run is.
+//!
+//! Other systems than Unix have no groups here: there only a [`Process`] that is dropped ends its child.
+//!
+//! ```
+//! use granita_base::Supervisor;
+//! let supervisor = Supervisor::default();
+//! let activity = supervisor.begin("reading scene.pyg");
+//! assert_eq!(supervisor.running(), ["reading scene.pyg"]);
+//! drop(activity);
+//! assert!(supervisor.running().is_empty());
+//! ```
+
+use std::collections::BTreeMap;
+use std::io;
+use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Knows the activities and the child processes of a run; clones share them.
+#[derive(Clone, Default)]
+pub struct Supervisor(Arc<Inner>);
+
+#[derive(Default)]
+struct Inner {
+    state: Mutex<State>,
+    ended: AtomicBool,
+    unguarded: bool,
+}
+
+#[derive(Default)]
+struct State {
+    next: u64,
+    activities: BTreeMap<u64, String>,
+    groups: BTreeMap<u64, Group>,
+    #[cfg(unix)]
+    guard: Option<unix::Guard>,
+}
+
+/// A process group.
+#[derive(Clone, Copy)]
+struct Group {
+    leader: u32,
+    /// The leader has ended and was waited for; other members have not ended.
+    leaderless: bool,
+}
+
+impl std::fmt::Debug for Supervisor {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Supervisor").field(&self.running()).finish()
+    }
+}
+
+impl Supervisor {
+    /// One for children that see by themselves when this process is gone: it needs no guard.
+    pub fn unguarded() -> Self {
+        let mut inner = Inner::default();
+        inner.unguarded = true;
+        Self(Arc::new(inner))
+    }
+
+    /// Notes that the run is busy with `what` until the result is dropped.
+    pub fn begin(&self, what: impl Into<String>) -> Activity {
+        let mut state = self.state();
+        state.next += 1;
+        let id = state.next;
+        state.activities.insert(id, what.into());
+        Activity { supervisor: self.clone(), id }
+    }
+
+    /// What the run is busy with, the latest last.
+    pub fn running(&self) -> Vec<String> {
+        self.state().activities.values().cloned().collect()
+    }
+
+    /// Starts a child process in a group of its own.
+    ///
+    /// # Errors
+    /// When it cannot be started, or the run is being ended ([`io::ErrorKind::Interrupted`]).
+    pub fn spawn(&self, command: &mut Command, what: impl Into<String>) -> io::Result<Process> {
+        let refused = || io::Error::new(io::ErrorKind::Interrupted, "the run is being ended");
+        if self.has_ended() {
+            return Err(refused());
+        }
+        #[cfg(unix)]
+        {
+            std::os::unix::process::CommandExt::process_group(command, 0);
+            self.start_guard();
+        }
+        let child = command.spawn()?;
+        let activity = self.begin(what);
+        let id = activity.id;
+        let mut state = self.state();
+        let group = Group { leader: child.id(), leaderless: false };
+        state.groups.insert(id, group);
+        state.tell_guard('+', group);
+        drop(state);
+        let process = Process { child, activity: Some(activity), id, supervisor: self.clone() };
+        // A child that was started while the others were ended is ended when it is dropped here.
+        if self.has_ended() { Err(refused()) } else { Ok(process) }
+    }
+
+    /// Ends all child processes and what they started, and lets no more start: first by a signal that lets them tidy up, and
+    /// after a third of a second by one that does not.
+    pub fn end(&self) {
+        self.0.ended.store(true, Ordering::SeqCst);
+        #[cfg(unix)]
+        unix::end(|| self.state().groups.values().copied().collect());
+    }
+
+    /// Whether [`Supervisor::end`] was called.
+    pub fn has_ended(&self) -> bool {
+        self.0.ended.load(Ordering::SeqCst)
+    }
+
+    /// To be called where a run ends by itself: programs that were started without waiting for them live on.
+    /// It happens by itself when the last clone is dropped.
+    pub fn release(&self) {
+        self.state().release();
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.0.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    #[cfg(unix)]
+    fn start_guard(&self) {
+        let mut state = self.state();
+        if state.guard.is_none() && !self.0.unguarded {
+            // Without one, only a killed process leaves children behind.
+            state.guard = unix::Guard::start().ok();
+        }
+    }
+
+    /// The leader of a group was waited for. Returns the group when it still has members.
+    fn leader_ended(&self, id: u64) {
+        let mut state = self.state();
+        let Some(group) = state.groups.get(&id).copied() else { return };
+        let left = Group { leaderless: true, ..group };
+        #[cfg(unix)]
+        if unix::has_members(left) {
+            state.groups.insert(id, left);
+            state.tell_guard('l', left);
+            return;
+        }
+        state.groups.remove(&id);
+        state.tell_guard('-', left);
+    }
+
+    fn end_group(&self, id: u64) {
+        let mut state = self.state();
+        let Some(group) = state.groups.remove(&id) else { return };
+        #[cfg(unix)]
+        unix::kill(group);
+        state.tell_guard('-', group);
+    }
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        self.state.get_mut().unwrap_or_else(PoisonError::into_inner).release();
+    }
+}
+
+impl State {
+    fn release(&mut self) {
+        self.groups.clear();
+        #[cfg(unix)]
+        if let Some(guard) = self.guard.take() {
+            guard.dismiss();
+        }
+    }
+
+    #[cfg(unix)]
+    fn tell_guard(&self, word: char, group: Group) {
+        if let Some(guard) = &self.guard {
+            guard.tell(word, group.leader);
+        }
+    }
+
+    #[cfg(not(unix))]
+    #[expect(clippy::unused_self, reason = "there are no guards here")]
+    fn tell_guard(&self, _: char, _: Group) {}
+}
+
+/// Something that a run is busy with until this is dropped.
+#[derive(Debug)]
+pub struct Activity {
+    supervisor: Supervisor,
+    id: u64,
+}
+
+impl Drop for Activity {
+    fn drop(&mut self) {
+        self.supervisor.state().activities.remove(&self.id);
+    }
+}
+
+/// A child process. Dropped, it is ended at once, with everything that it started.
+#[derive(Debug)]
+pub struct Process {
+    child: Child,
+    activity: Option<Activity>,
+    id: u64,
+    supervisor: Supervisor,
+}
+
+impl Process {
+    /// Its standard input, where that is a pipe, once.
+    pub fn take_stdin(&mut self) -> Option<ChildStdin> {
+        self.child.stdin.take()
+    }
+
+    /// Its standard output, where that is a pipe, once.
+    pub fn take_stdout(&mut self) -> Option<ChildStdout> {
+        self.child.stdout.take()
+    }
+
+    /// Waits until it has ended. Programs that it started in the background are left alone.
+    ///
+    /// # Errors
+    /// Those of the system.
+    pub fn wait(&mut self) -> io::Result<ExitStatus> {
+        let status = self.child.wait();
+        self.activity = None;
+        self.supervisor.leader_ended(self.id);
+        status
+    }
+
+    /// As [`Process::wait`], for a process that has closed its output and so is about to end: one that does not end within `most`
+    /// is ended.
+    ///
+    /// # Errors
+    /// Those of the system.
+    pub fn wait_for_end(&mut self, most: Duration) -> io::Result<ExitStatus> {
+        let begin = Instant::now();
+        while begin.elapsed() < most && self.child.try_wait()?.is_none() {
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        if self.child.try_wait()?.is_none() {
+            self.supervisor.end_group(self.id);
+            self.child.kill()?;
+        }
+        self.wait()
+    }
+
+    /// Lets it go on without being waited for.
+    pub fn detach(mut self) {
+        self.activity = None;
+        // Its end is asked for, or it stays in the table of processes.
+        std::thread::spawn(move || self.wait());
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        if self.activity.is_none() {
+            // It was waited for.
+            return;
+        }
+        self.supervisor.end_group(self.id);
+        // Where there are no groups. It may have ended by itself: then both fail.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+#[cfg(unix)]
+mod unix {
+    use super::Group;
+    use rustix::net::SendFlags;
+    use rustix::process::{Pid, Signal, kill_process_group, test_kill_process, test_kill_process_group};
+    use std::io;
+    use std::os::fd::OwnedFd;
+    use std::os::unix::net::UnixStream;
+    use std::os::unix::process::CommandExt;
+    use std::process::{Child, Command, Stdio};
+    use std::time::{Duration, Instant};
+
+    /// How long processes may tidy up.
+    const GRACE: Duration = Duration::from_millis(300);
+
+    /// Keeps the list of groups in step with the process at the other end, and ends them when that is gone. It must outlive the
+    /// signals that end a whole terminal. A group without its leader is spared when its number belongs to another process.
+    const GUARD: &str = r#"trap '' HUP INT TERM QUIT TSTP
+cd /
+groups=
+without() {
+    left=
+    for g in $groups; do [ "${g#l}" = "$1" ] || left="$left $g"; done
+    groups=$left
+}
+send() {
+    for g in $groups; do
+        case $g in
+            l*) kill -s 0 "${g#l}" || kill -s "$1" -- "-${g#l}" ;;
+            *) kill -s "$1" -- "-$g" ;;
+        esac && some=1
+    done
+}
+while read -r word number; do
+    case $word in
+        +) groups="$groups $number" ;;
+        -) without "$number" ;;
+        l) without "$number"; groups="$groups l$number" ;;
+        q) exit ;;
+    esac
+done
+some=
+send TERM
+[ -z "$some" ] && exit
+sleep 1
+send KILL
+"#;
+
+    fn pid(group: Group) -> Option<Pid> {
+        Pid::from_raw(i32::try_from(group.leader).ok()?)
+    }
+
+    /// Whether a signal may be sent: a group without its leader whose number belongs to another process by now is gone.
+    pub(super) fn has_members(group: Group) -> bool {
+        let reused = |pid| group.leaderless && test_kill_process(pid) != Err(rustix::io::Errno::SRCH);
+        pid(group).is_some_and(|pid| !reused(pid) && test_kill_process_group(pid).is_ok())
+    }
+
+    fn signal(group: Group, signal: Signal) {
+        if has_members(group)
+            && let Some(pid) = pid(group)
+        {
+            // It may have ended meanwhile.
+            let _ = kill_process_group(pid, signal);
+        }
+    }
+
+    pub(super) fn kill(group: Group) {
+        signal(group, Signal::KILL);
+    }
+
+    /// Ends what is in a list that grows shorter meanwhile.
+    pub(super) fn end(groups: impl Fn() -> Vec<Group>) {
+        let begin = Instant::now();
+        groups().into_iter().for_each(|group| signal(group, Signal::TERM));
+        while begin.elapsed() < GRACE && groups().into_iter().any(has_members) {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        groups().into_iter().for_each(kill);
+    }
+
+    /// The process that ends the groups when this one is killed.
+    pub(super) struct Guard {
+        child: Child,
+        to: UnixStream,
+    }
+
+    impl Guard {
+        pub(super) fn start() -> io::Result<Self> {
+            // A socket: writing to one whose other end is gone raises no signal, which a pipe would.
+            let (to, from) = UnixStream::pair()?;
+            let child = Command::new("/bin/sh")
+                .args(["-c", GUARD])
+                .stdin(Stdio::from(OwnedFd::from(from)))
+                .stdout(Stdio::null())
+                .stderr(Stdio::null())
+                .process_group(0)
+                .spawn()?;
+            Ok(Self { child, to })
+        }
+
+        pub(super) fn tell(&self, word: char, number: u32) {
+            let line = format!("{word} {number}\n");
+            // Without a guard, only a killed process leaves children behind.
+            let _ = rustix::net::send(&self.to, line.as_bytes(), SendFlags::NOSIGNAL | SendFlags::DONTWAIT);
+        }
+
+        pub(super) fn dismiss(mut self) {
+            self.tell('q', 0);
+            drop(self.to);
+            let _ = self.child.wait();
+        }
+    }
+}
+
+#[cfg(test)]
+#[cfg(unix)]
+mod tests {
+    use super::*;
+    use std::io::{BufRead, BufReader};
+    use std::process::Stdio;
+
+    fn alive(pid: &str) -> bool {
+        // A process that was ended but not waited for has a state of Z.
+        let state = Command::new("ps").args(["-o", "stat=", "-p", pid]).output().unwrap();
+        let state = String::from_utf8(state.stdout).unwrap();
+        !state.trim().is_empty() && !state.trim_start().starts_with('Z')
+    }
+
+    fn ends(pid: &str) -> bool {
+        let begin = Instant::now();
+        while alive(pid) && begin.elapsed() < Duration::from_secs(5) {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        !alive(pid)
+    }
+
+    /// A shell, and a child of it whose number it prints.
+    fn shell(supervisor: &Supervisor, tail: &str) -> (Process, String) {
+        let line = format!("sleep 1000 & echo $!; {tail}");
+        let mut command = Command::new("sh");
+        command.args(["-c", &line]).stdout(Stdio::piped());
+        let mut process = supervisor.spawn(&mut command, "running a shell").unwrap();
+        let mut number = String::new();
+        BufReader::new(process.take_stdout().unwrap()).read_line(&mut number).unwrap();
+        (process, number.trim().to_owned())
+    }
+
+    #[test]
+    fn a_process_that_only_closed_its_output_is_not_waited_for() {
+        let supervisor = Supervisor::default();
+        let mut command = Command::new("sh");
+        command.args(["-c", "exec sleep 1000"]);
+        let mut process = supervisor.spawn(&mut command, "").unwrap();
+        let begin = Instant::now();
+        assert!(!process.wait_for_end(Duration::from_millis(20)).unwrap().success());
+        assert!(begin.elapsed() < Duration::from_secs(5));
+        let mut process = supervisor.spawn(&mut Command::new("true"), "").unwrap();
+        assert!(process.wait_for_end(Duration::from_secs(5)).unwrap().success());
+    }
+
+    #[test]
+    fn groups_end_with_their_process() {
+        let supervisor = Supervisor::default();
+        let (process, grandchild) = shell(&supervisor, "wait");
+        assert!(alive(&grandchild));
+        assert_eq!(supervisor.running(), ["running a shell"]);
+        drop(process);
+        assert!(supervisor.running().is_empty());
+        assert!(ends(&grandchild));
+    }
+
+    #[test]
+    fn what_goes_on_in_the_background_ends_when_the_run_is_ended() {
+        let supervisor = Supervisor::default();
+        let (mut process, grandchild) = shell(&supervisor, "exit 0");
+        assert!(process.wait().unwrap().success());
+        drop(process);
+        assert!(alive(&grandchild), "it was started to go on");
+        let (stubborn, child) = shell(&supervisor, "trap '' TERM; while :; do sleep 1000; done");
+        let begin = Instant::now();
+        supervisor.end();
+        assert!(begin.elapsed() < Duration::from_secs(2));
+        assert!(ends(&grandchild) && ends(&child));
+        drop(stubborn);
+        let error = supervisor.spawn(&mut Command::new("true"), "").unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::Interrupted);
+    }
+
+    #[test]
+    fn the_guard_ends_what_is_left() {
+        let supervisor = Supervisor::default();
+        let (process, grandchild) = shell(&supervisor, "wait");
+        let (other, kept) = shell(&supervisor, "exit 0");
+        other.detach();
+        // As when this process is killed: its end of the connection closes, and nothing else happens.
+        let guard = supervisor.state().guard.take();
+        drop(guard);
+        assert!(ends(&grandchild) && ends(&kept));
+        drop(process);
+    }
+
+    #[test]
+    fn a_run_that_ends_by_itself_leaves_programs_alone() {
+        let supervisor = Supervisor::default();
+        let (other, kept) = shell(&supervisor, "exit 0");
+        other.detach();
+        supervisor.release();
+        std::thread::sleep(Duration::from_millis(50));
+        assert!(alive(&kept));
+        let ended = Command::new("kill").args(["-9", &kept]).status().unwrap();
+        assert!(ended.success());
+    }
+}

@@ -1,0 +1,100 @@
+//! How a tool ends before its time: by a signal, by a time limit, or because the program that started it is gone.
+
+use crate::Status;
+use std::io;
+
+/// Has `action` called when a signal asks the process to end (`SIGINT`, `SIGTERM`, `SIGHUP`), which then ends by that very signal.
+/// Signals that the process ignores, as under `nohup`, stay ignored. The action runs in a thread of its own while everything
+/// else goes on; it ends child processes. Unfinished files under hidden names are removed after it.
+///
+/// On other systems than Unix nothing happens.
+///
+/// # Errors
+/// Those of the system.
+pub fn before_signals(action: impl Fn() + Send + 'static) -> io::Result<()> {
+    #[cfg(unix)]
+    {
+        use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+        let ignored = ignored();
+        let signals = [SIGHUP, SIGINT, SIGTERM].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0);
+        let mut signals = signal_hook::iterator::Signals::new(signals)?;
+        let thread = std::thread::Builder::new().name("signals".to_owned());
+        thread.spawn(move || {
+            if let Some(signal) = signals.forever().next() {
+                action();
+                granita_base::files::remove_unfinished();
+                // It returns only for signals that do not end a process.
+                let _ = signal_hook::low_level::emulate_default_handler(signal);
+            }
+        })?;
+    }
+    #[cfg(not(unix))]
+    drop(action);
+    Ok(())
+}
+
+/// The signals that this process ignores, as bits from signal 1 on; none where the system does not say.
+#[cfg(unix)]
+fn ignored() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
+}
+
+/// Has `action` called once the program at the other ends of standard input and output is gone: both are closed there. The end of
+/// the input alone means that there is nothing more to do, and the end of the output that the program does not listen.
+///
+/// On other systems than Unix nothing happens.
+///
+/// # Errors
+/// Those of the system.
+pub fn when_caller_is_gone(action: impl FnOnce() + Send + 'static) -> io::Result<()> {
+    #[cfg(unix)]
+    {
+        let thread = std::thread::Builder::new().name("caller".to_owned());
+        thread.spawn(move || {
+            if hangs_up(rustix::stdio::stdin()) && hangs_up(rustix::stdio::stdout()) {
+                action();
+            }
+        })?;
+    }
+    #[cfg(not(unix))]
+    drop(action);
+    Ok(())
+}
+
+/// Waits until the other end of a pipe or socket is closed. False when the system cannot tell.
+#[cfg(unix)]
+fn hangs_up(end: std::os::fd::BorrowedFd<'_>) -> bool {
+    use rustix::event::{PollFd, PollFlags, poll};
+    loop {
+        // Hanging up is reported without being asked for.
+        let mut ends = [PollFd::from_borrowed_fd(end, PollFlags::empty())];
+        match poll(&mut ends, None) {
+            Err(rustix::io::Errno::INTR) => (),
+            Err(_) => return false,
+            Ok(_) => return ends[0].revents().intersects(PollFlags::HUP | PollFlags::ERR),
+        }
+    }
+}
+
+/// Leaves the end of the process to the thread that a signal woke: it may have ended what the tool was waiting for, and the exit
+/// status must be that of the signal.
+pub fn wait_for_end() {
+    // It takes a third of a second, and should it fail, the tool ends by itself.
+    std::thread::sleep(std::time::Duration::from_secs(5));
+}
+
+/// Ends the process at once, whatever its threads are doing.
+#[cfg(unix)]
+pub fn leave(status: Status) -> ! {
+    // Threads that render must not see statics of libraries go.
+    signal_hook::low_level::exit(status.code().into())
+}
+
+/// Ends the process at once, whatever its threads are doing.
+#[cfg(not(unix))]
+#[expect(clippy::exit, reason = "the purpose of this function")]
+pub fn leave(status: Status) -> ! {
+    std::process::exit(status.code().into())
+}

@@ -1,0 +1,80 @@
+//! What a primitive may ask for, and what cannot be placed at all.
+
+use super::job::Job;
+use super::{Frame, FrameShader};
+use crate::CameraView;
+use crate::dicing::Placement;
+use granita_base::Severity;
+use granita_geom::Piece;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Points that a split counts for: as many as the least of grids has.
+pub(super) const POINTS_OF_A_SPLIT: u64 = 4;
+
+/// What a primitive may ask for. Whether that is too much does not depend on the order in which it is counted.
+pub(super) struct Budget {
+    /// Points of grids, and what splits count for.
+    points: AtomicU64,
+    most: u64,
+}
+
+impl Budget {
+    /// Nothing is spent yet.
+    pub(super) fn new(most: u64) -> Self {
+        Self { points: AtomicU64::new(0), most }
+    }
+
+    /// Counts points, or splits.
+    pub(super) fn spend(&self, points: u64) {
+        self.points.fetch_add(points, Ordering::Relaxed);
+    }
+
+    /// Whether it was more than there may be.
+    pub(super) fn is_spent(&self) -> bool {
+        self.points.load(Ordering::Relaxed) > self.most
+    }
+}
+
+impl<S: FrameShader> Frame<'_, S> {
+    /// What keeps pieces from being placed: a transformation that is no number, or that divides by zero somewhere in them.
+    pub(super) fn unplaceable(&self, pieces: &[Piece], placement: &Placement) -> Option<String> {
+        let bad = |time: f32, camera: &CameraView| {
+            let (to_world, to_camera) = (placement.to_world.at(time), camera.world_to_camera.at(time));
+            let to_eye = to_world.then(&to_camera);
+            if !to_world.is_finite() || !to_eye.is_finite() {
+                let (name, space) = (&camera.name, if to_world.is_finite() { "camera" } else { "world" });
+                return Some(format!(
+                    "its transformation to {space} space has numbers that are not finite, as camera \"{name}\" sees it"
+                ));
+            }
+            if to_eye.is_affine() {
+                return None;
+            }
+            let corners = pieces.iter().flat_map(|p| Placement::object_bound(&**p, time).corners());
+            let weights = corners.map(|p| to_eye.hpoint(p.extend(1.0)).w);
+            let (least, most) =
+                weights.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), w| (a.min(w), b.max(w)));
+            (least <= 0.0 && most >= 0.0).then(|| {
+                format!("its transformation divides by numbers from {least} to {most}, 0 among them")
+            })
+        };
+        let eyes = || self.eyes.iter().map(|eye| eye.camera).chain([self.options.dicing_camera]);
+        placement.times().iter().find_map(|time| eyes().find_map(|eye| bad(*time, eye)))
+    }
+
+    /// Says that a primitive is left out because it asks for too much.
+    pub(super) fn leave_out<T>(&self, job: &Job<S::Object>, parts: Vec<T>) -> Vec<T> {
+        drop(parts);
+        let (name, most) = (job.primitive.attributes.name(), self.dicing.most_points());
+        self.options.reporter.once(
+            &format!("points of {name} {}", job.primitive.id),
+            Severity::Error,
+            &job.primitive.at,
+            format!(
+                "object \"{name}\": its {} asks for more than {most} points and is left out; lower \"shadingquality\", or raise \"limits:primitivepoints\"",
+                job.primitive.shape.call_name()
+            ),
+        );
+        Vec::new()
+    }
+}

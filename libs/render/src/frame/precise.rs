@@ -1,0 +1,157 @@
+//! Pieces and grids whose coordinates are so large beside their distance from the eye that single precision shows.
+//!
+//! Their positions go from object to camera space in double precision; what shaders see is rounded once.
+
+use super::job::{Job, LeafSlot};
+use super::{Eye, Frame, FrameShader, ObjectTraits, Sighting};
+use crate::CameraView;
+use crate::dicing::{
+    GridView, Leaf, Placement, Viewpoint, key_at, largest_coordinates, pixels_at, precise_point, shows,
+};
+use crate::object::longest_axis;
+use granita_base::{Bound, DMat4, DVec3, Vec3};
+use granita_geom::Surface;
+use granita_shade::Grid;
+
+/// The positions of a grid.
+pub(super) struct Precise {
+    /// Times of the motion keys.
+    key_times: Vec<f32>,
+    /// In object space, for each motion key.
+    p_object: Vec<Vec<DVec3>>,
+}
+
+impl<S: FrameShader> Frame<'_, S> {
+    /// Whether a box (camera space) may say too little of a piece that lies in it: it reaches before the near plane, where it
+    /// is seen everywhere, or its rounding shows. Only of what is large beside its distance from the eye.
+    pub(super) fn is_loose(
+        &self,
+        eye: &Eye<'_>,
+        piece: &dyn Surface,
+        placement: &Placement,
+        hull: &Bound,
+    ) -> bool {
+        // What turns towards the camera has its widths besides its vertices.
+        !piece.is_facing()
+            && placement.reach().is_some()
+            && (!hull.is_finite()
+                || hull.min.z < eye.camera.near
+                || self.is_coarse(eye.camera, piece, placement, hull.min.z))
+    }
+
+    /// Whether the rounding of positions no nearer than `z_min` to single precision shows.
+    pub(super) fn is_coarse(
+        &self,
+        camera: &CameraView,
+        piece: &dyn Surface,
+        placement: &Placement,
+        z_min: f32,
+    ) -> bool {
+        let Some(reach) = placement.reach() else { return false };
+        let largest = largest_coordinates(std::iter::once(piece));
+        shows(reach.rounding(largest) * pixels_at(camera, z_min))
+    }
+
+    /// The boxes (camera space) around a piece at the times of its placement, displacement included, computed in double
+    /// precision from the vertices of its hull; `None` where the hull lies beyond one side of the view.
+    pub(super) fn precise_boxes(
+        &self,
+        eye: &Eye<'_>,
+        piece: &dyn Surface,
+        placement: &Placement,
+        traits: &ObjectTraits,
+    ) -> Option<Vec<Bound>> {
+        let (mut boxes, mut all) = (Vec::with_capacity(placement.times().len()), Vec::new());
+        let (mut hull, mut next_hull) = (Vec::new(), Vec::new());
+        let mut pad = 0.0_f32;
+        for &time in placement.times() {
+            let (key, next, alpha) = key_at(piece.key_times(), time);
+            piece.hull(key, &mut hull);
+            if alpha != 0.0 {
+                piece.hull(next, &mut next_hull);
+                hull.iter_mut().zip(&next_hull).for_each(|(p, q)| *p = p.lerp(*q, f64::from(alpha)));
+            }
+            let to_camera = eye.camera.world_to_camera.at(time);
+            let radius = traits.max_displacement_world * longest_axis(|v| to_camera.vector(v));
+            pad = pad.max(radius);
+            let to_eye = placement.precise_to(eye.camera, time);
+            let first = all.len();
+            all.extend(hull.iter().map(|p| precise_point(&to_eye, *p)));
+            let (low, high) = all[first..]
+                .iter()
+                .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
+            let (low, high) = (low.as_vec3(), high.as_vec3());
+            // Room for the rounding of both ends.
+            let room = low.abs().max(high.abs()) * f32::EPSILON;
+            boxes.push(Bound { min: low - room - radius, max: high + room + radius });
+        }
+        let room_px = 1.0 + f64::from(piece.raster_width());
+        let beyond = eye.projector.is_beyond(all.iter().copied(), f64::from(pad), &self.region, room_px);
+        (!beyond).then_some(boxes)
+    }
+
+    /// The positions of a leaf in double precision where an eye sees the difference.
+    pub(super) fn precise(&self, job: &Job<S::Object>, slot: &LeafSlot, leaf: &Leaf) -> Option<Precise> {
+        let shows = |(eye, seen): (&Eye<'_>, &Sighting)| {
+            self.is_coarse(eye.camera, &*leaf.piece, &job.placement, seen.z_min)
+        };
+        if !self.eyes.iter().zip(&slot.seen).any(shows) {
+            return None;
+        }
+        let key_times = leaf.piece.key_times().to_vec();
+        let of_key = |key| leaf.piece.precise_between(key, leaf.rates.nu, leaf.rates.nv, &leaf.rates.sides);
+        let p_object = (0..key_times.len()).map(of_key).collect::<Option<Vec<_>>>()?;
+        Some(Precise { key_times, p_object })
+    }
+}
+
+impl Precise {
+    /// Transformed positions at a time, displaced by `offsets` in object space (none where it is empty).
+    fn points<'p>(&'p self, to: DMat4, time: f32, offsets: &'p [Vec3]) -> impl Iterator<Item = DVec3> + 'p {
+        let (key, next, alpha) = key_at(&self.key_times, time);
+        let (first, second) = (&self.p_object[key], &self.p_object[next]);
+        first.iter().zip(second).enumerate().map(move |(i, (p, q))| {
+            let p = if alpha == 0.0 { *p } else { p.lerp(*q, f64::from(alpha)) };
+            precise_point(&to, p + offsets.get(i).map_or(DVec3::ZERO, |d| d.as_dvec3()))
+        })
+    }
+
+    /// Camera space positions at a time, displaced by `offsets` in object space (none where it is empty).
+    pub(super) fn p_cam(
+        &self,
+        placement: &Placement,
+        camera: &CameraView,
+        time: f32,
+        offsets: &[Vec3],
+    ) -> Vec<Vec3> {
+        self.points(placement.precise_to(camera, time), time, offsets).map(|p| p.as_vec3()).collect()
+    }
+
+    /// Puts the points of a grid where they are: each rounded once.
+    pub(super) fn place<O>(&self, grid: &mut Grid, job: &Job<O>, view: &GridView, camera: &CameraView) {
+        let placement = &job.placement;
+        // Baking looks along the normal.
+        let bakes = matches!(&*job.primitive.attributes.string("shading:view"), "outside" | "inside");
+        let looks_from_eye = !bakes && matches!(view.viewpoint, Viewpoint::From(_));
+        let at = |time: f32| -> Vec<DVec3> {
+            self.points(placement.to_world.precise_at(time), time, &[]).collect()
+        };
+        let p = at(view.time);
+        if p.len() != grid.len() {
+            return;
+        }
+        let eye = camera.world_to_camera.precise_at(view.time).inverse().w_axis.truncate();
+        for (i, p) in p.iter().enumerate() {
+            grid.p.set(i, p.as_vec3());
+            if looks_from_eye {
+                grid.i.set(i, (*p - eye).as_vec3());
+            }
+        }
+        if let [first, .., last] = placement.times() {
+            let rate = 1.0 / f64::from(last - first);
+            for (i, (a, b)) in at(*first).into_iter().zip(at(*last)).enumerate() {
+                grid.dpdtime.set(i, ((b - a) * rate).as_vec3());
+            }
+        }
+    }
+}

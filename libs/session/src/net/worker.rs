@@ -1,0 +1,171 @@
+//! The worker's end.
+
+use super::{ALIVE, GREETING, NO_IMAGES, Progress, lock};
+use crate::patient::PULSE;
+use granita_base::Reporter;
+use granita_render::{BucketPixels, Coordinator};
+use std::collections::VecDeque;
+use std::io::{BufRead, BufReader, BufWriter, Read, Write};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+
+/// The coordinator as its worker knows it.
+pub(crate) struct Master {
+    shared: Arc<Shared>,
+    output: Arc<Mutex<BufWriter<Box<dyn Write + Send>>>>,
+    /// Commands and frames that the worker came to.
+    here: Mutex<Progress>,
+}
+
+/// What the coordinator said.
+#[derive(Default)]
+struct Shared {
+    said: Mutex<Said>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct Said {
+    progress: Progress,
+    /// Frame and number of those to be rendered.
+    buckets: VecDeque<(usize, usize)>,
+    /// Those that are being rendered.
+    rendering: Vec<(usize, usize)>,
+    /// It says nothing more.
+    over: bool,
+}
+
+impl Master {
+    /// Greets.
+    pub(crate) fn new(
+        input: Box<dyn Read + Send>,
+        output: Box<dyn Write + Send>,
+        threads: usize,
+        reporter: &Reporter,
+    ) -> Self {
+        let mut output = BufWriter::new(output);
+        if let Err(error) = writeln!(output, "{GREETING} {threads}").and_then(|()| output.flush()) {
+            reporter.error(format!("-worker: {error}"));
+        }
+        let shared = Arc::new(Shared::default());
+        let theirs = shared.clone();
+        std::thread::spawn(move || theirs.listen(input));
+        let output = Arc::new(Mutex::new(output));
+        let (theirs, to) = (shared.clone(), output.clone());
+        std::thread::spawn(move || theirs.beat(&to));
+        Self { shared, output, here: Mutex::default() }
+    }
+
+    /// Waits until the coordinator has run the command that the worker came to. False when it is gone.
+    pub(crate) fn command(&self) -> bool {
+        let number = {
+            let mut here = lock(&self.here);
+            here.commands += 1;
+            here.commands
+        };
+        let mut said = lock(&self.shared.said);
+        while said.progress.commands < number && !said.over {
+            said = self.shared.changed.wait(said).unwrap_or_else(PoisonError::into_inner);
+        }
+        said.progress.commands >= number
+    }
+}
+
+impl Shared {
+    fn listen(&self, input: Box<dyn Read + Send>) {
+        for line in BufReader::new(input).lines() {
+            let Ok(line) = line else { break };
+            let mut words = line.split_whitespace();
+            let Some(word) = words.next() else { continue };
+            let numbers: Vec<usize> = words.map_while(|number| number.parse().ok()).collect();
+            let mut said = lock(&self.said);
+            match (word, &numbers[..]) {
+                ("commands", [number]) => said.progress.commands = *number,
+                ("frame", [number]) => {
+                    said.progress.frame = *number;
+                    said.buckets.retain(|(frame, _)| frame >= number);
+                }
+                ("bucket", [frame, number]) => said.buckets.push_back((*frame, *number)),
+                _ => (),
+            }
+            drop(said);
+            self.changed.notify_all();
+        }
+        self.hang_up();
+    }
+
+    /// Shows that this process lives as long as it has buckets to render: it need not have come to their frame.
+    fn beat(&self, output: &Mutex<BufWriter<Box<dyn Write + Send>>>) {
+        loop {
+            std::thread::sleep(PULSE);
+            let said = lock(&self.said);
+            let (over, works) = (said.over, !said.rendering.is_empty() || !said.buckets.is_empty());
+            drop(said);
+            if over {
+                return;
+            }
+            let mut output = lock(output);
+            if works && output.write_all(&ALIVE.to_le_bytes()).and_then(|()| output.flush()).is_err() {
+                return self.hang_up();
+            }
+        }
+    }
+
+    fn hang_up(&self) {
+        lock(&self.said).over = true;
+        self.changed.notify_all();
+    }
+}
+
+impl Coordinator for Master {
+    fn begin(&self) {
+        lock(&self.here).frame += 1;
+    }
+
+    fn next(&self) -> Option<usize> {
+        // Frames before this number are over when this one is.
+        let frame = lock(&self.here).frame;
+        let mut said = lock(&self.shared.said);
+        loop {
+            if said.progress.frame >= frame {
+                return None;
+            }
+            if said.over {
+                return None;
+            }
+            if let Some(bucket) = said.buckets.pop_front() {
+                said.rendering.push(bucket);
+                return Some(bucket.1);
+            }
+            said = self.shared.changed.wait(said).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    fn done(&self, index: usize, pixels: Result<&BucketPixels, &str>) {
+        let count = |n: usize| u32::try_from(n).unwrap_or(NO_IMAGES).to_le_bytes();
+        let mut said = lock(&self.shared.said);
+        let at = said.rendering.iter().position(|(_, number)| *number == index);
+        let frame = at.map_or(0, |at| said.rendering.swap_remove(at).0);
+        drop(said);
+        let mut bytes = [count(index), count(frame)].concat();
+        match pixels {
+            Ok(images) => {
+                bytes.extend(count(images.len()));
+                for values in images {
+                    bytes.extend(count(values.len()));
+                    bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+                }
+            }
+            Err(text) => {
+                bytes.extend(NO_IMAGES.to_le_bytes());
+                let text = &text.as_bytes()[..text.len().min(1000)];
+                bytes.extend(count(text.len()));
+                bytes.extend(text);
+            }
+        }
+        let mut output = lock(&self.output);
+        if output.write_all(&bytes).and_then(|()| output.flush()).is_err() {
+            // Nobody listens any more.
+            self.shared.hang_up();
+        }
+    }
+}

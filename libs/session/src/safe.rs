@@ -1,0 +1,70 @@
+//! What a run with [`SessionOptions::safe`] may open: the files of a scene from a stranger.
+
+use crate::SessionOptions;
+use granita_base::{Confinement, Files, ParamData, SearchPath};
+use granita_image::Limits;
+use granita_scene::{SceneSink, State};
+use std::path::{Path, PathBuf};
+
+/// Endings of files that scenes write beside those of image formats: textures, shadow maps, databases and logs.
+const ENDINGS: [&str; 9] = ["tx", "tex", "env", "shd", "sm", "vsm", "sdb", "log", "txt"];
+
+/// Search paths whose folders the user may have set in startup files.
+const PATHS: [&str; 5] = ["path:input", "path:texture", "path:shader", "path:generator", "path:imageio"];
+
+/// The rules for the scene files of `options`. Scenes are read beneath their folders and `$GELATOHOME`, and write
+/// beneath [`SessionOptions::safe_output`], or beneath a folder beside the last of them that is named after it: `a.out` for
+/// `a.pyg`. Files of the command line may be written wherever the user said.
+pub(crate) fn files(options: &SessionOptions) -> Files {
+    let scenes: Vec<PathBuf> =
+        options.scene_files.iter().map(PathBuf::from).filter(|path| path.is_file()).collect();
+    let folder = |file: &Path| match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
+        _ => PathBuf::from("."),
+    };
+    let last = scenes.last();
+    let (beside, stem) = match last {
+        Some(file) => (folder(file), file.file_stem().unwrap_or_default().to_os_string()),
+        None => (PathBuf::from("."), "stdin".into()),
+    };
+    let mut name = stem;
+    name.push(".out");
+    let scene = last.and_then(|file| std::fs::canonicalize(file).ok());
+    let formats = granita_plugin::bundled_formats(Limits::default());
+    let written = formats.formats().iter().filter(|format| format.supports("write"));
+    let endings = written.flat_map(|format| format.extensions().iter().copied()).chain(ENDINGS);
+    let home = options.environment.get("GELATOHOME").filter(|home| !home.is_empty()).map(PathBuf::from);
+    let files = Files::confined(Confinement {
+        scene: scene
+            .map_or("<stdin>".to_owned(), |path| path.to_string_lossy().replace(['\t', '\n', '\r'], "?")),
+        read: scenes.iter().map(|file| folder(file)).chain(home).collect(),
+        write: Some(absolute(options.safe_output.clone().unwrap_or_else(|| beside.join(name)))),
+        extensions: endings.map(str::to_owned).collect(),
+    });
+    scenes.iter().for_each(|file| files.grant(file));
+    options.extra_outputs.iter().for_each(|output| files.grant_output(Path::new(&output.name)));
+    for variable in ["GELATOHOME", "HOME"] {
+        if let Some(folder) = options.environment.get(variable) {
+            files.grant(&Path::new(folder).join(".gelato.pyg"));
+        }
+    }
+    files
+}
+
+/// From the current folder, so that the folder stays the same wherever names are taken from.
+fn absolute(path: PathBuf) -> PathBuf {
+    std::path::absolute(&path).unwrap_or(path)
+}
+
+/// Lets scenes read beneath the absolute folders of the search paths that startup files have set.
+pub(crate) fn add_search_paths(options: &SessionOptions, state: &State) {
+    let files = options.environment.files();
+    for name in PATHS {
+        if let Some(ParamData::String(texts)) = state.attribute(name).map(|param| param.data) {
+            for text in texts.iter() {
+                let path = SearchPath::parse(text, &SearchPath::default(), &options.environment);
+                path.folders().iter().filter(|f| f.is_absolute()).for_each(|f| files.add_root(f));
+            }
+        }
+    }
+}

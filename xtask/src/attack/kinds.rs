@@ -1,0 +1,213 @@
+// tidy: table
+//! The kinds of files that the tools read, and how each is read.
+
+/// One kind.
+pub(crate) struct Kind {
+    /// Its name, which is also that of its folder in `fuzz/corpus`.
+    pub(crate) name: &'static str,
+    /// The changed file is called `x.EXTENSION`, "{}" below.
+    pub(crate) extension: &'static str,
+    /// Files beside it: a name and the text.
+    pub(crate) beside: &'static [(&'static str, &'static str)],
+    /// What reads it: a tool and its arguments, apart by spaces. "< FILE" at the end is its standard input.
+    pub(crate) commands: &'static [&'static str],
+}
+
+const TEXTURED: (&str, &str) = (
+    "texture.pyg",
+    r#"Attribute ("int[2] resolution", (24, 16))
+Output ("out.png", "png", "rgb", "camera")
+Light ("fill", "ambientlight")
+World ()
+Translate (0, 0, 2)
+Shader ("surface", "texmap", "string texturename", "{}")
+Patch ("linear", 2, 2, "vertex point P", (-1, -1, 0, 1, -1, 0, -1, 1, 0, 1, 1, 0))
+Render ()
+"#,
+);
+
+const SURROUNDED: (&str, &str) = (
+    "environment.pyg",
+    r#"Attribute ("int[2] resolution", (24, 16))
+Output ("out.png", "png", "rgb", "camera")
+World ()
+Light ("sky", "envlight", "string envname", "{}", "float samples", 4)
+Shader ("surface", "envsurf", "string envname", "{}")
+Sphere (5, -5, 5, 360)
+Shader ("surface", "matte")
+Translate (0, 0, 3)
+Sphere (1, -1, 1, 360)
+Render ()
+"#,
+);
+
+const SHADOWED: (&str, &str) = (
+    "shadow.pyg",
+    r#"Attribute ("int[2] resolution", (24, 16))
+Output ("out.png", "png", "rgb", "camera")
+Translate (0, 0, 5)
+World ()
+Light ("sun", "distantlight", "point from", (0, 0, -1), "point to", (0, 0, 0), "string shadowname", "{}", "float shadowsamples", 4)
+Shader ("surface", "matte")
+Patch ("linear", 2, 2, "vertex point P", (-3, -3, 2, 3, -3, 2, -3, 3, 2, 3, 3, 2))
+Render ()
+"#,
+);
+
+const SURFACE: (&str, &str) = (
+    "shader.pyg",
+    r#"Attribute ("int[2] resolution", (24, 16))
+Output ("out.png", "png", "rgb", "camera")
+World ()
+Light ("key", "distantlight")
+Translate (0, 0, 3)
+Shader ("surface", "x")
+Sphere (1, -1, 1, 360)
+Render ()
+"#,
+);
+
+const PHOTONS: (&str, &str) = (
+    "photons.pyg",
+    r#"Attribute ("int[2] resolution", (24, 16))
+Output ("out.png", "png", "rgb", "camera")
+World ()
+Light ("caustics", "causticlight", "string photonfile", "{}", "float maxpixeldist", 4, "float minphotons", 3)
+Translate (0, 0, 3)
+Shader ("surface", "matte")
+Sphere (1, -1, 1, 360)
+Render ()
+"#,
+);
+
+const INSIDE: (&str, &str) = (
+    "input.pyg",
+    r#"Attribute ("int[2] resolution", (24, 16))
+Output ("out.png", "png", "rgb", "camera")
+World ()
+Light ("key", "distantlight")
+Translate (0, 0, 5)
+Shader ("surface", "plastic")
+Input ("{}")
+Render ()
+"#,
+);
+
+/// What every picture goes through.
+const PICTURE: &[&str] = &[
+    "maketx {} -o out.tx -threads 1",
+    "iv -info {}",
+    "iv -thumbnail out.png {}",
+    "gelato texture.pyg",
+    "iv -stats {}",
+    "maketx -envlatl {} -o out.env -threads 1",
+];
+
+const fn picture(name: &'static str, extension: &'static str) -> Kind {
+    Kind { name, extension, beside: &[TEXTURED], commands: PICTURE }
+}
+
+const fn geometry(name: &'static str, extension: &'static str) -> Kind {
+    Kind {
+        name,
+        extension,
+        beside: &[INSIDE],
+        commands: &["gelato -safe input.pyg", "topyg -r 1 -o out.pyg {}"],
+    }
+}
+
+/// All of them, those first in which strangers' files come.
+pub(crate) const KINDS: &[Kind] = &[
+    picture("tiff", "tif"),
+    picture("exr", "exr"),
+    picture("png", "png"),
+    picture("jpeg", "jpg"),
+    Kind {
+        name: "pyg",
+        extension: "pyg",
+        beside: &[],
+        commands: &["topyg -r 1 -o out.txt {}", "gelato -safe {}"],
+    },
+    Kind { name: "gsl", extension: "gsl", beside: &[], commands: &["gslc -o out.gso {}", "gsoinfo -v {}"] },
+    Kind {
+        name: "gso",
+        extension: "gso",
+        beside: &[SURFACE],
+        commands: &["gsoinfo -v {}", "gelato shader.pyg", "gslc -run -grid 16x16 -o out.png {}"],
+    },
+    geometry("obj", "obj"),
+    geometry("gltf", "gltf"),
+    geometry("ply", "ply"),
+    geometry("rib", "rib"),
+    Kind {
+        name: "mtl",
+        extension: "mtl",
+        beside: &[INSIDE_MTL, TEXTURED_MESH],
+        commands: &["gelato -safe input.pyg"],
+    },
+    Kind {
+        name: "texture",
+        extension: "tx",
+        beside: &[TEXTURED, SURROUNDED, SHADOWED],
+        commands: &[
+            "gelato texture.pyg",
+            "gelato environment.pyg",
+            "gelato shadow.pyg",
+            "iv -info {}",
+            "iv -stats {}",
+        ],
+    },
+    Kind {
+        name: "volz",
+        extension: "vz",
+        beside: &[SHADOWED],
+        commands: &[
+            "maketx -volshad {} -opaquewidth 0.05 -o out.vsm -threads 1",
+            "iv -info {}",
+            "gelato shadow.pyg",
+        ],
+    },
+    Kind {
+        name: "sdb",
+        extension: "sdb",
+        beside: &[PHOTONS],
+        commands: &["gsoinfo -v {}", "gelato photons.pyg"],
+    },
+    Kind { name: "calls", extension: "calls", beside: &[], commands: &["gelato -safe -stream < {}"] },
+    Kind { name: "remote", extension: "calls", beside: &[], commands: &["gelato -safe -remote < {}"] },
+    Kind {
+        name: "worker",
+        extension: "lines",
+        beside: &[SURFACE],
+        commands: &["gelato -safe -worker shader.pyg < {}"],
+    },
+    picture("dds", "dds"),
+    picture("hdr", "hdr"),
+    picture("iff", "iff"),
+    picture("sgi", "sgi"),
+    picture("tga", "tga"),
+    picture("gif", "gif"),
+    picture("bmp", "bmp"),
+    picture("pnm", "ppm"),
+    picture("pfm", "pfm"),
+    picture("qoi", "qoi"),
+    picture("webp", "webp"),
+];
+
+/// The mesh whose materials are changed.
+const TEXTURED_MESH: (&str, &str) = (
+    "mesh.obj",
+    "mtllib {}\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl red\nf 1/1 2/2 3/3\nusemtl wood\nf 1/1 3/3 4/4\n",
+);
+
+const INSIDE_MTL: (&str, &str) = (
+    "input.pyg",
+    r#"Attribute ("int[2] resolution", (24, 16))
+Output ("out.png", "png", "rgb", "camera")
+World ()
+Light ("key", "distantlight")
+Translate (0, 0, 5)
+Input ("mesh.obj")
+Render ()
+"#,
+);

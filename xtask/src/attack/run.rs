@@ -1,0 +1,276 @@
+//! One run of a tool within bounds of time, memory and open files, and what is wrong with how it ended.
+
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// What a run may take.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bounds {
+    /// Wall clock, in seconds.
+    pub(crate) seconds: f64,
+    /// Address space, in KiB.
+    pub(crate) memory_kib: u64,
+    /// Open files; `None` leaves the system's limit.
+    pub(crate) files: Option<u32>,
+}
+
+/// 4 GB of address space.
+pub(crate) const MEMORY_KIB: u64 = 4_000_000;
+
+/// Most bytes of messages that are no flood.
+const FLOOD_BYTES: u64 = 4 << 20;
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Ending {
+    /// By itself, with this status.
+    Code(i32),
+    /// By this signal.
+    Signal(i32),
+    /// It was killed when its time was over.
+    TimeOut,
+}
+
+/// What a run left behind.
+#[derive(Debug)]
+pub(crate) struct Outcome {
+    pub(crate) ending: Ending,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+    /// Bytes of standard error, of which `stderr` may be the beginning.
+    pub(crate) stderr_bytes: u64,
+    /// The greatest resident memory that was seen, in KiB; without its children.
+    pub(crate) peak_kib: u64,
+    pub(crate) wall: Duration,
+}
+
+impl Outcome {
+    /// What is wrong whatever the tool was asked to do.
+    pub(crate) fn fault(&self) -> Option<String> {
+        let first = |mark: &str| {
+            let line = self.stderr.lines().find(|line| line.contains(mark))?;
+            Some(line.chars().take(160).collect::<String>())
+        };
+        let marks = ["panicked at", "has overflowed its stack", "memory allocation of", "internal error"];
+        let said = marks.iter().find_map(|mark| first(mark)).unwrap_or_default();
+        match self.ending {
+            Ending::TimeOut => Some(format!("ran past {:.0} s", self.wall.as_secs_f64())),
+            Ending::Signal(signal) => Some(format!("killed by signal {signal}: {said}")),
+            Ending::Code(code) if !(0..=2).contains(&code) => Some(format!("exit status {code}: {said}")),
+            Ending::Code(_) if !said.is_empty() => Some(said),
+            Ending::Code(_) if self.stderr_bytes > FLOOD_BYTES => {
+                Some(format!("{} MiB of messages", self.stderr_bytes >> 20))
+            }
+            Ending::Code(_) => None,
+        }
+    }
+
+    /// The exit status, where there is one.
+    pub(crate) fn code(&self) -> Option<i32> {
+        match self.ending {
+            Ending::Code(code) => Some(code),
+            _ => None,
+        }
+    }
+}
+
+/// A folder for runs: `work` is their current folder, `tmp` their folder for temporary files.
+#[derive(Debug)]
+pub(crate) struct Place {
+    root: PathBuf,
+}
+
+impl Place {
+    /// An empty one.
+    pub(crate) fn new(root: PathBuf) -> io::Result<Self> {
+        let place = Self { root };
+        place.clear()?;
+        Ok(place)
+    }
+
+    /// Removes everything.
+    pub(crate) fn clear(&self) -> io::Result<()> {
+        if self.root.exists() {
+            fs::remove_dir_all(&self.root)?;
+        }
+        ["work", "tmp", "home"].iter().try_for_each(|name| fs::create_dir_all(self.root.join(name)))
+    }
+
+    /// The current folder of runs.
+    pub(crate) fn work(&self) -> PathBuf {
+        self.root.join("work")
+    }
+
+    /// Names of temporary files that were left: hidden ones and unfinished ones in the current folder, and whatever is in
+    /// the folder for temporary files.
+    pub(crate) fn leftovers(&self) -> Vec<String> {
+        let names = |folder: &str| {
+            let entries = fs::read_dir(self.root.join(folder)).into_iter().flatten().flatten();
+            entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect::<Vec<_>>()
+        };
+        let unfinished = |name: &String| name.starts_with('.') || name.ends_with(".part");
+        let mut left: Vec<String> = names("work").into_iter().filter(unfinished).collect();
+        left.extend(names("tmp").into_iter().map(|name| format!("$TMPDIR/{name}")));
+        left.sort();
+        left
+    }
+
+    /// Starts a program here; `input` is its standard input, `marker` finds its processes in the system.
+    pub(crate) fn start(
+        &self,
+        program: &Path,
+        words: &[String],
+        bounds: &Bounds,
+        input: Stdio,
+        marker: Option<&str>,
+    ) -> io::Result<Started> {
+        // The limits hold for the program and all that it starts; `exec` keeps its process number.
+        let files = bounds.files.map_or(String::new(), |n| format!("ulimit -n {n}; "));
+        let script = format!("ulimit -c 0; ulimit -v {}; {files}exec \"$@\"", bounds.memory_kib);
+        let (out, err) = (self.root.join("out"), self.root.join("err"));
+        let mut command = Command::new("sh");
+        command
+            .args(["-c", &script, "sh"])
+            .arg(program)
+            .args(words)
+            .current_dir(self.work())
+            .env_remove("GELATOHOME")
+            .env("HOME", self.root.join("home"))
+            .env("TMPDIR", self.root.join("tmp"))
+            .env("RUST_BACKTRACE", "0")
+            .stdin(input)
+            .stdout(File::create(&out)?)
+            .stderr(File::create(&err)?)
+            .process_group(0);
+        if let Some(marker) = marker {
+            command.env(MARKER, marker);
+        }
+        let begin = Instant::now();
+        Ok(Started { child: command.spawn()?, begin, out, err, peak_kib: 0 })
+    }
+
+    /// Starts a program, waits for its end and ends it when its time is over. `input` is its standard input.
+    pub(crate) fn run(
+        &self,
+        program: &Path,
+        words: &[String],
+        bounds: &Bounds,
+        input: Option<&Path>,
+    ) -> io::Result<Outcome> {
+        let input = match input {
+            Some(file) => File::open(file)?.into(),
+            None => Stdio::null(),
+        };
+        self.start(program, words, bounds, input, None)?.wait(Duration::from_secs_f64(bounds.seconds))
+    }
+}
+
+/// The environment variable that marks the processes of a run.
+pub(crate) const MARKER: &str = "GRANITA_ATTACK";
+
+/// A program that runs, in a process group of its own.
+pub(crate) struct Started {
+    pub(crate) child: Child,
+    begin: Instant,
+    out: PathBuf,
+    err: PathBuf,
+    peak_kib: u64,
+}
+
+impl Started {
+    /// Sends a signal to the process alone: "TERM", "INT" ...
+    pub(crate) fn signal(&self, name: &str) {
+        kill(name, &self.child.id().to_string());
+    }
+
+    /// Whether it has ended.
+    pub(crate) fn is_over(&mut self) -> bool {
+        !matches!(self.child.try_wait(), Ok(None))
+    }
+
+    /// What it has printed to standard output.
+    pub(crate) fn printed(&self) -> String {
+        beginning(&self.out)
+    }
+
+    /// Waits for its end; after `longest` its group is killed.
+    pub(crate) fn wait(mut self, longest: Duration) -> io::Result<Outcome> {
+        let mut pause = Duration::from_micros(500);
+        let ending = loop {
+            if let Some(status) = self.child.try_wait()? {
+                break match (status.code(), status.signal()) {
+                    (Some(code), _) => Ending::Code(code),
+                    (None, signal) => Ending::Signal(signal.unwrap_or(0)),
+                };
+            }
+            self.peak_kib = self.peak_kib.max(peak_kib(self.child.id()));
+            if self.begin.elapsed() > longest {
+                kill("KILL", &format!("-{}", self.child.id()));
+                self.child.wait()?;
+                break Ending::TimeOut;
+            }
+            std::thread::sleep(pause);
+            pause = (pause * 2).min(Duration::from_millis(8));
+        };
+        Ok(Outcome {
+            ending,
+            stdout: beginning(&self.out),
+            stderr: beginning(&self.err),
+            stderr_bytes: fs::metadata(&self.err).map_or(0, |m| m.len()),
+            peak_kib: self.peak_kib,
+            wall: self.begin.elapsed(),
+        })
+    }
+}
+
+/// Sends a signal to a process, or with a minus sign to its group.
+fn kill(signal: &str, whom: &str) {
+    // It may be gone already.
+    let _ = Command::new("kill").args([&format!("-{signal}"), "--", whom]).stderr(Stdio::null()).status();
+}
+
+/// The first quarter MiB of a file.
+fn beginning(path: &Path) -> String {
+    let mut bytes = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(1 << 18).read_to_end(&mut bytes));
+    if read.is_ok() { String::from_utf8_lossy(&bytes).into_owned() } else { String::new() }
+}
+
+/// The greatest resident memory of a process so far; 0 when it has ended.
+fn peak_kib(process: u32) -> u64 {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok()).unwrap_or(0)
+}
+
+/// Processes that carry this marker and still run, with their names; not those that have ended and wait for their parent.
+pub(crate) fn marked(marker: &str) -> Vec<(u32, String)> {
+    let wanted = format!("{MARKER}={marker}");
+    let mut found = Vec::new();
+    for entry in fs::read_dir("/proc").into_iter().flatten().flatten() {
+        let Some(process) = entry.file_name().to_str().and_then(|name| name.parse().ok()) else { continue };
+        let variables = fs::read(entry.path().join("environ")).unwrap_or_default();
+        if !variables.split(|b| *b == 0).any(|variable| variable == wanted.as_bytes()) {
+            continue;
+        }
+        let stat = fs::read_to_string(entry.path().join("stat")).unwrap_or_default();
+        let (name, rest) = stat.rsplit_once(')').unwrap_or_default();
+        let name = name.split_once('(').map_or("", |(_, name)| name);
+        if !matches!(rest.trim_start().chars().next(), None | Some('Z' | 'X')) {
+            found.push((process, name.to_owned()));
+        }
+    }
+    found.sort_unstable();
+    found
+}
+
+/// Ends processes that this one has started.
+pub(crate) fn end(processes: &[(u32, String)]) {
+    for (process, _) in processes {
+        kill("KILL", &process.to_string());
+    }
+}
