@@ -654,6 +654,26 @@ fn parameters_of_other_renderers_warn() {
 }
 
 #[test]
+fn displays_of_variables() {
+    let mut sink = Recorder::default();
+    let text = b"Display \"a\" \"tiff\" \"N\" Display \"+b\" \"tiff\" \"Cs\" Display \"+c\" \"tiff\" \"s\" Display \"+d\" \"tiff\" \"Ci\"\n\
+        Display \"+e\" \"tiff\" \"varying normal N\" Display \"+f\" \"tiff\" \"varying float depth\" WorldBegin WorldEnd";
+    let (_, said) = run(text, &mut sink);
+    assert!(said.is_empty(), "{said:?}");
+    let data: Vec<&str> = sink
+        .calls
+        .iter()
+        .filter_map(|c| match c {
+            Call::Output { data, .. } => Some(&**data),
+            _ => None,
+        })
+        .collect();
+    let expected =
+        ["normal N", "color primitive:C", "float primitive:s", "color C", "normal N", "float depth"];
+    assert_eq!(data, expected);
+}
+
+#[test]
 fn archives_of_the_file_itself() {
     let text = "ArchiveBegin \"ball\"\nSphere 1 -1 1 360\nColor 1 2\nArchiveBegin \"cone\" Cone 1 1 360 ArchiveEnd\nArchiveEnd\n\
         Translate 1 0 0\nReadArchive \"ball\"\nReadArchive \"cone\" ReadArchive \"cone\"\n\
