@@ -93,12 +93,11 @@ const CARD: &str = "PushAttributes ()\nAttribute (\"string geometryset\", \"bloc
 fn lights_throw_shadows_by_rays() {
     for name in ["pointlight", "distantlight", "spotlight", "shadowspot", "uberlight"] {
         let to = if name == "pointlight" { "" } else { ", \"point to\", (0, 0, 0)" };
-        let light = format!(
-            "{CARD}Light (\"s\", \"{name}\", \"point from\", (0, 0, -2){to}, \"string shadowname\", \"blockers\")"
-        );
-        let open = lit(&light.replace("\"blockers\")", "\"nothing\")").replace(CARD, ""));
-        let shadowed = lit(&light);
-        for x in [0.3, 0.1] {
+        let light = |more: &str| {
+            lit(&format!("{CARD}Light (\"s\", \"{name}\", \"point from\", (0, 0, -2){to}{more})"))
+        };
+        let (open, shadowed) = (light(""), light(", \"string shadowname\", \"blockers\""));
+        for x in [0.3, 0.5] {
             let (dark, bright) = (at(&shadowed, -x, 0.1), at(&shadowed, x, 0.1));
             assert!(dark[0] == 0.0 && bright[0] > 0.1, "{name}: {dark:?} {bright:?}");
             assert_near(bright, at(&open, x, 0.1), 1e-6, name);

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
 mod camera;
+mod clients;
 mod lights;
 mod object;
 mod output;

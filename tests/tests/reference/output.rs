@@ -89,7 +89,7 @@ fn each_filter_has_its_shape_and_width() {
                 let by = 8.0 - x as f32;
                 let (found, wanted) = (column(x), over(by - 0.5, by + 0.5) / whole);
                 assert!(
-                    (found - wanted).abs() < 0.005,
+                    (found - wanted).abs() < 0.002,
                     "{filter:?} {width}: {found}, not {wanted} in column {x}"
                 );
                 row.push((found * 100.0).round() as i32);

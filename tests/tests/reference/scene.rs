@@ -244,3 +244,37 @@ fn frames_say_whether_they_succeeded() {
     let nowhere = "Output (\"@/no/such/folder.tif\", \"tiff\", \"rgb\", \"camera\")";
     success(&scene(nowhere, SQUARE), 0);
 }
+
+/// "limits:transparentgrids" and "limits:trimcurvememory" are for speed: they answer, and no pixel depends on them.
+#[test]
+fn limits_of_work_change_no_pixel() {
+    let place = Place::new();
+    let trim = "TrimCurve ((1,), (5,), (2,), (0, 0, 1, 2, 3, 4, 4), (0,), (4,), \
+                (0.2, 0.1, 1, 0.9, 0.3, 1, 0.8, 0.9, 1, 0.1, 0.6, 1, 0.2, 0.1, 1))\n";
+    let layers: String = (0..40)
+        .map(|i| {
+            format!(
+                "Translate (0.01, 0, 0.05)\nAttribute (\"color C\", ({}, 0.5, 1))\n{SQUARE}",
+                i as f32 / 40.0
+            )
+        })
+        .collect();
+    let world = format!(
+        "{trim}Attribute (\"color opacity\", (0.1, 0.1, 0.1))\nShader (\"surface\", \"constant\")\n{layers}"
+    );
+    let usual = place.seen("", &world);
+    assert!(usual.is_varied());
+    for name in ["limits:transparentgrids", "limits:trimcurvememory"] {
+        for value in [1, 7, 100_000] {
+            assert!(
+                place.seen(&format!("Attribute (\"int {name}\", {value})"), &world) == usual,
+                "{name} {value}"
+            );
+        }
+        let options = SessionOptions { no_startup_files: true, ..SessionOptions::default() };
+        let mut session = Session::new(options, Reporter::silent(), Default::default());
+        let text = format!("Attribute (\"int {name}\", 7)\n");
+        session.read_stream("<test>", Box::new(std::io::Cursor::new(text.into_bytes()))).unwrap();
+        assert_eq!(session.state_ref().attribute(name).unwrap().data, 7.into(), "{name}");
+    }
+}
