@@ -2,15 +2,15 @@
 
 #![forbid(unsafe_code)]
 
-mod ending;
 mod progress;
 mod statistics;
 mod viewer;
 
 use clap::Parser;
-use ending::Ending;
 use granita_base::{Reporter, Severity};
-use granita_cli::{Bar, Fence, Status, console_reporter, environment, fence, parse, reporter_with};
+use granita_cli::{
+    Bar, Ending, Fence, Status, console_reporter, environment, fence, parse, reporter_with, seconds,
+};
 use granita_session::{
     ExtraOutput, Outcome, OwnTools, Session, SessionError, SessionOptions, SharedProgress, Told, Viewer,
 };
@@ -431,14 +431,6 @@ fn quality(word: &str) -> Result<f32, String> {
     match word.parse::<f32>() {
         Ok(p) if p >= 0.0 && p.is_finite() => Ok(p),
         _ => Err("expected a number, 0 or more".to_owned()),
-    }
-}
-
-/// A time limit.
-fn seconds(word: &str) -> Result<f64, String> {
-    match word.parse::<f64>() {
-        Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
-        _ => Err("expected a number of seconds, more than 0".to_owned()),
     }
 }
 
