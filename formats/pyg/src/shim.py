@@ -124,7 +124,9 @@ def _granita_main():
     sys.modules["gelato"] = module
     scope = {"__name__": "__main__", "__file__": file, "__builtins__": builtins, "GelatoRenderer": renderer}
     scope.update(api)
-    scope.update(CreateRenderer=create_renderer, GelatoAPI=GelatoAPI, __granita_finish__=finish_renderers)
+    # The line "import gelato" is passed over where it is flat: the module is there.
+    scope.update(CreateRenderer=create_renderer, GelatoAPI=GelatoAPI, gelato=module)
+    scope["__granita_finish__"] = finish_renderers
     # Scenes of this format's time use it.
     scope["xrange"] = range
     sys.argv = [file]

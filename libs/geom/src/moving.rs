@@ -7,6 +7,7 @@ use crate::build::ShapeKey;
 use crate::dice::{Dice, DiceData, DicePrimvar};
 use crate::vars::SPECIAL;
 use granita_base::{Param, ParamData, Params, Vec3};
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Begins the name of a variable at another key than the first, before the number of the key and a second mark.
@@ -66,11 +67,15 @@ fn parse(name: &str) -> Option<(usize, &str)> {
 impl Dice {
     /// The user's normals and the primitive variables at a time; `times` are those of the motion keys that the
     /// primitive was built from. Between keys values are blended, before the first and after the last they stand still.
-    pub fn variables_at(&self, times: &[f32], time: f32) -> (Option<Vec<Vec3>>, Vec<DicePrimvar>) {
-        let (later, mut own): (Vec<_>, Vec<_>) = self.primvars.iter().partition(|v| is_later(&v.name));
-        if later.is_empty() {
-            return (self.n.clone(), self.primvars.clone());
+    pub fn variables_at(
+        &self,
+        times: &[f32],
+        time: f32,
+    ) -> (Option<Cow<'_, [Vec3]>>, Cow<'_, [DicePrimvar]>) {
+        if !self.primvars.iter().any(|v| is_later(&v.name)) {
+            return (self.n.as_deref().map(Cow::Borrowed), Cow::Borrowed(&self.primvars));
         }
+        let (later, own): (Vec<_>, Vec<_>) = self.primvars.iter().partition(|v| is_later(&v.name));
         let after = times.partition_point(|t| *t <= time);
         let (a, b, alpha) = match after {
             0 => (0, 0, 0.0),
@@ -81,18 +86,16 @@ impl Dice {
             later.iter().find(|v| parse(&v.name) == Some((key, name))).map(|v| &v.data)
         };
         let normals = self.n.as_ref().map(|n| {
-            let at = |key: usize| match at_key(key, "N") {
-                Some(data) => normals_of(data, n.len()),
-                None => n.clone(),
-            };
+            let at =
+                |key: usize| at_key(key, "N").map_or_else(|| n.clone(), |data| normals_of(data, n.len()));
             let (first, second) = (at(a), at(b));
             first.iter().zip(&second).map(|(n, m)| n.lerp(*m, alpha)).collect()
         });
-        let blended = own.drain(..).map(|var| {
+        let blended = own.into_iter().map(|var| {
             let at = |key: usize| at_key(key, &var.name).unwrap_or(&var.data);
             DicePrimvar { data: blend(at(a), at(b), alpha), ..var.clone() }
         });
-        (normals, blended.collect())
+        (normals.map(Cow::Owned), Cow::Owned(blended.collect()))
     }
 }
 
@@ -193,5 +196,36 @@ mod tests {
         assert!(!variables_move(&keys) && with_later(&keys).is_none() && !variables_move(&keys[..1]));
         let dice = dice_of(&keys);
         assert_eq!(dice.variables_at(&[0.0, 1.0], 0.5).1, dice.primvars);
+    }
+
+    #[test]
+    fn spheres_move_by_their_arguments() {
+        let built = |first: [f32; 4], last: [f32; 4]| {
+            let [radius, zmin, zmax, thetamax_deg] = first;
+            let [a, b] = [first, last].map(|list| params(&[("float[4] __arguments", &list)]));
+            let keys = [ShapeKey { time: 0.0, params: &a }, ShapeKey { time: 1.0, params: &b }];
+            let shape = ShapeDesc::Sphere { radius, zmin, zmax, thetamax_deg };
+            crate::build(&shape, &keys, None, &mut |_, text| panic!("{text}")).unwrap().remove(0)
+        };
+        let ball = built([1.0, -1.0, 1.0, 360.0], [2.0, -2.0, 2.0, 360.0]);
+        assert_eq!((ball.key_times(), ball.measured_key()), (&[0.0, 1.0][..], Some(1)));
+        let dice = ball.dice(5, 5);
+        assert!(dice.primvars.is_empty());
+        for (key, radius) in [(0, 1.0), (1, 2.0)] {
+            assert!(dice.p[key].iter().all(|p| (p.length() - radius).abs() < 1e-6));
+            assert!((ball.bound(key).max.x - radius).abs() < 1e-5);
+        }
+        // A fan that opens: points go along arcs, not along chords.
+        let fan = built([1.0, -1.0, 1.0, 0.0], [1.0, -1.0, 1.0, 360.0]);
+        let times = fan.key_times();
+        assert!(times.len() > 100 && times.windows(2).all(|t| t[0] < t[1]) && times.last() == Some(&1.0));
+        let dice = fan.dice(3, 3);
+        for p in &dice.p {
+            let (from, middle) = (p[3], p[4]);
+            assert!((from - Vec3::X).length() < 1e-6 && (middle.length() - 1.0).abs() < 1e-6);
+        }
+        let half_way = dice.p[times.len() / 2][5];
+        assert!((half_way - -Vec3::X).length() < 0.05, "{half_way}");
+        assert!(dice.dpdu.iter().all(|v| v.length() > 0.0));
     }
 }

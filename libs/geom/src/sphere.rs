@@ -231,6 +231,14 @@ impl Surface for SpherePiece {
         &self.sphere.times
     }
 
+    fn measured_key(&self) -> Option<usize> {
+        let keys = &self.sphere.keys;
+        let size =
+            |key: &SphereKey| key.radius.powi(2) * key.theta_deg.abs() * (key.phi_deg[1] - key.phi_deg[0]);
+        let larger = |a: &usize, b: &usize| size(&keys[*a]).total_cmp(&size(&keys[*b]));
+        keys.iter().any(|key| *key != keys[0]).then(|| (0..keys.len()).max_by(larger).unwrap_or(0))
+    }
+
     fn bound(&self, key: usize) -> Bound {
         self.bounds[key.min(self.bounds.len() - 1)]
     }

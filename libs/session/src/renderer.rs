@@ -280,6 +280,11 @@ impl FrameRenderer for SessionRenderer {
             return Err(Stop::Exit);
         }
         self.configure_plugins(&scene);
+        let has_images = |name: &&str| {
+            let mut own = scene.outputs.iter().filter(|o| &*o.camera == *name);
+            own.any(|o| o.params.int("dynamic").unwrap_or(0) == 0)
+        };
+        let camera = camera.filter(has_images);
         let mut scene = outputs::amended(&scene, &self.options, &self.registry, &self.reporter);
         // Workers show nothing.
         let safe = self.options.safe;
@@ -292,11 +297,6 @@ impl FrameRenderer for SessionRenderer {
             let viewer = if unnamed { self.viewer() } else { None };
             scene = outputs::displayed(&scene, viewer, safe, &self.reporter);
         }
-        let has_images = |name: &&str| {
-            let own = scene.outputs.iter().filter(|o| &*o.camera == *name);
-            own.into_iter().any(|o| o.params.int("dynamic").unwrap_or(0) == 0)
-        };
-        let camera = camera.filter(has_images);
         let renderer = Renderer::new(self.environment(&scene));
         self.progress.over.store(false, Ordering::Relaxed);
         let report = match renderer.render(&scene, camera) {

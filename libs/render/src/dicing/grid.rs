@@ -74,7 +74,8 @@ pub(crate) fn make_grid(
         }
     }
     grid.ng = geometric_normals(&grid, &p, attributes.flip_normals);
-    let times: Vec<f32> = primitive.keys.iter().map(|key| key.time).collect();
+    let moves = primitive.keys.len() > 1;
+    let times: Vec<f32> = primitive.keys.iter().filter(|_| moves).map(|key| key.time).collect();
     let (normals, variables) = dice.variables_at(&times, view.time);
     grid.n = match &normals {
         Some(normals) => {

@@ -79,10 +79,8 @@ fn pixels_do_not_depend_on_threads_buckets_or_crops() {
     let render = |view: &CameraView, threads| render_with(&build, view, threads, ("rgba", &[]), &shader);
     let reference = render(&view, 1);
     let small = build.view(&[("int[2] limits:bucketsize", vec![7.0, 5.0])]);
-    let blocks = build.view(&[
-        ("int[2] limits:bucketsize", vec![7.0, 5.0]),
-        ("int limits:bucketblocksize", vec![3.0]),
-    ]);
+    let blocks = build
+        .view(&[("int[2] limits:bucketsize", vec![7.0, 5.0]), ("int limits:bucketblocksize", vec![3.0])]);
     for (what, view, threads) in [("threads", &view, 3), ("buckets", &small, 2), ("blocks", &blocks, 1)] {
         assert!(render(view, threads) == reference, "{what}");
     }
