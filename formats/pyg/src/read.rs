@@ -159,7 +159,7 @@ pub fn read(
     }
     let parser = Parser::new(Bytes::new(stream, options.statement_limit));
     let mut reader = Reader { file, parser, sink, options, reporter, script: Script::default() };
-    let result = reader.run();
+    let result = reader.run().and_then(|()| reader.finish_renderers());
     reader.sum_up();
     result
 }

@@ -24,13 +24,6 @@ pub(crate) struct Leaf {
     pub(crate) rates: Box<Rates>,
 }
 
-impl Leaf {
-    /// As [`Rates::dice`].
-    pub(crate) fn dice(&self, viewer: &Viewer) -> Dice {
-        self.rates.dice(&*self.piece, viewer)
-    }
-}
-
 impl Rates {
     /// Dices a piece at these rates; points and curves turn towards `viewer`.
     pub(crate) fn dice(&self, piece: &dyn Surface, viewer: &Viewer) -> Dice {

@@ -664,6 +664,33 @@ mod tests {
     }
 
     #[test]
+    fn rays_meet_primitives_while_they_exist() {
+        // Times of the motion keys; whether rays at 0.25 and 0.75 hit, without "ray:motion" and with it.
+        let cases = [
+            ([0.5, 1.0], [false, false], [false, true]),
+            ([-1.0, 0.5], [true, true], [true, false]),
+            ([0.0, 1.0], [true, true], [true, true]),
+            ([2.0, 3.0], [false, false], [false, false]),
+        ];
+        for (times, still, moving) in cases {
+            for (motion, wanted) in [(0, still), (1, moving)] {
+                let mut f = Fixture::new(&[]);
+                f.scene.cameras[0].params.set(param("float[2] shutter", &[0.0_f32, 1.0][..]));
+                let here = f.attributes("", &["set"], &[param("int ray:motion", motion)]);
+                let primitive = f.rectangle([-1.0; 2], [1.0; 2], 0.0, here);
+                let key = |time| granita_scene::ShapeKey { time, ..primitive.keys[0].clone() };
+                Arc::make_mut(&mut f.scene.primitives[0]).keys = times.map(key).to_vec();
+                let (scene, camera, environment) = f.finish();
+                let frame = ShadingContext::new(&scene, &camera, &environment);
+                let set = frame.rays.scene("set", &frame).unwrap();
+                let down = |time| request(Vec3::new(0.1, 0.2, 5.0), -Vec3::Z, time).ray;
+                let hit = set.any(&mut ShaderThread::new(&frame), &[down(0.25), down(0.75)], &|_| [0.0; 2]);
+                assert_eq!(hit, wanted, "{times:?} {motion}");
+            }
+        }
+    }
+
+    #[test]
     fn triangles_take_less_than_120_bytes() {
         let mut f = Fixture::new(&[]);
         // So near that its flatness wants many triangles.

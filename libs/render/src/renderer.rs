@@ -226,7 +226,8 @@ impl Renderer {
     /// The cameras, with the crop window that the environment asks for.
     pub(crate) fn views(&self, scene: &Scene) -> Vec<CameraView> {
         let reporter = &self.environment.reporter;
-        let mut views: Vec<CameraView> = scene.cameras.iter().map(|c| CameraView::new(c, reporter)).collect();
+        let view = |camera| CameraView::new(camera, reporter).at_earliest(scene);
+        let mut views: Vec<CameraView> = scene.cameras.iter().map(view).collect();
         if let Some(crop) = self.environment.crop {
             for view in &mut views {
                 view.crop = CameraView::crop_pixels(crop, view.resolution);
@@ -247,6 +248,7 @@ impl FrameShader for ShadingContext {
     fn traits(&self, object: &ObjectState) -> ObjectTraits {
         ObjectTraits {
             opaque: object.opaque,
+            opaque_in_depth: object.opaque_to_shadows,
             holdout: match object.holdout {
                 Holdout::No => hider::Holdout::None,
                 Holdout::Matte => hider::Holdout::Matte,
@@ -254,6 +256,7 @@ impl FrameShader for ShadingContext {
             },
             displaces: object.displacement.is_some(),
             max_displacement_world: object.max_displacement_world,
+            measures: object.max_displacement_world <= 0.0 && object.moves_points(),
             preshaded: object.preshaded,
             joins: object.joins,
             saves: object.saves,
@@ -268,6 +271,10 @@ impl FrameShader for ShadingContext {
         let mut thread = ShaderThread::new(self);
         thread.is_unlit = true;
         thread
+    }
+
+    fn mute(&self, thread: &mut ShaderThread<'_>, mute: bool) {
+        thread.is_mute = mute;
     }
 
     fn saves(&self) -> u64 {

@@ -575,6 +575,9 @@ impl Services for Run<'_, '_> {
     fn say(&mut self, severity: Severity, text: &str) {
         let reporter = &self.frame.reporter;
         if severity == Severity::Message {
+            if self.thread.is_mute {
+                return;
+            }
             reporter.say(severity, &Location::default(), text);
             return;
         }

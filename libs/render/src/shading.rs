@@ -348,18 +348,33 @@ pub(crate) struct ShaderThread<'f> {
     pub(crate) builds_rays: bool,
     /// Depths are being rendered by this thread: its shaders see no lights, and nothing of dynamic shadow maps.
     pub(crate) is_unlit: bool,
+    /// Shaders print and save nothing: their grids are shaded again.
+    pub(crate) is_mute: bool,
 }
 
 impl<'f> ShaderThread<'f> {
     /// With no memory yet.
     pub(crate) fn new(frame: &'f ShadingContext) -> Self {
         let textures = frame.textures.reader();
-        Self { frame, idle: Vec::new(), textures, nested: 0, builds_rays: false, is_unlit: false }
+        Self {
+            frame,
+            idle: Vec::new(),
+            textures,
+            nested: 0,
+            builds_rays: false,
+            is_unlit: false,
+            is_mute: false,
+        }
     }
 
     /// The frame.
     pub(crate) fn frame(&self) -> &'f ShadingContext {
         self.frame
+    }
+
+    /// Whether what shaders save is kept: not of grids that are shaded again where they are seen.
+    pub(crate) fn keeps_saved(&self) -> bool {
+        !self.builds_rays && !self.is_mute
     }
 
     /// Reads texture files, but maps without files.

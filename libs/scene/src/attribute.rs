@@ -195,7 +195,11 @@ pub const TABLE: &[AttributeRow] = &[
         &["horizontal", "vertical", "spiral"],
         "order in which buckets are made: \"horizontal\", \"vertical\" or \"spiral\"; images of more than 256 MiB come from the top",
     ),
-    camera((INT, "limits:bucketblocksize"), Ints(&[2]), "buckets per side of a cluster").hint(),
+    camera(
+        (INT, "limits:bucketblocksize"),
+        Ints(&[2]),
+        "buckets along each side of the clusters that are done one after the other",
+    ),
     camera((INT, "limits:autopassreduction"), Ints(&[1]), "take fewer samples where nothing blurs"),
     camera((FLOAT, "preview"), Floats(&[0.0]), "shading quality of preview mode; 0 is no preview"),
     camera((INT2, "preview:spatialquality"), Ints(&[1, 1]), "spatialquality in preview mode"),
@@ -332,7 +336,7 @@ pub const TABLE: &[AttributeRow] = &[
         "4.3.4",
         (INT, "limits:trimcurvememory"),
         Ints(&[10240]),
-        "size of the trim curve cache in KB",
+        "size of the trim curve cache in KB; there is none: the curves of a patch become polygons once, when it is built",
     )
     .hint(),
     row(
@@ -361,7 +365,7 @@ pub const TABLE: &[AttributeRow] = &[
         "4.3.4",
         (INT, "limits:transparentgrids"),
         Ints(&[32]),
-        "layers of transparent grids done at once",
+        "layers of transparent grids done at once; there are no batches: each sample keeps what lies before it",
     )
     .hint(),
     row(
@@ -542,7 +546,7 @@ pub const TABLE: &[AttributeRow] = &[
         Floats(&[1.0]),
         "how much coarser moving objects are diced",
     ),
-    row(Object, "4.4.5", (INT, "dice:keepcreases"), Ints(&[0]), "split at every crease"),
+    row(Object, "4.4.5", (INT, "dice:keepcreases"), Ints(&[0]), "split curves at every crease; patches and meshes always are, since each of their segments is diced by itself"),
     row(
         Object,
         "4.4.5",

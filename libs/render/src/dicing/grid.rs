@@ -74,7 +74,10 @@ pub(crate) fn make_grid(
         }
     }
     grid.ng = geometric_normals(&grid, &p, attributes.flip_normals);
-    grid.n = match &dice.n {
+    let moves = primitive.keys.len() > 1;
+    let times: Vec<f32> = primitive.keys.iter().filter(|_| moves).map(|key| key.time).collect();
+    let (normals, variables) = dice.variables_at(&times, view.time);
+    grid.n = match &normals {
         Some(normals) => {
             let world: Vec<Vec3> = normals.iter().map(|n| to_normal.vector(*n)).collect();
             Lanes3::from_points(&world)
@@ -114,7 +117,7 @@ pub(crate) fn make_grid(
         dice.u.last().map_or(0, |u| u.to_bits()),
         dice.v.last().map_or(0, |v| v.to_bits()),
     ]);
-    grid.primvars = dice.primvars.iter().map(|v| to_common(v, n, &to_world, &to_normal)).collect();
+    grid.primvars = variables.iter().map(|v| to_common(v, n, &to_world, &to_normal)).collect();
     let color = match attributes.floats("C")[..] {
         [r, g, b] => Vec3::new(r, g, b),
         _ => Vec3::ONE,

@@ -39,7 +39,7 @@ fn probe_of(key: &DatabaseKey<'_>, lane: usize) -> Probe {
 /// See [`granita_shade::Services::spatialdb_save`].
 pub(super) fn save(run: &Run<'_, '_>, query: &DatabaseSave<'_>) {
     // Shapes that are made for rays are shaded again where they are seen.
-    let Some(schema) = schema_of(&query.key, query.value_type).filter(|_| !run.thread.builds_rays) else {
+    let Some(schema) = schema_of(&query.key, query.value_type).filter(|_| run.thread.keeps_saved()) else {
         return;
     };
     let mode = run.frame.database_mode(query.name, query.filemode);

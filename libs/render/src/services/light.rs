@@ -71,7 +71,7 @@ impl<'q> Question<'q> {
         let word = o.filemode.unwrap_or("");
         let mode = run.frame.database_mode(name, word);
         // What rays of indirect light ask for where they hit is not kept: it is many times what is seen.
-        let mode = Mode { write: mode.write && !run.thread.builds_rays && !run.ray.indirect, ..mode };
+        let mode = Mode { write: mode.write && run.thread.keeps_saved() && !run.ray.indirect, ..mode };
         let lattice = run.topology.rects().next().is_some();
         let full = !lattice || listens || maxerror.is_nan() || maxerror <= 0.0 || maxpixeldist <= 0.0;
         let mut words = vec![

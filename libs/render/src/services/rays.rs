@@ -49,13 +49,14 @@ impl Aim {
 
 impl Run<'_, '_> {
     /// Time of sample `index` of the `n` of a lane: spread over the shutter when the object's rays see
-    /// motion, else that of the grid.
+    /// motion, else that of the grid, or the nearest one at which the shutter is open.
     pub(super) fn ray_time(&self, index: u32, seed: u32) -> f32 {
         let [open, close] = self.frame.camera.shutter;
         if self.sees_motion() {
-            open + (close - open) * sample::line(index, hash::words(&[seed, TIME]))
+            (open + (close - open) * sample::line(index, hash::words(&[seed, TIME]))).min(close)
         } else {
-            self.time
+            // Nothing moves, or exists, at other times.
+            self.time.clamp(open, close)
         }
     }
 

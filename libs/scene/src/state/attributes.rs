@@ -171,11 +171,18 @@ impl State {
         match row.name {
             "geometryset" => {
                 let change = string(&param).unwrap_or("").to_owned();
+                let before = self.current.set.geometry_sets.clone();
                 self.edit_sets(|set| {
                     set.geometry_sets = changed_sets(&set.geometry_sets, &change);
                     let list = set.geometry_sets.join(",");
                     store(set, known, &Param { data: list.as_str().into(), ..param.clone() });
                 });
+                let after = &self.current.set.geometry_sets;
+                for camera in self.cameras.iter().filter(|camera| before.contains(&camera.name)) {
+                    if !after.contains(&camera.name) && !self.lost_sets.contains_key(&camera.name) {
+                        self.lost_sets.insert(camera.name.clone(), (change.clone(), at.clone()));
+                    }
+                }
             }
             "orientation" => self.edit_sets(|set| {
                 let word = match string(&param) {
