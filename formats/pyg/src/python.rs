@@ -104,6 +104,16 @@ impl Python {
         self.send(b'X', &[&line.to_le_bytes(), code]).map_err(|error| self.died(error))
     }
 
+    /// Goes on with another file; what those before defined stays. Returns whether names of calls mean something else.
+    pub(crate) fn go_on(&mut self, file: &str) -> io::Result<bool> {
+        let file = file.replace('\n', " ");
+        self.send(b'N', &[file.as_bytes()]).map_err(|error| self.died(error))?;
+        match self.event()? {
+            Event::Done { rebound } => Ok(rebound),
+            _ => Err(io::Error::other("the interpreter does not take another file")),
+        }
+    }
+
     /// Answers [`Event::Get`].
     pub(crate) fn answer(&mut self, value: Option<&Param>) -> io::Result<()> {
         let mut out = Vec::new();

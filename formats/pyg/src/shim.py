@@ -1,7 +1,7 @@
 # Runs inside the child interpreter: executes pieces of a Pyg script and sends their calls back. Stands behind the
 # functions of bindings/python/gelato/_stream.py, which know the frames.
 #
-# In:  I file name | X line, source | G value (answer to A)
+# In:  I file name, names of calls | N file name | X line, source | G value (answer to A)
 # Out: C line, name, arguments | A declaration | P text | D rebound | W (ready) | E, R, Y line, kind, text, name | Q line, code, text
 
 
@@ -130,7 +130,16 @@ def _granita_main():
     # Scenes of this format's time use it.
     scope["xrange"] = range
     sys.argv = [file]
-    sys.path[0:1] = [os.path.dirname(os.path.abspath(file)) if os.path.exists(file) else ""]
+
+    def folder():
+        """Where modules of the file lie."""
+        return os.path.dirname(os.path.abspath(file)) if os.path.exists(file) else ""
+
+    def is_rebound():
+        changed = any(scope.get(name) is not function for name, function in api.items())
+        return changed or scope.get("GelatoRenderer") is not renderer
+
+    sys.path[0:1] = [folder()]
 
     def places(error):
         """Lines of the script that the exception went through, outermost first, with the name of the function."""
@@ -200,12 +209,19 @@ def _granita_main():
     sink.flush()
     while True:
         kind, payload = hear()
+        if kind == b"N":
+            file = payload.decode("utf-8", "surrogateescape")
+            scope["__file__"] = file
+            sys.argv = [file]
+            if folder() not in sys.path:
+                sys.path.insert(0, folder())
+            say(b"D", b"\1" if is_rebound() else b"\0")
+            sink.flush()
+            continue
         line = struct.unpack("<I", payload[:4])[0]
         try:
             if execute(line, payload[4:]):
-                rebound = any(scope.get(name) is not function for name, function in api.items())
-                rebound = rebound or scope.get("GelatoRenderer") is not renderer
-                say(b"D", b"\1" if rebound else b"\0")
+                say(b"D", b"\1" if is_rebound() else b"\0")
         except SystemExit as leave:
             code = leave.code
             number = code or 0 if code is None or isinstance(code, int) else 1

@@ -349,6 +349,18 @@ impl<'a> Interface<'a> {
         basis
     }
 
+    /// The bases along u and v, by one name or two; an error is reported and the pending parameters are dropped.
+    fn bases(&mut self, call: &str, words: Option<String>) -> Option<(CurveBasis, CurveBasis)> {
+        let words = words.unwrap_or_default();
+        match CurveBasis::pair_from_words(&words) {
+            Ok(pair) => Some(pair),
+            Err(word) => {
+                self.refuse(format!("{call}: unknown interpolation \"{word}\""));
+                None
+            }
+        }
+    }
+
     /// A primitive that cannot be: its parameters are nobody's.
     fn refuse(&mut self, what: String) {
         self.pending.clear();

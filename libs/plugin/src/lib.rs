@@ -51,6 +51,7 @@ pub fn bundled_formats(limits: Limits) -> FormatRegistry {
     for format in granita_raster::formats() {
         registry.register(format);
     }
+    registry.register_name(Arc::new(granita_raster::DevilFormat));
     // Its pictures are in the formats above.
     registry.register(Arc::new(granita_mesh::GltfPictures::new(registry.clone())));
     registry.register(Arc::new(granita_display::IvFormat::default()));

@@ -45,6 +45,8 @@ pub struct CameraView {
     pub projection: Projection,
     /// Whole image in pixels.
     pub resolution: [u32; 2],
+    /// Width of a pixel over its height, as files tell it. It changes nothing else.
+    pub pixelaspect: f32,
     /// "screen" window: xmin, xmax, ymin, ymax.
     pub screen: [f32; 4],
     /// The pixels to render, inside the resolution.
@@ -148,9 +150,8 @@ impl CameraView {
                 1.0
             }
         };
-        // The reference defines the default window by xres/yres; with pixels that are not square only the
-        // shape of the picture on the wall keeps circles round, so the pixels' own shape counts as well.
-        let aspect = resolution[0] as f32 / resolution[1] as f32 * pixelaspect;
+        // The resolution alone (reference 4.1, 7.2.2): pixels that are not square stretch what the window shows.
+        let aspect = resolution[0] as f32 / resolution[1] as f32;
         let default_screen = [-aspect, aspect, -1.0, 1.0];
         let screen = match get.floats::<4>("screen") {
             Some(s) if s[0] != s[1] && s[2] != s[3] => s,
@@ -228,6 +229,7 @@ impl CameraView {
             world_to_camera,
             projection,
             resolution,
+            pixelaspect,
             screen,
             crop: Self::crop_pixels(get.floats::<4>("crop").unwrap_or([0.0, 1.0, 0.0, 1.0]), resolution),
             near,
@@ -334,6 +336,14 @@ impl CameraView {
     /// Direction of view in world space, of length 1.
     pub fn direction_world(&self) -> Vec3 {
         self.camera_to_world(self.shading_time()).vector(Vec3::Z).normalize_or(Vec3::Z)
+    }
+
+    /// The tangent of the largest angle between the axis and what the image shows; `None` for parallel lines of sight.
+    pub(crate) fn widest_tangent(&self) -> Option<f32> {
+        let Projection::Perspective { cot_half_fov } = self.projection else { return None };
+        let [x0, x1, y0, y1] = self.screen;
+        let corner = Vec2::new(x0.abs().max(x1.abs()), y0.abs().max(y1.abs()));
+        Some(corner.length() / cot_half_fov)
     }
 
     /// Camera to "screen" space. `z` becomes 0 on the near and 1 on the far plane.
@@ -465,17 +475,22 @@ impl CameraView {
         }
     }
 
-    /// Matrices that go into the files of this camera.
+    /// Matrices that go into the files of this camera, and the shape of its pixels where these are not square.
     pub fn metadata(&self) -> Params {
         let matrix = |name: &str, m: Transform| Param {
             name: name.into(),
             ty: granita_base::ParamType::of(granita_base::BaseType::Matrix),
             data: m.to_rows()[..].into(),
         };
-        Params(vec![
+        let mut params = Params(vec![
             matrix("worldtocamera", self.world_to_camera.at(self.shading_time())),
             matrix("worldtoscreen", self.world_to_clip()),
-        ])
+        ]);
+        if self.pixelaspect != 1.0 {
+            let ty = granita_base::ParamType::of(granita_base::BaseType::Float);
+            params.set(Param { name: "pixelaspect".into(), ty, data: self.pixelaspect.into() });
+        }
+        params
     }
 }
 
@@ -528,6 +543,25 @@ mod tests {
             );
             assert!(camera.world_to("nowhere", 0.0).is_none());
         }
+    }
+
+    #[test]
+    fn the_resolution_alone_shapes_the_window() {
+        let (square, _) = view(&[("int[2] resolution", &[300.0, 200.0])]);
+        let (wide, _) = view(&[("int[2] resolution", &[300.0, 200.0]), ("float pixelaspect", &[2.0])]);
+        assert_eq!((square.screen, wide.screen), ([-1.5, 1.5, -1.0, 1.0], [-1.5, 1.5, -1.0, 1.0]));
+        assert_eq!(square.metadata().float("pixelaspect"), None);
+        assert_eq!(wide.metadata().float("pixelaspect"), Some(2.0));
+    }
+
+    #[test]
+    fn the_widest_line_of_sight() {
+        let (camera, _) = view(&[("int[2] resolution", &[300.0, 400.0]), ("float fov", &[90.0])]);
+        assert!((camera.widest_tangent().unwrap() - 1.25).abs() < 1e-6);
+        let parallel = Params(vec![Param::declared("string projection", "orthographic").unwrap()]);
+        let camera =
+            Camera { name: "main".into(), world_to_camera: MotionTransform::default(), params: parallel };
+        assert_eq!(CameraView::new(&camera, &Reporter::silent()).widest_tangent(), None);
     }
 
     #[test]

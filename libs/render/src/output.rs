@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 /// Parameters of `Output` that the renderer itself understands; all others go to the format.
-const OWN_PARAMETERS: [&str; 11] = [
+const OWN_PARAMETERS: [&str; 12] = [
     "filter",
     "filterwidth",
     "gain",
@@ -25,6 +25,7 @@ const OWN_PARAMETERS: [&str; 11] = [
     "zchannels",
     "opaquewidth",
     "dynamic",
+    "pixeltype",
 ];
 
 /// Most bytes that the pixels of one image may take while the frame is rendered.
@@ -126,9 +127,7 @@ impl OutputSet {
             offset += width;
         }
         for (output, data) in datas {
-            let shows = |format: Arc<dyn Format>| format.supports("rectangles");
-            let is_shown = registry.by_name(&output.format).is_some_and(shows);
-            let image = set.image(output, &data, camera, is_shown, reporter)?;
+            let image = set.image(output, &data, camera, registry, reporter)?;
             set.images.push(image);
         }
         Ok(set)
@@ -139,9 +138,11 @@ impl OutputSet {
         output: &Output,
         data: &Data,
         camera: &CameraView,
-        is_shown: bool,
+        registry: &FormatRegistry,
         reporter: &Reporter,
     ) -> Result<OutputImage, RenderError> {
+        let format = registry.by_name(&output.format);
+        let is_shown = format.as_ref().is_some_and(|f| f.supports("rectangles"));
         let strings = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>();
         let (channels, names) = match data {
             Data::Color { alpha: false } => (vec![0, 1, 2], strings(&["R", "G", "B"])),
@@ -166,6 +167,8 @@ impl OutputSet {
                 ((first..first + n).collect(), names)
             }
         };
+        let lost = format.and_then(|f| f.leaves_out(std::path::Path::new(&*output.name), channels.len()));
+        lost.into_iter().for_each(|what| mistake(output, reporter, "left out", what));
         let crop = &camera.crop;
         let values = (crop.width() as u64)
             .checked_mul(crop.height() as u64)
@@ -282,6 +285,18 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
         {
             mistake(output, reporter, name, format!("\"{name}\" {v} is of no use; the default is used"));
         }
+    }
+    if let Some(asked) = output.params.string("pixeltype") {
+        let what = match &**asked {
+            "half" | "float" if known.supports("half") => None,
+            "half" | "float" => {
+                Some(format!("format \"{format}\" stores no halves; \"quantize\" says what it stores"))
+            }
+            other => {
+                Some(format!("\"pixeltype\" is \"half\" or \"float\", not \"{other}\"; \"half\" is used"))
+            }
+        };
+        what.into_iter().for_each(|what| mistake(output, reporter, "pixeltype", what));
     }
     match &*output.data {
         "rgb" => Some(Data::Color { alpha: false }),

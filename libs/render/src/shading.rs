@@ -471,6 +471,7 @@ impl<'f> ShaderThread<'f> {
             return vec![None; wanted.len()];
         }
         let names: Vec<(&str, ValueType)> = wanted.iter().map(|(name, ty)| (&**name, *ty)).collect();
+        let given: Vec<_> = names.iter().map(|(name, ty)| of_primitive(grid, name, *ty)).collect();
         let mut found = self.run_as(object, &object.surface, grid, &names, how);
         if object.preshaded {
             for (have, (name, ty)) in found.iter_mut().zip(&names) {
@@ -490,6 +491,9 @@ impl<'f> ShaderThread<'f> {
                     *have = new;
                 }
             }
+        }
+        for (have, given) in found.iter_mut().zip(given) {
+            *have = given.or_else(|| have.take());
         }
         found
     }
@@ -522,6 +526,28 @@ impl<'f> ShaderThread<'f> {
         self.nested -= 1;
         self.put_executor(executor);
         found
+    }
+}
+
+/// What an output of `primitive:NAME` shows: a variable of the primitive as it is before shading, component by component.
+/// "C" and "opacity" are those of the object where the primitive has none, "s" and "t" are u and v. `None` for other names.
+fn of_primitive(grid: &Grid, name: &str, ty: ValueType) -> Option<Vec<f32>> {
+    let name = name.strip_prefix("primitive:")?;
+    let n = grid.len();
+    let own = grid.primvars.iter().find(|v| &*v.name == name && v.ty.width() == ty.components());
+    match own.map(|v| &v.data) {
+        Some(PrimvarData::Floats { values, varying: true }) => return Some(values.clone()),
+        Some(PrimvarData::Floats { values, varying: false }) => {
+            return Some(values.iter().flat_map(|v| std::iter::repeat_n(*v, n)).collect());
+        }
+        _ => {}
+    }
+    match (name, ty) {
+        ("C", ValueType::Color) => Some(grid.c.xyz.concat()),
+        ("opacity", ValueType::Color) => Some(grid.opacity.xyz.concat()),
+        ("s", ValueType::Float) => Some(grid.u.clone()),
+        ("t", ValueType::Float) => Some(grid.v.clone()),
+        _ => None,
     }
 }
 
@@ -576,6 +602,26 @@ mod tests {
         assert_eq!(texture_files(1000, Some(64)), 48);
         assert_eq!(texture_files(10, Some(64)), 10);
         assert_eq!(texture_files(-5, Some(2)), 1);
+    }
+
+    #[test]
+    fn variables_of_the_primitive_are_those_before_shading() {
+        let mut grid = Grid::new(Topology::Rect { nu: 2, nv: 1 });
+        grid.u = vec![0.25, 0.75];
+        grid.c = Lanes3::splat(Vec3::new(1.0, 0.5, 0.25), 2);
+        let ty = |base| granita_base::ParamType::of(base);
+        let weights = PrimvarData::Floats { values: vec![7.0, 8.0], varying: true };
+        grid.primvars.push(Primvar {
+            name: "w".into(),
+            ty: ty(granita_base::BaseType::Float),
+            data: weights,
+        });
+        let of = |name: &str, ty| of_primitive(&grid, name, ty);
+        assert_eq!(of("primitive:s", ValueType::Float), Some(vec![0.25, 0.75]));
+        assert_eq!(of("primitive:C", ValueType::Color), Some(vec![1.0, 1.0, 0.5, 0.5, 0.25, 0.25]));
+        assert_eq!(of("primitive:w", ValueType::Float), Some(vec![7.0, 8.0]));
+        assert_eq!(of("primitive:w", ValueType::Color), None);
+        assert_eq!((of("s", ValueType::Float), of("primitive:x", ValueType::Float)), (None, None));
     }
 
     #[test]

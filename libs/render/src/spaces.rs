@@ -169,6 +169,13 @@ mod tests {
         near(u.scale("common", "common"), 1.0);
         assert_eq!(u.scale("m", "s"), None);
         assert_eq!(u.scale("furlong", "m"), None);
+        // As lengths are: "units:timescale" frames are one unit of Motion, so that 2 is a twelfth of a second at 24 frames.
+        let scene = declared(&[
+            Param::declared("string units:time", "frames").unwrap(),
+            Param::declared("float units:timescale", 2.0).unwrap(),
+        ]);
+        near(Units::new(&scene).scale("common", "frames"), 2.0);
+        near(Units::new(&scene).scale("common", "s"), 1.0 / 12.0);
     }
 
     #[test]

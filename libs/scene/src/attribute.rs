@@ -172,7 +172,11 @@ pub const TABLE: &[AttributeRow] = &[
     camera((FLOAT, "fov"), Floats(&[90.0]), "vertical field of view of a perspective camera, in degrees"),
     camera((FLOAT4, "screen"), Unset, "xmin xmax ymin ymax of the part of the plane z = 1 that is the image"),
     camera((INT2, "resolution"), Ints(&[640, 480]), "width and height of the full image in pixels"),
-    camera((FLOAT, "pixelaspect"), Floats(&[1.0]), "width of a pixel over its height"),
+    camera(
+        (FLOAT, "pixelaspect"),
+        Floats(&[1.0]),
+        "width of a pixel over its height, for the readers of files",
+    ),
     camera(
         (FLOAT4, "crop"),
         Floats(&[0.0, 1.0, 0.0, 1.0]),
@@ -260,6 +264,7 @@ pub const TABLE: &[AttributeRow] = &[
         "integers of 0 and of 1, and their limits; all 0: floats",
     ),
     output((FLOAT, "dither"), Floats(&[0.5]), "amplitude of the noise added before rounding"),
+    choice(Output, "4.2", "pixeltype", &["half", "float"], "numbers in formats of halves (OpenEXR)"),
     output((STRING, "stereo:left"), Text(""), "file name of the left view"),
     output((STRING, "stereo:right"), Text(""), "file name of the right view"),
     output((INT, "zchannels"), Ints(&[3]), "depths per pixel of a volume shadow, 2 or more"),
@@ -292,7 +297,7 @@ pub const TABLE: &[AttributeRow] = &[
         "4.3.2",
         (FLOAT, "units:timescale"),
         Floats(&[1.0]),
-        "how many time units are one second or frame",
+        "seconds or frames in one unit of the times of Motion and shutter",
     ),
     row(Global, "4.3.3", (INT, "rerender"), Ints(&[0]), "allow changes and further calls of Render"),
     row(
@@ -467,7 +472,13 @@ pub const TABLE: &[AttributeRow] = &[
     row(Global, "4.3.9", (STRING, "spatialdb:writeonly"), Unset, "spatial databases written and never asked"),
     row(ReadOnly, "4.3.10", (STRING, "renderer:name"), Text("Granita"), "name of the renderer"),
     row(ReadOnly, "4.3.10", (INT4, "renderer:version"), Unset, "major, minor, release and patch number"),
-    row(ReadOnly, "4.3.10", (STRING, "renderer:versionstring"), Unset, "the version in words"),
+    row(
+        ReadOnly,
+        "4.3.10",
+        (STRING, "renderer:versionstring"),
+        Unset,
+        "the four numbers of the version, as \"2.1.0.0\"",
+    ),
     row(
         ReadOnly,
         "4.3.10",

@@ -266,3 +266,30 @@ Command ("never reached")
     let (_, said) = run("Command (\"mkdirr\")", options());
     assert!(said[0].contains("unknown command \"mkdirr\"; did you mean \"mkdir\"?"), "{said:?}");
 }
+
+/// The files of a command line count as one that contains them all; each `Input` is a scene of its own (reference 6.1).
+#[test]
+fn files_share_the_variables_of_their_scripts() {
+    if !std::process::Command::new("python3").arg("--version").output().is_ok_and(|o| o.status.success()) {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let (text, image) = scene(folder.path());
+    let inner = file("inner.pyg", "Attribute (\"color C\", (v, v, v))\n");
+    let settings = file("settings.pyg", &format!("v = 0.5\ninner = '{inner}'\n"));
+    let text = text.replace("(0.25, 0.5, 1)", "(v / 2, v, v * 2)");
+    let main = file("main.pyg", &text.replace("Sphere", "Input (inner)\nSphere"));
+    let (reporter, kept) = Reporter::collecting();
+    let mut session = Session::new(options(), reporter, Default::default());
+    session.read_file(&settings).unwrap();
+    session.read_file(&main).unwrap();
+    assert!(session.finish().rendered);
+    assert_eq!(middle(&image), (32, 24, vec![0.25, 0.5, 1.0, 1.0]));
+    let said: Vec<String> = kept.lock().unwrap().iter().map(ToString::to_string).collect();
+    assert!(said.len() == 1 && said[0].contains("inner.pyg:1: error: NameError"), "{said:?}");
+}

@@ -20,6 +20,7 @@ use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use viewer::Display;
 
 /// Renders scenes.
 ///
@@ -51,9 +52,9 @@ struct Options {
     #[arg(long, hide = true, conflicts_with_all = ["stream", "net"])]
     worker: bool,
 
-    /// Show the image while it is rendered in a viewer that listens there: iv, tev, or whatever speaks tev's protocol. The port is 14158 by default
+    /// Show the image while it is rendered in a viewer that listens there: iv, tev, or whatever speaks tev's protocol; the port is 14158 by default. Or the screen for the iv of -iv, in the place of $DISPLAY: [HOST]:NUMBER[.SCREEN], with a number below 100
     #[arg(long, value_name = "HOST[:PORT]")]
-    display: Option<String>,
+    display: Option<Display>,
 
     /// Change to this folder before anything else
     #[arg(long, value_name = "PATH")]
@@ -243,15 +244,17 @@ fn run(options: &Options, tools: &[&str], voices: Voices, ending: &Ending) -> St
         return archive(file, &variables, &answers, &reporter);
     }
     let extra = |name: &String| ExtraOutput { name: name.clone(), format: None, data: options.data.clone() };
-    let display = options.display.clone();
+    let (display, layers) = (options.display.clone(), !options.safe);
+    let screen = variables.get("DISPLAY").map(str::to_owned);
+    let find = move || viewer::find(display.as_ref(), screen.as_deref(), layers);
     let viewer = match options.safe {
         // Before the fence, and only when the user wants one.
-        true if options.iv || display.is_some() => {
-            let found = viewer::find(display.as_deref());
+        true if options.is_shown() => {
+            let found = find();
             Viewer(Some(Arc::new(move || found.clone())))
         }
         true => Viewer(None),
-        false => Viewer(Some(Arc::new(move || viewer::find(display.as_deref())))),
+        false => Viewer(Some(Arc::new(find))),
     };
     let session_options = SessionOptions {
         environment: variables,
@@ -393,12 +396,17 @@ impl Write for Printed {
 }
 
 impl Options {
+    /// Whether the user asks for a viewer. A screen alone does not: it says where -iv and the scene show pictures.
+    fn is_shown(&self) -> bool {
+        self.iv || matches!(self.display, Some(Display::Viewer(_)))
+    }
+
     /// The picture that goes to a viewer, named after the scene.
     fn shown(&self) -> Option<ExtraOutput> {
         // Settings stand in files before the scene.
         let file = self.files.last().map(|file| Path::new(file.trim()));
         let name = file.and_then(Path::file_name).map_or("gelato".into(), |name| name.to_string_lossy());
-        (self.iv || self.display.is_some()).then(|| ExtraOutput {
+        self.is_shown().then(|| ExtraOutput {
             name: name.into_owned(),
             format: Some("iv".to_owned()),
             data: self.data.clone(),

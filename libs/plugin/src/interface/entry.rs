@@ -403,9 +403,9 @@ extern "C" fn nurbs_curves(this: *mut c_void, ncurves: c_int, knots: *const Knot
 
 extern "C" fn patch(this: *mut c_void, interp: *const c_char, nu: c_int, nv: c_int) {
     take(this, "Patch", |i| {
-        let Some(basis) = i.basis("Patch", string(interp)) else { return };
+        let Some((u, v)) = i.bases("Patch", string(interp)) else { return };
         if let (Some(nu), Some(nv)) = (i.count("Patch", nu), i.count("Patch", nv)) {
-            i.shape(ShapeDesc::Patch { u: basis, v: basis, nu, nv });
+            i.shape(ShapeDesc::Patch { u, v, nu, nv });
         }
     });
 }

@@ -185,6 +185,8 @@ pub(crate) struct Measure<'a> {
     camera: &'a CameraView,
     /// Pixels per camera space unit at distance 1.
     pixels: f32,
+    /// How much longer than seen from the eye anything is on the raster at most, where the camera sees it.
+    stretch: f32,
     /// Measure by distance from the camera only: for what rays see.
     by_distance: bool,
     /// Ask for flatness within so many pixels, and not for small micropolygons.
@@ -195,7 +197,12 @@ impl<'a> Measure<'a> {
     /// As seen on the raster of `camera`.
     pub(crate) fn on_raster(camera: &'a CameraView) -> Self {
         let s = camera.raster_scale(1.0);
-        Self { camera, pixels: s.x.abs().max(s.y.abs()), by_distance: false, flatness_px: None }
+        let stretch = match camera.widest_tangent() {
+            // A little more than the picture: filters and lenses look beyond its sides.
+            Some(tangent) => 1.01 * (1.0 + (1.25 * tangent).powi(2)),
+            None => f32::INFINITY,
+        };
+        Self { camera, pixels: s.x.abs().max(s.y.abs()), stretch, by_distance: false, flatness_px: None }
     }
 
     /// As if every piece were turned towards `camera`, also behind and beside it.
@@ -447,7 +454,7 @@ impl<'a> Measure<'a> {
             if perspective && p.z.min(q.z) <= self.camera.near {
                 return None;
             }
-            let length_px = self.raster_distance(p, q);
+            let length_px = self.raster_distance(p, q).min(self.longest(p, q));
             length_px.is_finite().then(|| nearest(length_px * settings.quality, 0.0).max(1.0))
         };
         if whole.rounds {
@@ -688,6 +695,20 @@ impl<'a> Measure<'a> {
         project(a).distance(project(b)).min(1e30) as f32
     }
 
+    /// The most pixels that a step takes where the camera sees it: a length l at a distance d under an angle t from the axis
+    /// is at most l / (d cos^2 t) long in the plane of the image. Beside the picture and towards the plane of the eye the
+    /// projection grows without end, and what is displaced or moves there would be diced into billions of points.
+    /// To the bit the same from either end.
+    fn longest(&self, a: Vec3, b: Vec3) -> f32 {
+        if self.stretch.is_infinite() {
+            return f32::INFINITY;
+        }
+        let length = (b - a).length();
+        // No point of the step is nearer.
+        let distance = ((a + b) * 0.5).length() - 0.5 * length;
+        length * self.pixels * self.stretch / distance.max(self.camera.near)
+    }
+
     /// Length of a step in pixels.
     fn length(&self, a: Vec3, b: Vec3, rasterorient: bool) -> f32 {
         let perspective = matches!(self.camera.projection, Projection::Perspective { .. });
@@ -697,7 +718,7 @@ impl<'a> Measure<'a> {
             let clamped = |p: Vec3| Vec3::new(p.x, p.y, p.z.max(near));
             let z_far_enough = !perspective || a.z.max(b.z) > near;
             if z_far_enough {
-                return self.raster_distance(clamped(a), clamped(b))
+                return self.raster_distance(clamped(a), clamped(b)).min(self.longest(a, b))
                     / self.coarsening(((a.z + b.z) * 0.5).max(near));
             }
         }

@@ -267,11 +267,9 @@ impl State {
         if name == "screen" && set.is_none() {
             // Follows from the resolution, as long as nobody sets it (reference 4.1).
             let number = |name| self.camera_value(name).and_then(|p| p.data.to_floats());
-            let (Some(resolution), Some(pixelaspect)) = (number("resolution"), number("pixelaspect")) else {
-                return None;
-            };
+            let resolution = number("resolution")?;
             let row = attribute_row(name)?;
-            let window = crate::camera::default_window([resolution[0], resolution[1]], pixelaspect[0]);
+            let window = crate::camera::default_window([resolution[0], resolution[1]]);
             return Some(Param { name: row.name.into(), ty: row.ty, data: ParamData::from(&window[..]) });
         }
         set.or_else(|| attribute_default(name))
@@ -287,20 +285,23 @@ impl State {
                 let shutter = self.cameras.first().and_then(|c| c.params.float("shutter")).unwrap_or(0.0);
                 ParamData::from(&self.current.set.to_world.at(shutter).to_rows()[..])
             }
-            "renderer:versionstring" => ParamData::from(granita_base::VERSION),
-            "renderer:version" => {
-                let mut numbers = [0; 4];
-                for (n, part) in numbers.iter_mut().zip(granita_base::VERSION.split('.')) {
-                    *n = part.parse().unwrap_or(0);
-                }
-                ParamData::from(&numbers[..])
-            }
+            "renderer:versionstring" => ParamData::from(&*version().map(|n| n.to_string()).join(".")),
+            "renderer:version" => ParamData::from(&version()[..]),
             "render:progress" if self.rendered => ParamData::from(1.0),
             "render:success" if self.rendered => ParamData::from(1),
             _ => return attribute_default(name),
         };
         Some(Param { name: row.name.into(), ty: row.ty, data })
     }
+}
+
+/// The numbers of major version, minor version, release and patch.
+fn version() -> [i32; 4] {
+    let mut numbers = [0; 4];
+    for (n, part) in numbers.iter_mut().zip(granita_base::VERSION.split('.')) {
+        *n = part.parse().unwrap_or(0);
+    }
+    numbers
 }
 
 /// Puts a value into the set, or takes the entry out when it is the default.
