@@ -85,6 +85,9 @@ pub struct CameraView {
     pub stereo: Option<Stereo>,
 }
 
+/// A bound of what a few operations in single precision round by, relative to the largest number among them.
+const CLIP_ROUNDING: f32 = f32::EPSILON;
+
 /// Attributes of one camera, with messages about values that make no sense.
 struct Attributes<'a> {
     camera: &'a Camera,
@@ -344,6 +347,21 @@ impl CameraView {
         let [x0, x1, y0, y1] = self.screen;
         let corner = Vec2::new(x0.abs().max(x1.abs()), y0.abs().max(y1.abs()));
         Some(corner.length() / cot_half_fov)
+    }
+
+    /// The depths that are seen, in camera units: from "near" to "far", and beyond them as far as single precision does not tell. So what
+    /// lies in a clipping plane is seen, wherever the camera stands: points of the world are rounded in proportion to their distance from the
+    /// world's origin.
+    pub(crate) fn clip(&self) -> [f32; 2] {
+        let largest = |m: &Transform| m.to_rows()[12..15].iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+        let origin = self.world_to_camera.keys().iter().map(|(_, m)| largest(m)).fold(0.0_f32, f32::max);
+        let slack = |plane: f32| CLIP_ROUNDING * (8.0 * plane.abs() + 4.0 * origin);
+        let near = self.near - slack(self.near);
+        let near = match self.projection {
+            Projection::Perspective { .. } => near.max(0.5 * self.near),
+            Projection::Orthographic => near,
+        };
+        [near, self.far + slack(self.far)]
     }
 
     /// Camera to "screen" space. `z` becomes 0 on the near and 1 on the far plane.

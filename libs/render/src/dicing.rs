@@ -4,10 +4,12 @@
 //! primitives never change where a surface is split or how it is diced.
 
 mod grid;
+mod lift;
 mod motion;
 mod rate;
 
 pub(crate) use grid::{GridView, Viewpoint, make_grid};
+pub(crate) use lift::SmoothFace;
 pub(crate) use motion::{
     Placement, Viewer, key_at, largest_coordinates, pixels_at, points_at, precise_point, shows,
 };

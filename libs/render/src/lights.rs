@@ -25,6 +25,8 @@ pub(crate) struct LightState {
     pub(crate) shadow_bias: f32,
     /// Where it shines from, when it has an area.
     pub(crate) area: Option<AreaLight>,
+    /// "light:nsamples": directions that it is sampled by when it is a broad solar light.
+    pub(crate) samples: u32,
 }
 
 impl LightState {
@@ -44,6 +46,7 @@ impl LightState {
             attributes: light.attributes.clone(),
             shadow_bias: light.attributes.float("shadow:bias").max(0.0),
             area: geometry.map(|set| AreaLight::new(set, light.attributes.int("light:nsamples"))),
+            samples: crate::arealight::samples(light.attributes.int("light:nsamples")),
         })
     }
 }
@@ -174,6 +177,7 @@ mod tests {
                 ns: Lane3::over(&ns),
                 pl: None,
                 nl: None,
+                cone: None,
                 in_front: false,
             },
             &result,
@@ -188,6 +192,7 @@ mod tests {
                         ns: Lane3::over(ns),
                         pl: None,
                         nl: None,
+                        cone: None,
                         in_front: false,
                     },
                 )

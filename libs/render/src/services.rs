@@ -1,12 +1,13 @@
 //! What running shaders ask of the frame: the renderer's side of [`Services`].
 //!
-//! A [`Run`] serves one run of one shader group over one grid. Rays are in `services/rays.rs`, indirect light and
+//! A [`Run`] serves one run of one shader group over one grid. Rays are in `services/rays.rs`, those of shadows in `services/shadow.rs`, indirect light and
 //! occlusion in `services/light.rs`, maps in `services/maps.rs`; here is the rest.
 
 mod database;
 mod light;
 pub(crate) mod maps;
 mod rays;
+mod shadow;
 mod sky;
 
 use crate::arealight::{self, AreaLight};
@@ -17,7 +18,7 @@ use crate::object::{LinkedShaders, ObjectState, usage_word};
 use crate::rayset::RayScene;
 use crate::shading::{ShaderThread, ShadingContext};
 use granita_base::{
-    BaseType, Location, MotionTransform, Param, ParamData, ParamType, Severity, Transform, Vec3, hash,
+    BaseType, Location, MotionTransform, Param, ParamData, ParamType, Severity, Transform, Vec3, hash, sample,
 };
 use granita_gsl::Func;
 use granita_scene::{AttributeSet, LightId, ShaderUsage};
@@ -33,6 +34,25 @@ const AREA: u32 = 0xa9ea;
 /// The same for directions drawn by the light of maps.
 const SKY: u32 = 0x5c1e;
 
+/// Flat faces under the normals of a smooth surface.
+struct Lift {
+    p: Lanes3,
+    n: Lanes3,
+    by: Arc<[Lanes3; 2]>,
+}
+
+impl Lift {
+    /// Where the smooth surface lies beyond a point of the grid, on the side of a direction; the point itself when it is not of the grid.
+    fn above(&self, lane: usize, p: Vec3, toward: Vec3) -> Vec3 {
+        let bits = |v: Vec3| v.to_array().map(f32::to_bits);
+        if bits(self.p.get(lane)) != bits(p) {
+            return p;
+        }
+        let below = toward.dot(self.n.get(lane)) < 0.0;
+        p + self.by[usize::from(below)].get(lane)
+    }
+}
+
 /// One run of one shader group over one grid.
 pub(crate) struct Run<'r, 'f> {
     thread: &'r mut ShaderThread<'f>,
@@ -43,6 +63,10 @@ pub(crate) struct Run<'r, 'f> {
     attributes: &'r AttributeSet,
     /// Attributes of the object.
     object_attributes: &'r AttributeSet,
+    /// The object.
+    object: &'r ObjectState,
+    /// Where its points are, and how far a smooth surface lies beyond them ([`Grid::lift`]).
+    lift: Option<Arc<Lift>>,
     /// How the points of the grid neighbour each other.
     topology: Topology,
     /// Of each rectangle of the grid, which sides are borders of its surface: first and last along u, first and last along v.
@@ -79,6 +103,8 @@ pub(crate) struct Run<'r, 'f> {
     gathers_in_front: bool,
     /// Directions drawn by maps, the one that was asked last at the end.
     sky: Vec<sky::Ahead>,
+    /// What it did with spatial databases.
+    databases: Vec<database::OwnDatabase>,
 }
 
 impl<'r, 'f> Run<'r, 'f> {
@@ -97,6 +123,8 @@ impl<'r, 'f> Run<'r, 'f> {
             shaders,
             attributes: &object.attributes,
             object_attributes: &object.attributes,
+            object,
+            lift: grid.lift.clone().map(|by| Arc::new(Lift { p: grid.p.clone(), n: grid.n.clone(), by })),
             topology: grid.topology.clone(),
             rims: rims(grid),
             twins: twins(grid),
@@ -121,6 +149,7 @@ impl<'r, 'f> Run<'r, 'f> {
             said: Vec::new(),
             gathers_in_front: false,
             sky: Vec::new(),
+            databases: Vec::new(),
         }
     }
 
@@ -137,12 +166,18 @@ impl<'r, 'f> Run<'r, 'f> {
             shaders: &light.shaders,
             attributes: &light.attributes,
             object_attributes: surface.object_attributes,
+            object: surface.object,
+            lift: surface.lift.clone(),
             topology: surface.topology.clone(),
             rims: surface.rims.clone(),
             twins: surface.twins.clone(),
             object_to_world: surface.object_to_world,
             owner: light.name.clone(),
-            shadow_bias: light.shadow_bias,
+            // The points are the object's: what it or those around it say comes before what the light says.
+            shadow_bias: match surface.object_attributes.values.get("shadow:bias").is_some() {
+                true => surface.object.shadow_bias,
+                false => light.shadow_bias,
+            },
             ray_motion: surface.ray_motion,
             lights: &[],
             lit: None,
@@ -158,6 +193,7 @@ impl<'r, 'f> Run<'r, 'f> {
             said: Vec::new(),
             gathers_in_front,
             sky: Vec::new(),
+            databases: Vec::new(),
         }
     }
 
@@ -210,7 +246,6 @@ impl<'r, 'f> Run<'r, 'f> {
         let (call, names) = (self.calls, self.names_for(light.seed, query, 0));
         let (mut pl, mut nl) = (Lanes3::zeros(grid.len()), Lanes3::zeros(grid.len()));
         let share = 1.0 / area.samples as f32;
-        let scale = |lanes: &mut Lanes3| lanes.xyz.iter_mut().flatten().for_each(|v| *v *= share);
         for index in 0..area.samples {
             let own = self.seed;
             let seed = |lane: u32| match names.get(lane as usize) {
@@ -223,23 +258,35 @@ impl<'r, 'f> Run<'r, 'f> {
             }
             let query = IlluminateQuery { pl: Some(Lane3::over(&pl)), nl: Some(Lane3::over(&nl)), ..*query };
             let one = self.run_light(light, grid, &query, index);
-            sum.samples.extend(one.samples.into_iter().map(|mut sample| {
-                scale(&mut sample.cl);
-                sample
-            }));
-            if let Some(mut ambient) = one.ambient {
-                scale(&mut ambient);
-                match &mut sum.ambient {
-                    None => sum.ambient = Some(ambient),
-                    Some(total) => {
-                        for (t, a) in total.xyz.iter_mut().flatten().zip(ambient.xyz.iter().flatten()) {
-                            *t += a;
-                        }
-                    }
-                }
-            }
-            (sum.nondiffuse, sum.nonspecular, sum.params) = (one.nondiffuse, one.nonspecular, one.params);
+            add_share(&mut sum, one, share);
             // The next one draws other numbers; lanes with names tell them apart by their index.
+            self.calls += 1;
+        }
+        sum
+    }
+
+    /// The mean of several runs of a light that is broad, each with a direction within its spread for every lane. One run of any other.
+    fn broad_light(&mut self, light: &LightState, grid: &Grid, query: &IlluminateQuery<'_>) -> LightResult {
+        let (call, names, own) = (self.calls, self.names_for(light.seed, query, 0), self.seed);
+        let share = 1.0 / light.samples as f32;
+        let mut sum = LightResult::default();
+        let mut places = [vec![0.0; query.batch.lanes], vec![0.0; query.batch.lanes]];
+        for index in 0..light.samples {
+            for &lane in query.batch.active {
+                let seed = match names.get(lane as usize) {
+                    Some(name) => hash::words(&[*name, light.seed, AREA]),
+                    None => hash::words(&[own, call, light.seed, lane]),
+                };
+                let (x, y) = sample::square(index, seed);
+                (places[0][lane as usize], places[1][lane as usize]) = (x, y);
+            }
+            let cone = places.each_ref().map(|values| Lane { values, stride: 1 });
+            let query = IlluminateQuery { cone: Some(cone), ..*query };
+            let one = self.run_light(light, grid, &query, index);
+            if index == 0 && !one.broad {
+                return one;
+            }
+            add_share(&mut sum, one, share);
             self.calls += 1;
         }
         sum
@@ -292,6 +339,27 @@ impl<'r, 'f> Run<'r, 'f> {
         let camera = self.frame.scene.cameras.iter().find(|c| c.name == self.frame.camera.name)?;
         camera.params.get(name).cloned()
     }
+}
+
+/// Adds one of several samples of a light.
+fn add_share(sum: &mut LightResult, one: LightResult, share: f32) {
+    let scale = |lanes: &mut Lanes3| lanes.xyz.iter_mut().flatten().for_each(|v| *v *= share);
+    sum.samples.extend(one.samples.into_iter().map(|mut sample| {
+        scale(&mut sample.cl);
+        sample
+    }));
+    if let Some(mut ambient) = one.ambient {
+        scale(&mut ambient);
+        match &mut sum.ambient {
+            None => sum.ambient = Some(ambient),
+            Some(total) => {
+                for (t, a) in total.xyz.iter_mut().flatten().zip(ambient.xyz.iter().flatten()) {
+                    *t += a;
+                }
+            }
+        }
+    }
+    (sum.nondiffuse, sum.nonspecular, sum.params) = (one.nondiffuse, one.nonspecular, one.params);
 }
 
 /// Lanes of a grid on sides that are single points (poles, tips of triangles), and the first lane of each: in increasing order, each after
@@ -347,6 +415,7 @@ fn without_variables(grid: &Grid) -> Grid {
         dpdv: grid.dpdv.clone(),
         dpdtime: grid.dpdtime.clone(),
         seams: grid.seams.clone(),
+        lift: None,
         u: grid.u.clone(),
         v: grid.v.clone(),
         time: grid.time,
@@ -444,7 +513,7 @@ impl Services for Run<'_, '_> {
             let lanes = rays::TracingLanes::new(self, query.batch.active)
                 .without_twins(&self.twins, &|a, b| single && asked(a) == asked(b));
             let batch = Batch { active: &lanes.traced, ..query.batch };
-            rays::shadow(self, &ShadowQuery { batch, ..*query }, out);
+            shadow::shadow(self, &ShadowQuery { batch, ..*query }, out);
             lanes.copy3(out);
             return;
         }
@@ -484,6 +553,7 @@ impl Services for Run<'_, '_> {
         self.calls += 1;
         let result = match &light.area {
             Some(area) => self.area_light(light, area, &grid, query),
+            None if light.samples > 1 => self.broad_light(light, &grid, query),
             None => self.run_light(light, &grid, query, 0),
         };
         self.lit = Some(grid);

@@ -218,6 +218,9 @@ pub struct IlluminateQuery<'a> {
     pub pl: Option<Lane3<'a>>,
     /// Normals there, `Nl`.
     pub nl: Option<Lane3<'a>>,
+    /// Places in the unit square: which direction of a broad solar light (`emit` with a spread) this run stands for. `None`: the middle one,
+    /// for all.
+    pub cone: Option<[Lane<'a>; 2]>,
     /// Only light that comes from within 90 degrees of the axis counts; what else is sent is for nothing.
     pub in_front: bool,
 }
@@ -248,6 +251,8 @@ pub struct LightResult {
     pub nondiffuse: Vec<f32>,
     /// Value of `__nonspecular` per lane; empty without the parameter.
     pub nonspecular: Vec<f32>,
+    /// Some `emit` had a spread and sent light from the direction that [`IlluminateQuery::cone`] says: other places give other light.
+    pub broad: bool,
     /// Values of its parameters after the run, for `getmessage ("light", ...)`: uniform ones only.
     pub params: Vec<Param>,
 }

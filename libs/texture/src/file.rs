@@ -232,7 +232,7 @@ impl TextureFile {
             channels: spec.nchannels(),
             swrap: wraps.0,
             twrap: wraps.1,
-            up: if openexr { Up::Y } else { Up::Z },
+            up: Up::of(spec, openexr),
             layout,
             world_to_camera: matrix("worldtocamera"),
             world_to_screen: matrix("worldtoscreen"),

@@ -354,6 +354,7 @@ fn light_values(
         ns: Lane3::over(&grid.n),
         pl: None,
         nl: None,
+        cone: None,
         in_front: false,
     };
     let result = executor.run_light(group, grid, &query, around);

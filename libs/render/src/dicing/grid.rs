@@ -90,7 +90,12 @@ pub(crate) fn make_grid(
         grid.ng = negated(&grid.ng);
         grid.flip_normals = !grid.flip_normals;
     }
-    grid.seams = vec![seams(&grid, primitive, dice.n.is_some())];
+    let seams = seams(&grid, primitive, dice.n.is_some());
+    let flat = matches!(primitive.shape, ShapeDesc::Mesh { subdivide: false, .. });
+    if flat && seams.contains(&true) {
+        grid.lift = super::lift::of_face(&grid);
+    }
+    grid.seams = vec![seams];
     grid.i = match view.viewpoint {
         Viewpoint::From(eye) => {
             Lanes3::from_points(&p.iter().map(|point| *point - eye).collect::<Vec<Vec3>>())

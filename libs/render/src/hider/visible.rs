@@ -32,12 +32,13 @@ pub(crate) struct Projector {
 impl Projector {
     /// Of a camera; `defocus` when its lens counts.
     pub(crate) fn new(camera: &CameraView, defocus: bool) -> Self {
+        let [near, far] = camera.clip();
         Self {
             scale: camera.raster_scale(1.0),
             center: camera.raster_center(),
             perspective: matches!(camera.projection, Projection::Perspective { .. }),
-            near: camera.near,
-            far: camera.far,
+            near,
+            far,
             lens: camera.lens.filter(|_| defocus),
         }
     }
@@ -151,6 +152,7 @@ impl ViewedGrid {
     ) -> Self {
         let perspective = matches!(camera.projection, Projection::Perspective { .. });
         let lens = camera.lens.filter(|_| defocus);
+        let [near, far] = camera.clip();
         let mut grid = Self {
             times,
             p_cam,
@@ -158,8 +160,8 @@ impl ViewedGrid {
             scale: camera.raster_scale(1.0),
             center: camera.raster_center(),
             perspective,
-            near: camera.near,
-            far: camera.far,
+            near,
+            far,
             focus: lens.map_or(0.0, |l| l.focal_distance),
             lens_radius: lens.map_or(0.0, |l| l.radius),
             rect: PixelRect::EVERYWHERE,
@@ -169,7 +171,7 @@ impl ViewedGrid {
             existence: None,
         };
         let simple = grid.times.len() == 1 && lens.is_none();
-        if simple && (!perspective || grid.p_cam[0].iter().all(|p| p.z >= camera.near)) {
+        if simple && (!perspective || grid.p_cam[0].iter().all(|p| p.z >= near)) {
             let project = |p: &Vec3| {
                 let q = grid.project(*p);
                 Vec3::new(q.x, q.y, if perspective { 1.0 / p.z } else { p.z })

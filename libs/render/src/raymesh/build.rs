@@ -529,6 +529,7 @@ impl<'a> Builder<'a> {
                 primvars: Vec::new(),
                 string_set: Vec::new(),
                 string_keys: Vec::new(),
+                flat_faces: false,
             },
             triangles: TriangleMesh {
                 positions: vec![Vec::new(); times.len()],
@@ -574,6 +575,7 @@ impl<'a> Builder<'a> {
             out.extend(points.iter().enumerate().map(|(i, p)| *p + (grid.p.get(i) - before.get(i))));
         }
         let mesh = &mut self.mesh;
+        mesh.flat_faces |= grid.lift.is_some() && !displaced;
         for i in 0..count {
             mesh.p.push(grid.p.get(i));
             // Lengths of normals mean nothing, but would weigh them in the interpolation.

@@ -102,6 +102,7 @@ impl Executor {
         machine.mask.set_active(n, query.batch.active);
         machine.base = machine.mask.count();
         machine.emitted = Some(LightResult::default());
+        machine.cone = query.cone.map(|cone| cone.map(|lanes| (0..n).map(|i| lanes.get(i)).collect()));
         machine.prepare(Some(query));
         machine.layers(false, None);
         let mut result = machine.emitted.take().unwrap_or_default();
@@ -164,6 +165,7 @@ fn machine<'a>(
         draws: 0,
         lane_draws: Vec::new(),
         emission: Emission::default(),
+        cone: None,
         emitted: None,
         light: None,
         ray: None,

@@ -54,7 +54,7 @@ pub(crate) struct LoopFrame {
 pub(crate) struct Emission {
     pub(crate) inside: bool,
     pub(crate) infinite: bool,
-    /// Half angle of a broad distant light.
+    /// Angle across a broad distant light that shines from all of it at once; 0 for others.
     pub(crate) spread: f32,
 }
 
@@ -88,6 +88,8 @@ pub(crate) struct Machine<'a> {
     /// Calls of `random` of each lane, where lanes have names.
     pub(crate) lane_draws: Vec<u32>,
     pub(crate) emission: Emission,
+    /// As [`crate::IlluminateQuery::cone`], of all lanes.
+    pub(crate) cone: Option<[Vec<f32>; 2]>,
     /// Where samples of a running light go.
     pub(crate) emitted: Option<LightResult>,
     /// The light that the innermost `lights` loop examines.

@@ -69,6 +69,7 @@ fn every_shader_runs() {
                     ns: Lane3::over(&grid.n),
                     pl: None,
                     nl: None,
+                    cone: None,
                     in_front: false,
                 };
                 let result = executor.run_light(&group, &grid, &query, &mut services);
