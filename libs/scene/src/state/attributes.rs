@@ -280,20 +280,30 @@ impl State {
                 let shutter = self.cameras.first().and_then(|c| c.params.float("shutter")).unwrap_or(0.0);
                 ParamData::from(&self.current.set.to_world.at(shutter).to_rows()[..])
             }
-            "renderer:versionstring" => ParamData::from(granita_base::VERSION),
-            "renderer:version" => {
-                let mut numbers = [0; 4];
-                for (n, part) in numbers.iter_mut().zip(granita_base::VERSION.split('.')) {
-                    *n = part.parse().unwrap_or(0);
-                }
-                ParamData::from(&numbers[..])
-            }
+            "renderer:versionstring" | "renderer:version" => return version_attribute(name),
             "render:progress" if self.rendered => ParamData::from(1.0),
             "render:success" if self.rendered => ParamData::from(1),
             _ => return attribute_default(name),
         };
         Some(Param { name: row.name.into(), ty: row.ty, data })
     }
+}
+
+/// "renderer:version" or "renderer:versionstring".
+pub fn version_attribute(name: &str) -> Option<Param> {
+    let row = attribute_row(name)?;
+    let data = match row.name {
+        "renderer:versionstring" => ParamData::from(granita_base::VERSION),
+        "renderer:version" => {
+            let mut numbers = [0; 4];
+            for (n, part) in numbers.iter_mut().zip(granita_base::VERSION.split('.')) {
+                *n = part.parse().unwrap_or(0);
+            }
+            ParamData::from(&numbers[..])
+        }
+        _ => return None,
+    };
+    Some(Param { name: row.name.into(), ty: row.ty, data })
 }
 
 /// Puts a value into the set, or takes the entry out when it is the default.
