@@ -355,6 +355,8 @@ fn light_values(
         pl: None,
         nl: None,
         in_front: false,
+        asks: false,
+        messages: &[],
     };
     let result = executor.run_light(group, grid, &query, around);
     let mut sum = Lanes3::zeros(n);

@@ -51,6 +51,8 @@ fn ambient(m: &mut Machine<'_>, op: &Op) {
                 pl: None,
                 nl: None,
                 in_front: false,
+                asks: false,
+                messages: &[],
             };
             m.services.illuminate(k, &query)
         };
