@@ -197,7 +197,8 @@ fn variables<'a>(
             ValueType::Matrix => BaseType::Matrix,
             _ => BaseType::Float,
         };
-        let comes_anyway = matches!(&**name, "P" | "C" | "opacity");
+        // Elements of arrays have names that a declaration cannot have.
+        let comes_anyway = matches!(&**name, "P" | "C" | "opacity") || name.contains('[');
         let Some(values) = grid.shades[0].variables.get(from..from + width * n).filter(|_| !comes_anyway)
         else {
             continue;

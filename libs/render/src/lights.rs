@@ -4,6 +4,7 @@ use crate::arealight::AreaLight;
 use crate::finite;
 use crate::object::{LinkedShaders, Linker};
 use granita_base::{Vec3, hash};
+use granita_gsl::ir::ShaderKind;
 use granita_scene::{AttributeSet, Light, ShaderUsage};
 use granita_shade::{IlluminateQuery, Lane3, Lanes3, LightInfo, LightResult};
 use std::sync::Arc;
@@ -19,6 +20,8 @@ pub(crate) struct LightState {
     pub(crate) shaders: LinkedShaders,
     /// What is known without running it.
     pub(crate) info: LightInfo,
+    /// It asks the surface or volume shader for messages.
+    pub(crate) listens: bool,
     /// Attribute state of the `Light` call.
     pub(crate) attributes: Arc<AttributeSet>,
     /// "shadow:bias" of that state.
@@ -41,6 +44,7 @@ impl LightState {
         Some(Self {
             name: light.name.clone(),
             seed: hash::words(&light.name.bytes().map(u32::from).collect::<Vec<_>>()),
+            listens: [ShaderKind::Surface, ShaderKind::Volume].iter().any(|k| shaders.group.listens_to(*k)),
             shaders,
             info,
             attributes: light.attributes.clone(),
@@ -90,6 +94,7 @@ struct Remembered {
     ps: Lanes3,
     ns: Lanes3,
     in_front: bool,
+    asks: bool,
     result: Arc<LightResult>,
 }
 
@@ -107,7 +112,7 @@ impl LightMemory {
     /// What was kept for this question: the same positions and axes, to the bit, on at least its lanes.
     pub(crate) fn find(&self, light: usize, query: &IlluminateQuery<'_>) -> Option<Arc<LightResult>> {
         let holds = |kept: &&Remembered| {
-            (kept.light, kept.in_front) == (light, query.in_front)
+            (kept.light, kept.in_front, kept.asks) == (light, query.in_front, query.asks)
                 && same_on(&kept.ps, &query.ps, query.batch.active)
                 && same_on(&kept.ns, &query.ns, query.batch.active)
                 && is_subset(query.batch.active, &kept.active)
@@ -133,6 +138,7 @@ impl LightMemory {
             ps: copy(&query.ps),
             ns: copy(&query.ns),
             in_front: query.in_front,
+            asks: query.asks,
             result: result.clone(),
         });
     }
@@ -179,6 +185,8 @@ mod tests {
                 nl: None,
                 cone: None,
                 in_front: false,
+                asks: false,
+                messages: &[],
             },
             &result,
         );
@@ -194,6 +202,8 @@ mod tests {
                         nl: None,
                         cone: None,
                         in_front: false,
+                        asks: false,
+                        messages: &[],
                     },
                 )
                 .is_some()

@@ -171,7 +171,7 @@ pub(crate) fn usage_word(usage: ShaderUsage) -> &'static str {
 }
 
 /// The kind of shader for a usage.
-fn kind(usage: ShaderUsage) -> ShaderKind {
+pub(crate) fn kind(usage: ShaderUsage) -> ShaderKind {
     match usage {
         ShaderUsage::Surface => ShaderKind::Surface,
         ShaderUsage::Displacement => ShaderKind::Displacement,

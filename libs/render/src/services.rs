@@ -17,13 +17,15 @@ use crate::lights::{LightMemory, LightState, mend};
 use crate::object::{LinkedShaders, ObjectState, usage_word};
 use crate::rayset::RayScene;
 use crate::shading::{ShaderThread, ShadingContext};
+use crate::texts;
 use granita_base::{
     BaseType, Location, MotionTransform, Param, ParamData, ParamType, Severity, Transform, Vec3, hash, sample,
 };
 use granita_gsl::Func;
+use granita_gsl::ir::ShaderKind;
 use granita_scene::{AttributeSet, LightId, ShaderUsage};
 use granita_shade::{
-    Batch, DatabaseQuery, DatabaseSave, EnvironmentQuery, Grid, IlluminateQuery, Lane, Lane3, Lanes3,
+    Batch, DatabaseQuery, DatabaseSave, EnvironmentQuery, Grid, Group, IlluminateQuery, Lane, Lane3, Lanes3,
     LightInfo, LightResult, LookupResult, Primvar, RayKind, Rect, Services, Shadeop, ShadowQuery,
     SubsurfaceQuery, TextureQuery, Topology, TraceQuery, TraceResult,
 };
@@ -105,6 +107,8 @@ pub(crate) struct Run<'r, 'f> {
     sky: Vec<sky::Ahead>,
     /// What it did with spatial databases.
     databases: Vec<database::OwnDatabase>,
+    /// Texts that `fprintf` wrote so far.
+    appended: u32,
 }
 
 impl<'r, 'f> Run<'r, 'f> {
@@ -117,8 +121,9 @@ impl<'r, 'f> Run<'r, 'f> {
     ) -> Self {
         let gathers = shaders.usage != ShaderUsage::Displacement && !grid.ray.shadow && !thread.is_unlit;
         let lights: &[LightId] = if gathers { &object.lights } else { &[] };
+        let frame = thread.frame();
         Self {
-            frame: thread.frame(),
+            frame,
             thread,
             shaders,
             attributes: &object.attributes,
@@ -133,7 +138,7 @@ impl<'r, 'f> Run<'r, 'f> {
             shadow_bias: object.shadow_bias,
             ray_motion: object.ray_motion,
             lights,
-            lit: (!lights.is_empty()).then(|| without_variables(grid)),
+            lit: (!lights.is_empty()).then(|| seen_by_lights(grid, frame, lights)),
             memory: LightMemory::default(),
             time: grid.time,
             dtime: grid.dtime,
@@ -150,6 +155,7 @@ impl<'r, 'f> Run<'r, 'f> {
             gathers_in_front: false,
             sky: Vec::new(),
             databases: Vec::new(),
+            appended: 0,
         }
     }
 
@@ -194,6 +200,7 @@ impl<'r, 'f> Run<'r, 'f> {
             gathers_in_front,
             sky: Vec::new(),
             databases: Vec::new(),
+            appended: 0,
         }
     }
 
@@ -359,7 +366,7 @@ fn add_share(sum: &mut LightResult, one: LightResult, share: f32) {
             }
         }
     }
-    (sum.nondiffuse, sum.nonspecular, sum.params) = (one.nondiffuse, one.nonspecular, one.params);
+    (sum.nondiffuse, sum.nonspecular, sum.messages) = (one.nondiffuse, one.nonspecular, one.messages);
 }
 
 /// Lanes of a grid on sides that are single points (poles, tips of triangles), and the first lane of each: in increasing order, each after
@@ -402,7 +409,22 @@ fn rims(grid: &Grid) -> Arc<[[bool; 4]]> {
     grid.topology.rects().enumerate().map(of).collect()
 }
 
-/// A copy of a grid without its variables and messages: what a light shader sees of a surface.
+/// What light shaders see of a surface: the grid, with its variables and messages where one of the lights may ask for them.
+fn seen_by_lights(grid: &Grid, frame: &ShadingContext, lights: &[LightId]) -> Grid {
+    let mut seen = without_variables(grid);
+    let asked = |of: fn(&Group) -> bool| {
+        lights.iter().filter_map(|id| frame.light(*id)).any(|light| of(&light.shaders.group))
+    };
+    if asked(Group::asks_primitive) {
+        seen.primvars = grid.primvars.clone();
+    }
+    if asked(|group| group.listens_to(ShaderKind::Displacement) || group.listens_to(ShaderKind::Surface)) {
+        seen.messages = grid.messages.clone();
+    }
+    seen
+}
+
+/// A copy of a grid without its variables and messages.
 fn without_variables(grid: &Grid) -> Grid {
     Grid {
         uneven: grid.uneven.clone(),
@@ -454,7 +476,12 @@ impl Services for Run<'_, '_> {
     }
 
     fn unit_scale(&mut self, from: &str, to: &str) -> Option<f32> {
-        self.frame.units.scale(from, to)
+        let units = &self.frame.units;
+        units.scale(from, to).or_else(|| {
+            let (factor, what) = units.assumed(from, to)?;
+            self.frame.reporter.once(what, Severity::Warning, &Location::default(), what);
+            Some(factor)
+        })
     }
 
     fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult) {
@@ -549,17 +576,29 @@ impl Services for Run<'_, '_> {
         let Some(&id) = self.lights.get(index) else { return dark };
         let Some(light) = self.frame.light(id) else { return dark };
         // The grid is lent to the light: nobody else asks for it while the light runs.
-        let Some(grid) = self.lit.take() else { return dark };
+        let Some(mut grid) = self.lit.take() else { return dark };
+        // What the surface says now goes behind what earlier shaders left.
+        let earlier = grid.messages.len();
+        grid.messages.extend_from_slice(query.messages);
         self.calls += 1;
         let result = match &light.area {
             Some(area) => self.area_light(light, area, &grid, query),
             None if light.samples > 1 => self.broad_light(light, &grid, query),
             None => self.run_light(light, &grid, query, 0),
         };
+        grid.messages.truncate(earlier);
         self.lit = Some(grid);
         let result = Arc::new(result);
-        self.memory.keep(index, query, &result);
+        // What the surface says may be something else next time.
+        if !light.listens {
+            self.memory.keep(index, query, &result);
+        }
         result
+    }
+
+    fn light_asks(&mut self, index: usize) -> bool {
+        let light = self.lights.get(index).and_then(|id| self.frame.light(*id));
+        light.is_some_and(|light| light.listens)
     }
 
     fn trace(&mut self, query: &TraceQuery<'_>, out: &mut TraceResult) {
@@ -604,6 +643,16 @@ impl Services for Run<'_, '_> {
                 let names: Vec<&str> = self.attributes.geometry_sets.iter().map(|s| &**s).collect();
                 return value(ParamType::of(BaseType::String), (&*names.join(",")).into());
             }
+            // No depth of field unless the camera says so.
+            "focallength" | "focaldistance" if self.camera_attribute(name).is_none() => {
+                return value(ParamType::of(BaseType::Float), 0.0_f32.into());
+            }
+            "screen" if self.camera_attribute(name).is_none() => {
+                let scene = &self.frame.scene;
+                let camera = scene.cameras.iter().find(|c| c.name == self.frame.camera.name)?;
+                return value(ParamType::array(BaseType::Float, 4), camera.screen_window()[..].into());
+            }
+            "renderer:version" | "renderer:versionstring" => return granita_scene::version_attribute(name),
             _ => (),
         }
         if let Some(own) = self.attributes.values.get(name).or_else(|| self.frame.scene.globals.get(name)) {
@@ -642,6 +691,14 @@ impl Services for Run<'_, '_> {
         self.said = values;
     }
 
+    fn append(&mut self, file: &str, text: &str) {
+        let frame = self.frame;
+        let (owner, index) = (self.owner.clone(), self.appended);
+        self.appended += 1;
+        let key = texts::Key { owner, level: self.ray.level, seed: self.seed, index };
+        frame.texts.add(file, key, text, &frame.files, &frame.reporter);
+    }
+
     fn say(&mut self, severity: Severity, text: &str) {
         let reporter = &self.frame.reporter;
         if severity == Severity::Message {
@@ -651,17 +708,21 @@ impl Services for Run<'_, '_> {
             reporter.say(severity, &Location::default(), text);
             return;
         }
+        let shader = self.layer_name(self.shaders.names.len().saturating_sub(1)).to_owned();
+        self.say_of(severity, &shader, &Location::default(), text);
+    }
+
+    fn say_of(&mut self, severity: Severity, shader: &str, at: &Location, text: &str) {
         let usage = usage_word(self.shaders.usage);
-        let shader = self.layer_name(self.shaders.names.len().saturating_sub(1));
         let owner = match (self.shaders.usage, &*self.owner) {
             (ShaderUsage::Light, name) => format!("light \"{name}\": "),
             (_, "") => String::new(),
             (_, name) => format!("object \"{name}\": "),
         };
         // Once per shader and text: the second grid has nothing to add.
-        let cause = format!("{usage} {shader}: {text}");
+        let cause = format!("{at} {usage} {shader}: {text}");
         let text = format!("{owner}{usage} shader \"{shader}\": {text}");
-        reporter.once(&cause, severity, &Location::default(), text);
+        self.frame.reporter.once(&cause, severity, at, text);
     }
 
     fn is_stopped(&mut self) -> bool {

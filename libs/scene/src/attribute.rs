@@ -455,6 +455,7 @@ pub const TABLE: &[AttributeRow] = &[
     row(Global, "4.3.7", (INT, "debug:dso"), Ints(&[0]), "tell about every plugin looked at"),
     row(Global, "4.3.7", (STRING, "debug:filesread"), Text(""), "file for the names of all files read"),
     row(Global, "4.3.7", (INT, "debug:shadernan"), Ints(&[0]), "look for NaN in running shaders"),
+    row(Global, "5.8.6", (INT, "random:seed"), Ints(&[0]), "seed of random () and randomgrid () in shaders"),
     row(Global, "4.3.7", (STRING, "griddump:filename"), Text(""), "file for all shaded grids, as Pyg"),
     row(Global, "4.3.7", (INT, "griddump:binary"), Ints(&[0]), "write the grids as binary Pyg"),
     row(Global, "4.3.8", (STRING, "texture:substtexture"), Text(""), "texture that stands for all textures"),
@@ -737,7 +738,7 @@ pub(crate) fn lookup(set: Option<&Param>, name: &str) -> Option<Param> {
     set.cloned().or_else(|| attribute_default(name))
 }
 
-/// The candidate most like `word`, if one is near enough to be what was meant.
+/// The candidate most like `word`, if one is near enough to be what was meant; never the word itself.
 ///
 /// Near means: at most a third of the letters (at least one, at most three) inserted, removed, replaced or
 /// exchanged with their neighbour; case does not count. Of equals the first wins.
@@ -749,6 +750,7 @@ pub fn suggestion<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>)
     let allowed = (word.chars().count() / 3).clamp(1, 3);
     candidates
         .into_iter()
+        .filter(|c| *c != word)
         .map(|c| (edit_distance(word, c), c))
         .filter(|(d, _)| *d <= allowed)
         .min_by_key(|(d, _)| *d)
@@ -817,6 +819,8 @@ mod tests {
         assert_eq!(suggestion("FOV", names()), Some("fov"));
         assert_eq!(suggestion("opacty", names()), Some("opacity"));
         assert_eq!(suggestion("quite different", names()), None);
+        // A word is no hint for itself: it was not found for another reason.
+        assert_eq!(suggestion("world", ["word", "world"]), Some("word"));
         assert_eq!(suggestion("", ["a"]), Some("a"));
         assert_eq!(suggestion(&"x".repeat(10_000), names()), None);
     }

@@ -356,6 +356,8 @@ fn light_values(
         nl: None,
         cone: None,
         in_front: false,
+        asks: false,
+        messages: &[],
     };
     let result = executor.run_light(group, grid, &query, around);
     let mut sum = Lanes3::zeros(n);

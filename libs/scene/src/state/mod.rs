@@ -16,6 +16,7 @@ mod shaders;
 mod shapes;
 mod transforms;
 
+pub use attributes::version_attribute;
 pub use shapes::predeclared;
 
 use crate::{Call, Camera, FrameRenderer, Light, LightId, Output, Primitive, SceneSink, Stop};

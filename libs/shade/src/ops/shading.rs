@@ -55,6 +55,8 @@ fn ambient(m: &mut Machine<'_>, op: &Op) {
                 nl: None,
                 cone: None,
                 in_front: false,
+                asks: false,
+                messages: &[],
             };
             m.services.illuminate(k, &query)
         };

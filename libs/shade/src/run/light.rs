@@ -31,11 +31,17 @@ impl Machine<'_> {
     ) -> Vec<Arc<LightResult>> {
         let count = self.services.light_count();
         let mut results = Vec::with_capacity(count);
+        let asks = self.group.asks_light();
+        let mut own = None;
         for k in 0..count {
             let info = self.services.light_info(k);
             if info.ambient || !category.is_none_or(|c| category_matches(c, &info)) {
                 continue;
             }
+            let messages = match self.services.light_asks(k) {
+                true => own.get_or_insert_with(|| self.messages(true)).as_slice(),
+                false => &[],
+            };
             let batch = Batch { lanes: self.n, active: &self.mask.active, layer: self.layer };
             let query = IlluminateQuery {
                 batch,
@@ -45,6 +51,8 @@ impl Machine<'_> {
                 nl: None,
                 cone: None,
                 in_front,
+                asks,
+                messages,
             };
             results.push(self.services.illuminate(k, &query));
         }

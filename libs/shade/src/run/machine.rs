@@ -29,6 +29,8 @@ pub(crate) struct State {
     pub(crate) idle: Vec<bool>,
     /// Whether results are searched for NaN.
     pub(crate) nan_check: bool,
+    /// Seed of random numbers, beside that of each grid; 0 leaves that alone.
+    pub(crate) seed: u32,
     /// Group and lanes of the last run.
     pub(crate) last: (u64, usize),
 }
@@ -275,16 +277,7 @@ impl<'a> Machine<'a> {
         let place = module.location(at);
         let key = format!("{}|{place}|{what}", self.layer);
         if self.group.first_time(key) {
-            let object = &self.grid.object;
-            let mut text = String::new();
-            if place.is_known() {
-                text.push_str(&format!("{place}: "));
-            }
-            text.push_str(&format!("shader \"{}\": {what}", module.name));
-            if !object.is_empty() {
-                text.push_str(&format!(" (on \"{object}\")"));
-            }
-            self.services.say(Severity::Error, &text);
+            self.services.say_of(Severity::Error, &module.name, &place, what);
         }
     }
 
