@@ -210,8 +210,8 @@ fn adaptive_sampling_spares_rays_where_they_agree() {
 
 #[test]
 fn objects_say_how_exact_they_are() {
-    let records = |values: &[(&str, f32)], options: &str| {
-        let mut f = Fixture::new(&[CONSTANT, &occlusion(&format!(", \"samples\", 16{options}"))]);
+    let of = |source: &dyn Fn(&str) -> String, values: &[(&str, f32)], options: &str| {
+        let mut f = Fixture::new(&[CONSTANT, &source(&format!(", \"samples\", 16{options}"))]);
         let values: Vec<_> = values
             .iter()
             .map(|(name, v)| match name.starts_with("int") {
@@ -224,6 +224,7 @@ fn objects_say_how_exact_they_are() {
         wall(&mut f, [[60.0, -FAR, 0.0], [60.0, FAR, 0.0], [60.0, FAR, 10.0], [60.0, -FAR, 10.0]], None);
         run(&f, &asked, even(9, 9, [-0.1, -0.1], [0.1, 0.1])).records
     };
+    let records = |values: &[(&str, f32)], options: &str| of(&occlusion, values, options);
     assert_eq!(records(&[], ""), 4);
     assert_eq!(records(&[("float occlusion:maxerror", 0.0)], ""), 81);
     assert_eq!(records(&[("float occlusion:maxerror", 0.0)], ", \"maxerror\", 0.25"), 4);
@@ -233,6 +234,14 @@ fn objects_say_how_exact_they_are() {
     assert!(records(&[("int occlusion:minsamples", 12.0)], "") >= 12);
     // Those of indirect light are others.
     assert_eq!(records(&[("float indirect:maxerror", 0.0)], ""), 4);
+    let light = |values: &[(&str, f32)], options: &str| of(&indirect, values, options);
+    assert_eq!(light(&[], ""), 4);
+    assert_eq!(light(&[("float indirect:maxerror", 0.0)], ""), 81);
+    assert_eq!(light(&[("float indirect:maxerror", 0.0)], ", \"maxerror\", 0.25"), 4);
+    assert_eq!(light(&[("float indirect:maxpixeldist", 0.0)], ""), 81);
+    assert!(light(&[("float indirect:maxpixeldist", 1.0)], "") > 4);
+    assert!(light(&[("int indirect:minsamples", 12.0)], "") >= 12);
+    assert_eq!(light(&[("float occlusion:maxerror", 0.0)], ""), 4);
 }
 
 #[test]

@@ -137,6 +137,26 @@ fn mathematics() {
 
 const M_E: f32 = std::f32::consts::E;
 
+/// To the bit, and as numbers that functions take.
+#[test]
+fn constants_have_their_values() {
+    use std::f32::consts;
+    for (name, value) in [
+        ("M_PI", consts::PI),
+        ("PI", consts::PI),
+        ("M_PI_2", consts::FRAC_PI_2),
+        ("M_E", consts::E),
+        ("M_LN2", consts::LN_2),
+        ("M_LN10", consts::LN_10),
+        ("M_SQRT2", consts::SQRT_2),
+        ("M_SQRT1_2", consts::FRAC_1_SQRT_2),
+    ] {
+        assert_eq!(floats(&format!("r = {name};")), [value; 6], "{name}");
+    }
+    let one = floats("r = log (M_E) + cos (PI) + exp (M_LN2) - 2 * M_SQRT2 * M_SQRT1_2 + sin (M_PI_2);")[0];
+    assert!((one - 1.0).abs() < 1e-6, "{one}");
+}
+
 #[test]
 fn operators() {
     check(
