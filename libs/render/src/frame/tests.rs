@@ -662,7 +662,7 @@ fn ground_around_the_eye_is_diced_for_what_is_seen() {
     for moves in [false, true] {
         let mut build = Build {
             camera: vec![
-                ("int[2] resolution", vec![32.0, 24.0]),
+                ("int[2] resolution", vec![64.0, 64.0]),
                 ("float near", vec![1e-3]),
                 ("float[2] shutter", vec![0.0, f32::from(u8::from(moves))]),
             ],
@@ -679,9 +679,9 @@ fn ground_around_the_eye_is_diced_for_what_is_seen() {
         build.square(100.0, &[("float displace:maxradius", &[bound])], to_world);
         let image = image(&build, "rgba", &box_filter());
         // All of it is there, up to the horizon, also what turns from behind the eye into view.
-        for x in 0..32 {
-            assert!(pixel(&image, 4, x, 23)[3] > 0.99 && pixel(&image, 4, x, 14)[3] > 0.99, "{x}");
-            assert_eq!(pixel(&image, 4, x, 9)[3], 0.0, "{x}");
+        for x in 0..64 {
+            assert!(pixel(&image, 4, x, 63)[3] > 0.99 && pixel(&image, 4, x, 36)[3] > 0.99, "{x}");
+            assert_eq!(pixel(&image, 4, x, 29)[3], 0.0, "{x}");
         }
     }
 }
