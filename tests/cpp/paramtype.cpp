@@ -11,6 +11,12 @@
 
 using namespace Gelato;
 
+// The words of older sources for what a library shows.
+extern "C" {
+EXPORT int shown_one = 1;
+DLLEXPORT int shown_two (void) { return 2; }
+}
+
 // A file of a few bytes, read through the conversions that every reader inherits.
 class Bytes : public ImageInput {
 public:
@@ -89,6 +95,27 @@ int main ()
     CHECK (fabsf (p.x - 1) < 1e-6f && fabsf (p.y - 3) < 1e-6f && p.z == 3);
     CHECK (m.inverse (inverse) && (inverse.transformp (p) - Vector3 (1, 0, 0)).length () < 1e-5f);
     CHECK (! Matrix4 (0.0f).inverse (inverse));
+    CHECK (Matrix4 (0.0f).inverse () == Matrix4::Zero () && Matrix4 (1.0f) == Matrix4::Ident ());
+    // As the reference's own example writes a translation (2.5).
+    Matrix4 M(1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 3, 0, 0, 1);
+    CHECK (M == TranslationMatrix (3, 0, 0) && M == TranslationMatrix (Vector3 (3, 0, 0)));
+    CHECK (((const float *)&M)[12] == 3 && sizeof(M) == 16 * sizeof(float));
+    CHECK (transpose (M)[0][3] == 3 && M.transpose ()[0][3] == 3 && transpose (transpose (M)) == M);
+    CHECK (Gelato::inverse (M) == TranslationMatrix (-3, 0, 0) && M * M.inverse () == Matrix4::Ident ());
+    CHECK (ScaleMatrix (2) == ScaleMatrix (2, 2, 2) && ScaleMatrix (Vector3 (1, 2, 3))[2][2] == 3);
+    CHECK (RotationMatrix (90, 0, 0, 1) == Matrix4::rotate (90, Vector3 (0, 0, 1)));
+    CHECK (transformp (M, Vector3 (1, 1, 1)) == Vector3 (4, 1, 1) && transformv (M, Vector3 (1, 1, 1)) == Vector3 (1, 1, 1));
+    // A scale that is not even keeps normals square to their surface, and vectors not.
+    Matrix4 flat = ScaleMatrix (2, 1, 1);
+    CHECK (dot (flat.transformn (Vector3 (1, 1, 0)), flat.transformv (Vector3 (1, -1, 0))) == 0);
+    CHECK (transformn (flat, Vector3 (1, 0, 0)) == Vector3 (0.5f, 0, 0));
+    Vector3 v (3, 0, 4);
+    CHECK (length (v) == 5 && normalize (v) == Vector3 (0.6f, 0, 0.8f) && normalize (Vector3::Zero ()) == Vector3 (0.0f));
+    CHECK (v.normalize () == Vector3 (0.6f, 0, 0.8f) && v.x == 0.6f && distance (v, v) == 0);
+    CHECK (lerp (1, 3, 0.25f) == 1.5f && lerp (Vector3 (0.0f), Vector3 (2.0f), 0.5f) == Vector3 (1.0f));
+    CHECK (lerp (Color3 (0.0f), Color3 (1.0f), 0.25f).b == 0.25f && lerp (M, M, 0.5f) == M);
+    M *= M;
+    CHECK (M[3][0] == 6);
     Bbox3 box;
     CHECK (box.empty ());
     box.extend (Vector3 (1, 2, 3));

@@ -44,6 +44,7 @@ inline Color3 operator* (float s, const Color3 &c) { return c * s; }
 
 // `a` at 0, `b` at 1.
 inline Color3 mix (const Color3 &a, const Color3 &b, float t) { return a * (1 - t) + b * t; }
+inline Color3 lerp (const Color3 &a, const Color3 &b, float t) { return mix (a, b, t); }
 
 } /* end namespace Gelato */
 

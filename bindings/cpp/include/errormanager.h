@@ -6,10 +6,20 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <string>
 
 #include "export.h"
 #include "gelato_c.h"
+
+// A copy of the values of a call; C++98 has no name for it.
+#if defined(va_copy)
+#define gelato_va_copy(to, from) va_copy (to, from)
+#elif defined(__va_copy)
+#define gelato_va_copy(to, from) __va_copy (to, from)
+#else
+#define gelato_va_copy(to, from) memcpy (&(to), &(from), sizeof(va_list))
+#endif
 
 namespace Gelato {
 
@@ -85,7 +95,7 @@ inline std::string gelato_format (const char *format, va_list values)
 {
     char small[512];
     va_list copy;
-    va_copy (copy, values);
+    gelato_va_copy (copy, values);
     int n = vsnprintf (small, sizeof(small), format ? format : "", values);
     std::string text;
     if (n >= (int) sizeof(small)) {

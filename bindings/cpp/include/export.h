@@ -15,4 +15,12 @@
 #define GELATO_PUBLIC
 #endif
 
+// The names that older sources use for GELATO_EXPORT.
+#ifndef DLLEXPORT
+#define DLLEXPORT GELATO_EXPORT
+#endif
+#ifndef EXPORT
+#define EXPORT GELATO_EXPORT
+#endif
+
 #endif

@@ -47,6 +47,14 @@ struct GELATO_PUBLIC ImageIOParameter {
         : name(name), type(type), nvalues(nvalues), value(value) {}
 };
 
+#if __cplusplus >= 201103L
+#define gelato_thread_local thread_local
+#elif defined(__GNUC__)
+#define gelato_thread_local __thread
+#else
+#define gelato_thread_local
+#endif
+
 // A text of an image, kept by the image.
 inline void gelato_keep_text (char *&kept, const char *message, va_list values)
 {
@@ -102,8 +110,8 @@ public:
                          int clamp_min, int clamp_max, float ditheramp) {
         float noise = 0;
         if (ditheramp != 0) {
-            // A sequence of its own in each thread.
-            static thread_local unsigned int state = 1;
+            // A sequence of its own in each thread, where the compiler can.
+            static gelato_thread_local unsigned int state = 1;
             state = state * 1664525u + 1013904223u;
             noise = ditheramp * ((state >> 8) * (2.0f / 16777216.0f) - 1.0f);
         }

@@ -1,6 +1,8 @@
 // Vectors, matrices, boxes. SPDX-License-Identifier: MIT OR Apache-2.0
 //
-// Vectors are rows, matrices lie row by row: `v * A * B` applies A first, and a translation is in the last row.
+// Vectors are rows, matrices lie row by row: `v * A * B` applies A first, and a translation is in the last row. Angles are
+// in degrees. Most things can be said in two ways: `a.length ()` and `length (a)`, `Matrix4::translate (x, y, z)` and
+// `TranslationMatrix (x, y, z)`.
 
 #ifndef GELATO_VECMAT_H
 #define GELATO_VECMAT_H
@@ -41,17 +43,30 @@ public:
     Vector3 cross (const Vector3 &v) const {
         return Vector3 (y * v.z - z * v.y, z * v.x - x * v.z, x * v.y - y * v.x);
     }
+    float length2 () const { return dot (*this); }
     float length () const { return sqrtf (dot (*this)); }
     // Of length 1; one of length 0 stays.
     Vector3 normalized () const {
         float l = length ();
         return l > 0 ? *this / l : *this;
     }
+    // Makes its own length 1.
+    const Vector3 &normalize () { return *this = normalized (); }
+
+    static Vector3 Zero () { return Vector3 (0.0f); }
 };
 
 inline Vector3 operator* (float s, const Vector3 &v) { return v * s; }
 inline float dot (const Vector3 &a, const Vector3 &b) { return a.dot (b); }
 inline Vector3 cross (const Vector3 &a, const Vector3 &b) { return a.cross (b); }
+inline float length (const Vector3 &v) { return v.length (); }
+inline float length2 (const Vector3 &v) { return v.length2 (); }
+inline float distance (const Vector3 &a, const Vector3 &b) { return (a - b).length (); }
+inline Vector3 normalize (const Vector3 &v) { return v.normalized (); }
+
+// `a` at 0, `b` at 1.
+inline float lerp (float a, float b, float t) { return a * (1 - t) + b * t; }
+inline Vector3 lerp (const Vector3 &a, const Vector3 &b, float t) { return a * (1 - t) + b * t; }
 
 class GELATO_PUBLIC Vector4 {
 public:
@@ -73,9 +88,15 @@ public:
     bool operator!= (const Vector4 &v) const { return ! (*this == v); }
 
     float dot (const Vector4 &v) const { return x * v.x + y * v.y + z * v.z + w * v.w; }
+    float length () const { return sqrtf (dot (*this)); }
     // The point that it stands for.
     Vector3 project () const { return Vector3 (x / w, y / w, z / w); }
 };
+
+inline Vector4 operator* (float s, const Vector4 &v) { return v * s; }
+inline float dot (const Vector4 &a, const Vector4 &b) { return a.dot (b); }
+inline float length (const Vector4 &v) { return v.length (); }
+inline Vector4 lerp (const Vector4 &a, const Vector4 &b, float t) { return a * (1 - t) + b * t; }
 
 class GELATO_PUBLIC Matrix4 {
 public:
@@ -88,6 +109,13 @@ public:
         for (int i = 0; i < 16; ++i)
             m[i / 4][i % 4] = i % 5 == 0 ? diagonal : 0;
     }
+    // 16 numbers, row by row.
+    Matrix4 (float m00, float m01, float m02, float m03, float m10, float m11, float m12, float m13,
+             float m20, float m21, float m22, float m23, float m30, float m31, float m32, float m33) {
+        const float values[16] = { m00, m01, m02, m03, m10, m11, m12, m13, m20, m21, m22, m23, m30, m31, m32, m33 };
+        for (int i = 0; i < 16; ++i)
+            m[i / 4][i % 4] = values[i];
+    }
     explicit Matrix4 (const float *values) {
         for (int i = 0; i < 16; ++i)
             m[i / 4][i % 4] = values[i];
@@ -96,6 +124,11 @@ public:
     float *operator[] (int row) { return m[row]; }
     const float *operator[] (int row) const { return m[row]; }
     const float *data () const { return &m[0][0]; }
+
+    // All 0.
+    static Matrix4 Zero () { return Matrix4 (0.0f); }
+    // The one that changes nothing.
+    static Matrix4 Ident () { return Matrix4 (1.0f); }
 
     static Matrix4 translate (float x, float y, float z) {
         Matrix4 t (1);
@@ -125,6 +158,19 @@ public:
                 p.m[i][j] = m[i][0] * b.m[0][j] + m[i][1] * b.m[1][j] + m[i][2] * b.m[2][j] + m[i][3] * b.m[3][j];
         return p;
     }
+    const Matrix4 &operator*= (const Matrix4 &b) { return *this = *this * b; }
+    Matrix4 operator* (float s) const {
+        Matrix4 p;
+        for (int i = 0; i < 16; ++i)
+            p.m[i / 4][i % 4] = m[i / 4][i % 4] * s;
+        return p;
+    }
+    Matrix4 operator+ (const Matrix4 &b) const {
+        Matrix4 p;
+        for (int i = 0; i < 16; ++i)
+            p.m[i / 4][i % 4] = m[i / 4][i % 4] + b.m[i / 4][i % 4];
+        return p;
+    }
     bool operator== (const Matrix4 &b) const {
         for (int i = 0; i < 16; ++i)
             if (data ()[i] != b.data ()[i])
@@ -139,7 +185,13 @@ public:
             t.m[i / 4][i % 4] = m[i % 4][i / 4];
         return t;
     }
+    Matrix4 transpose () const { return transposed (); }
 
+    // Zero () when there is none.
+    Matrix4 inverse () const {
+        Matrix4 result;
+        return inverse (result) ? result : Zero ();
+    }
     // Into `result`; false, and nothing changes, when there is none.
     bool inverse (Matrix4 &result) const {
         double a[4][8];
@@ -183,7 +235,27 @@ public:
         Vector4 r = transform (Vector4 (v, 0));
         return Vector3 (r.x, r.y, r.z);
     }
+    // A normal: it stays square to what transformv makes of its surface. Its length is not kept.
+    Vector3 transformn (const Vector3 &n) const { return inverse ().transposed ().transformv (n); }
 };
+
+inline Matrix4 inverse (const Matrix4 &m) { return m.inverse (); }
+inline Matrix4 transpose (const Matrix4 &m) { return m.transposed (); }
+inline Matrix4 lerp (const Matrix4 &a, const Matrix4 &b, float t) { return a * (1 - t) + b * t; }
+inline Vector3 transformp (const Matrix4 &m, const Vector3 &p) { return m.transformp (p); }
+inline Vector3 transformv (const Matrix4 &m, const Vector3 &v) { return m.transformv (v); }
+inline Vector3 transformn (const Matrix4 &m, const Vector3 &n) { return m.transformn (n); }
+
+inline Matrix4 TranslationMatrix (float x, float y, float z) { return Matrix4::translate (x, y, z); }
+inline Matrix4 TranslationMatrix (const Vector3 &t) { return Matrix4::translate (t.x, t.y, t.z); }
+inline Matrix4 ScaleMatrix (float x, float y, float z) { return Matrix4::scale (x, y, z); }
+inline Matrix4 ScaleMatrix (const Vector3 &s) { return Matrix4::scale (s.x, s.y, s.z); }
+inline Matrix4 ScaleMatrix (float s) { return Matrix4::scale (s, s, s); }
+inline Matrix4 RotationMatrix (float angle, float x, float y, float z)
+{
+    return Matrix4::rotate (angle, Vector3 (x, y, z));
+}
+inline Matrix4 RotationMatrix (float angle, const Vector3 &axis) { return Matrix4::rotate (angle, axis); }
 
 inline Vector4 operator* (const Vector4 &v, const Matrix4 &m) { return m.transform (v); }
 

@@ -10,7 +10,7 @@ use granita_image::ImageSpec;
 pub(crate) const CHANNEL_ORDER: &str = "channelOrder";
 
 /// Attributes that are options of writers, or have a place of their own in the header.
-const NOT_CUSTOM: [&str; 18] = [
+const NOT_CUSTOM: [&str; 19] = [
     "compression",
     "planarconfig",
     "rowsperstrip",
@@ -29,6 +29,7 @@ const NOT_CUSTOM: [&str; 18] = [
     "ImageDescription",
     "filter",
     "filterwidth",
+    "pixelaspect",
 ];
 
 /// Text of the format from any string: it is taken for UTF-8 by today's programs.

@@ -320,9 +320,10 @@ fn header(path: &Path, spec: &ImageSpec, levels: usize) -> Result<(Header, Order
         IntegerBounds::new(Vec2(spec.full_x, spec.full_y), size)
     };
     let size = Vec2(spec.width as usize, spec.height as usize);
+    let pixel_aspect = spec.attributes.float("pixelaspect").filter(|a| *a > 0.0).unwrap_or(1.0);
     let header = Header::new(Default::default(), size, list)
         .with_attributes(own)
-        .with_shared_attributes(ImageAttributes::new(display))
+        .with_shared_attributes(ImageAttributes { pixel_aspect, ..ImageAttributes::new(display) })
         .with_encoding(compression, blocks, line_order);
     let types = vec![sample_type; sorted.len()];
     Ok((header, Order { types, order, pixel_type: spec.pixel_type }))

@@ -293,3 +293,23 @@ fn the_reference_implementation_reads_ours() {
         assert!(text.contains(line), "{text}");
     }
 }
+
+/// The shape of the pixels stands where the format has it.
+#[test]
+fn pixels_that_are_not_square() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.exr");
+    let mut spec = ImageSpec::new(4, 3, 3, PixelType::Half);
+    write(&path, &[spec.clone()], 3);
+    let stored = |path: &Path| {
+        // The attribute "pixelAspectRatio", a float of four bytes.
+        let bytes = std::fs::read(path).unwrap();
+        let name = b"pixelAspectRatio\0float\0\x04\0\0\0";
+        let at = bytes.windows(name.len()).position(|w| w == name).unwrap() + name.len();
+        f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap())
+    };
+    assert_eq!(stored(&path), 1.0);
+    spec.attributes.set(Param::declared("float pixelaspect", 1.5).unwrap());
+    write(&path, &[spec], 3);
+    assert_eq!(stored(&path), 1.5);
+}

@@ -287,11 +287,13 @@ fn layer(a: &mut Args) -> Result<Option<Arc<str>>, Mistake> {
 }
 
 fn basis(a: &Args, word: &str) -> Result<CurveBasis, Mistake> {
-    CurveBasis::from_word(word.trim()).ok_or_else(|| {
-        let words = ["linear", "bezier", "bspline", "catmull-rom"];
-        let hint = crate::hint(granita_scene::suggestion(word, words));
-        format!("{}: unknown interpolation \"{word}\"{hint}", a.call)
-    })
+    CurveBasis::from_word(word.trim()).ok_or_else(|| unknown_basis(a, word))
+}
+
+fn unknown_basis(a: &Args, word: &str) -> Mistake {
+    let words = ["linear", "bezier", "bspline", "catmull-rom"];
+    let hint = crate::hint(granita_scene::suggestion(word, words));
+    format!("{}: unknown interpolation \"{word}\"{hint}", a.call)
 }
 
 fn span(a: &mut Args, n: usize) -> Result<KnotSpan, Mistake> {
@@ -308,8 +310,7 @@ fn shape(name: &str, a: &mut Args) -> Result<ShapeDesc, Mistake> {
         "Patch" => {
             if let Some(Value::Str(_)) = a.peek() {
                 let interp = a.string("the interpolation")?;
-                let (u, v) = interp.split_once(',').unwrap_or((&interp, &interp));
-                let (u, v) = (basis(a, u)?, basis(a, v)?);
+                let (u, v) = CurveBasis::pair_from_words(&interp).map_err(|word| unknown_basis(a, word))?;
                 ShapeDesc::Patch { u, v, nu: a.count("nu")?, nv: a.count("nv")? }
             } else {
                 let nu = a.count("nu")?;

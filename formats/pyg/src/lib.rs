@@ -40,7 +40,7 @@ mod text;
 mod value;
 mod write;
 
-pub use read::{Chunking, PygError, PygOptions, PygSource, read};
+pub use read::{Chunking, PygError, PygOptions, PygSource, Scripts, read};
 pub use serve::serve;
 pub use write::{Writer, WriterOptions};
 

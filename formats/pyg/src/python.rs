@@ -15,8 +15,14 @@ use std::process::{ChildStdin, ChildStdout, Command, Stdio};
 use std::time::Duration;
 
 /// The frames, which the Python package has too, and what runs in the child.
-const SHIM: &str =
-    concat!(include_str!("../../../bindings/python/gelato/_stream.py"), "\n", include_str!("shim.py"));
+const SHIM: &str = concat!(
+    include_str!("../../../bindings/python/gelato/_stream.py"),
+    "\n_RENDERER = r'''",
+    // Executed when a script makes a renderer of its own.
+    include_str!("../../../bindings/python/gelato/_renderer.py"),
+    "'''\n",
+    include_str!("shim.py")
+);
 
 /// How long an interpreter without output may take to end.
 const ENDING: Duration = Duration::from_secs(1);
@@ -96,6 +102,16 @@ impl Python {
     /// Begins to execute a piece of the script that begins at `line`; events follow until it is done.
     pub(crate) fn execute(&mut self, line: u32, code: &[u8]) -> io::Result<()> {
         self.send(b'X', &[&line.to_le_bytes(), code]).map_err(|error| self.died(error))
+    }
+
+    /// Goes on with another file; what those before defined stays. Returns whether names of calls mean something else.
+    pub(crate) fn go_on(&mut self, file: &str) -> io::Result<bool> {
+        let file = file.replace('\n', " ");
+        self.send(b'N', &[file.as_bytes()]).map_err(|error| self.died(error))?;
+        match self.event()? {
+            Event::Done { rebound } => Ok(rebound),
+            _ => Err(io::Error::other("the interpreter does not take another file")),
+        }
     }
 
     /// Answers [`Event::Get`].

@@ -2,6 +2,7 @@
 
 use crate::bytes::Bytes;
 use crate::flat::{Parser, Statement, Why};
+use crate::python::Python;
 use crate::run::{Script, object};
 use crate::value::Value;
 use crate::{calls, hint, names};
@@ -9,7 +10,7 @@ use granita_base::{Environment, Files, Location, Reporter, Severity, Supervisor}
 use granita_scene::{SceneSink, Stop};
 use std::io::{self, Read};
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Where a Pyg scene comes from.
 pub enum PygSource {
@@ -93,6 +94,25 @@ pub struct PygOptions {
     pub supervisor: Supervisor,
     /// Most bytes of one statement.
     pub statement_limit: usize,
+    /// What scripts that were read with the same value have defined is known to this one as well, and the other way round.
+    pub scripts: Option<Scripts>,
+}
+
+/// The interpreter of several scenes that count as one, as those of a command line do (reference 6.1). One at a time has
+/// it; clones share it.
+#[derive(Clone, Default)]
+pub struct Scripts(Arc<Mutex<Option<Python>>>);
+
+impl std::fmt::Debug for Scripts {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Scripts")
+    }
+}
+
+impl Scripts {
+    fn python(&self) -> MutexGuard<'_, Option<Python>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 impl Default for PygOptions {
@@ -107,6 +127,7 @@ impl Default for PygOptions {
             files: Files::default(),
             supervisor: Supervisor::default(),
             statement_limit: 1 << 32,
+            scripts: None,
         }
     }
 }
@@ -158,9 +179,22 @@ pub fn read(
         reporter.file_read(&path);
     }
     let parser = Parser::new(Bytes::new(stream, options.statement_limit));
-    let mut reader = Reader { file, parser, sink, options, reporter, script: Script::default() };
-    let result = reader.run();
+    let mut script = Script::default();
+    if let Some(mut python) = options.scripts.as_ref().and_then(|scripts| scripts.python().take())
+        && !options.safe
+        && !options.always_pyglet
+        // One that has died is replaced when a script needs it.
+        && let Ok(rebound) = python.go_on(&file)
+    {
+        script.rebound = rebound;
+        script.python = Some(python);
+    }
+    let mut reader = Reader { file, parser, sink, options, reporter, script };
+    let result = reader.run().and_then(|()| reader.finish_renderers());
     reader.sum_up();
+    if let Some(scripts) = &options.scripts {
+        *scripts.python() = reader.script.python.take();
+    }
     result
 }
 

@@ -1,7 +1,7 @@
 # Runs inside the child interpreter: executes pieces of a Pyg script and sends their calls back. Stands behind the
 # functions of bindings/python/gelato/_stream.py, which know the frames.
 #
-# In:  I file name | X line, source | G value (answer to A)
+# In:  I file name, names of calls | N file name | X line, source | G value (answer to A)
 # Out: C line, name, arguments | A declaration | P text | D rebound | W (ready) | E, R, Y line, kind, text, name | Q line, code, text
 
 
@@ -89,10 +89,28 @@ def _granita_main():
     api = {name: call_of(name) for name in names.split()}
     api["GetAttribute"] = get_attribute
 
+    # What stands behind renderers of the script's own, once it has made one.
+    others = {}
+
+    def create_renderer(*options):
+        if not others:
+            shared = {"call": call, "decode": decode, "receive": receive, "send": send}
+            # Relative imports of a package that is not there fail, as they should.
+            others.update(shared, __name__="__main__", __package__=None)
+            exec(compile(_RENDERER, "<gelato>", "exec"), others)
+        return others["GelatoAPI"](*options)
+
+    create_renderer.__name__ = create_renderer.__qualname__ = "CreateRenderer"
+
+    def finish_renderers():
+        if others:
+            others["finish_all"]()
+
     class GelatoAPI:
         """The renderer that reads this scene."""
 
         __slots__ = ()
+        CreateRenderer = staticmethod(create_renderer)
 
     for name, function in api.items():
         setattr(GelatoAPI, name, staticmethod(function))
@@ -100,14 +118,28 @@ def _granita_main():
     module = types.ModuleType("gelato", "The calls of the scene interface.")
     module.__dict__.update(api)
     module.GelatoRenderer = renderer
-    module.__all__ = list(api) + ["GelatoRenderer"]
+    module.GelatoAPI = GelatoAPI
+    module.CreateRenderer = create_renderer
+    module.__all__ = list(api) + ["CreateRenderer", "GelatoAPI", "GelatoRenderer"]
     sys.modules["gelato"] = module
     scope = {"__name__": "__main__", "__file__": file, "__builtins__": builtins, "GelatoRenderer": renderer}
     scope.update(api)
+    # The line "import gelato" is passed over where it is flat: the module is there.
+    scope.update(CreateRenderer=create_renderer, GelatoAPI=GelatoAPI, gelato=module)
+    scope["__granita_finish__"] = finish_renderers
     # Scenes of this format's time use it.
     scope["xrange"] = range
     sys.argv = [file]
-    sys.path[0:1] = [os.path.dirname(os.path.abspath(file)) if os.path.exists(file) else ""]
+
+    def folder():
+        """Where modules of the file lie."""
+        return os.path.dirname(os.path.abspath(file)) if os.path.exists(file) else ""
+
+    def is_rebound():
+        changed = any(scope.get(name) is not function for name, function in api.items())
+        return changed or scope.get("GelatoRenderer") is not renderer
+
+    sys.path[0:1] = [folder()]
 
     def places(error):
         """Lines of the script that the exception went through, outermost first, with the name of the function."""
@@ -177,12 +209,19 @@ def _granita_main():
     sink.flush()
     while True:
         kind, payload = hear()
+        if kind == b"N":
+            file = payload.decode("utf-8", "surrogateescape")
+            scope["__file__"] = file
+            sys.argv = [file]
+            if folder() not in sys.path:
+                sys.path.insert(0, folder())
+            say(b"D", b"\1" if is_rebound() else b"\0")
+            sink.flush()
+            continue
         line = struct.unpack("<I", payload[:4])[0]
         try:
             if execute(line, payload[4:]):
-                rebound = any(scope.get(name) is not function for name, function in api.items())
-                rebound = rebound or scope.get("GelatoRenderer") is not renderer
-                say(b"D", b"\1" if rebound else b"\0")
+                say(b"D", b"\1" if is_rebound() else b"\0")
         except SystemExit as leave:
             code = leave.code
             number = code or 0 if code is None or isinstance(code, int) else 1

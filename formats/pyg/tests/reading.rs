@@ -593,3 +593,37 @@ fn the_reference_s_cylinder() {
     assert!(matches!(**shape, ShapeDesc::Nurbs { .. }));
     assert_eq!(params.get("Pw").unwrap().data.len(), 18 * 4);
 }
+
+/// Scenes that share their scripts are as one that contains them all; others know nothing of each other.
+#[test]
+fn scenes_may_share_what_their_scripts_define() {
+    if !has_python() {
+        return;
+    }
+    let shared = PygOptions { scripts: Some(granita_pyg::Scripts::default()), ..PygOptions::default() };
+    let named = |name: &str, text: &str, options: &PygOptions| {
+        let (reporter, messages) = Reporter::collecting();
+        let mut recorder = Recorder::default();
+        let source = PygSource::Bytes { name: name.into(), bytes: text.as_bytes().to_vec() };
+        let error = read(source, &mut recorder, options, &reporter).err();
+        let told = messages.lock().unwrap().iter().map(ToString::to_string).collect();
+        Outcome { calls: recorder.calls, told, error }
+    };
+    let first = named("a.pyg", "x = 3\ndef move(n):\n    Translate (n, 0, 0)\n", &shared);
+    assert!(first.error.is_none() && first.told.is_empty(), "{:?}", first.told);
+    let second = named("b.pyg", "Scale (2, 2, 2)\n\nmove (x)\nprint (__file__)\nx = 4\n", &shared);
+    assert_eq!(second.lines(), [(1, "Scale"), (3, "Translate")], "{:?}", second.told);
+    assert_eq!(second.told, ["b.pyg\n"]);
+    // Mistakes are those of the file that is read.
+    let third = named("c.pyg", "\nnosuch (x)\nTranslate (x, 0, 0)\n", &shared);
+    assert_eq!(third.lines(), [(3, "Translate")]);
+    assert!(third.told[0].starts_with("c.pyg:2: error: NameError"), "{:?}", third.told);
+    // What calls mean goes on as well.
+    named("d.pyg", "def Sphere (*a): Scale (9, 9, 9)\n", &shared);
+    assert_eq!(named("e.pyg", "Sphere (1, -1, 1, 360)\n", &shared).lines(), [(1, "Scale")]);
+    let alone = named("f.pyg", "Translate (x, 0, 0)\n", &PygOptions::default());
+    assert!(alone.calls.is_empty() && alone.told[0].contains("NameError"), "{:?}", alone.told);
+    // A flat scene needs no interpreter, and scenes that may run none do not get it.
+    let safe = PygOptions { safe: true, ..shared.clone() };
+    assert!(named("g.pyg", "Translate (x, 0, 0)\n", &safe).calls.is_empty());
+}

@@ -53,6 +53,10 @@ impl Format for IffFormat {
         matches!(feature, "write" | "u16" | "alpha")
     }
 
+    fn has_fixed_levels(&self) -> bool {
+        true
+    }
+
     fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
         let spec = options.spec;
         let n = spec.nchannels();

@@ -3,10 +3,10 @@
 //! | format | read | written |
 //! |---|---|---|
 //! | "png" | every kind | 8 and 16 bits, 1 to 4 channels |
-//! | "jpeg" | grey, RGB, CMYK | 8 bits, grey and RGB; alpha is left out |
+//! | "jpeg" | grey, RGB, CMYK; turned upright as its Exif data say | 8 bits, grey and RGB; alpha is left out |
 //! | "tga" | every kind | 8 bits; grey, RGB, RGBA |
 //! | "bmp" | every kind | 8 bits; grey, RGB, RGBA |
-//! | "pnm" | PBM, PGM, PPM, PAM | 8 and 16 bits, 1 to 4 channels |
+//! | "pnm" | PBM, PGM, PPM, PAM | 8 and 16 bits, 1 to 4 channels; without alpha under the endings ppm and pgm |
 //! | "pfm" | grey, RGB | floats, grey and RGB |
 //! | "hdr" | RGBE | RGBE (9 bits of each colour), alpha is left out |
 //! | "sgi" | every kind without a colour map | 8 and 16 bits, any number of channels |
@@ -14,6 +14,7 @@
 //! | "dds" | BC1 to BC7 and uncompressed, levels, cubes, arrays | uncompressed, levels |
 //! | "qoi", "webp" | every kind | 8 bits, RGB and RGBA |
 //! | "gif" | first picture | no |
+//! | "DevIL" | | "bmp", "png", "sgi" or "tga" of 8 bits, by the ending of the name |
 //!
 //! Invariants: nothing is converted silently (a type or a number of channels that a format cannot hold is
 //! an error at `create`, only alpha may be left out, and then `supports("alpha")` is false).
@@ -28,6 +29,7 @@
 #![forbid(unsafe_code)]
 
 mod dds;
+mod devil;
 mod iff;
 mod jpeg;
 mod pfm;
@@ -36,9 +38,11 @@ mod png;
 mod pnm;
 mod rows;
 mod sgi;
+mod turn;
 mod whole;
 
 pub use self::dds::DdsFormat;
+pub use self::devil::DevilFormat;
 pub use self::iff::IffFormat;
 pub use self::pfm::PfmFormat;
 pub use self::plain::{FORMATS, PlainFormat};
@@ -48,7 +52,7 @@ pub use self::sgi::SgiFormat;
 use granita_image::Format;
 use std::sync::Arc;
 
-/// All formats of this crate, in the order in which files should be tried.
+/// All formats of this crate, in the order in which files should be tried. [`DevilFormat`] is a name for some of them.
 pub fn formats() -> Vec<Arc<dyn Format>> {
     let mut all: Vec<Arc<dyn Format>> = vec![
         Arc::new(PngFormat),

@@ -1,6 +1,7 @@
 //! The formats that the `image` crate reads and writes, one row of a table each.
 
 use crate::jpeg::{self, Ending};
+use crate::turn::Turn;
 use crate::whole::{Decoded, Place, WholeInput, WholeOutput, divide_by_alpha};
 use granita_base::{BaseType, Param, ParamType};
 use granita_image::{
@@ -189,6 +190,13 @@ impl Format for PlainFormat {
         }
     }
 
+    fn leaves_out(&self, path: &Path, channels: usize) -> Option<String> {
+        let ending = path.extension().map(|e| e.to_string_lossy().into_owned()).unwrap_or_default();
+        (self.image == ImageFormat::Pnm && is_without_alpha(path, channels)).then(|| {
+            format!("programs that read .{ending} files expect no alpha: it is left out; .pam keeps it")
+        })
+    }
+
     fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
         let spec = options.spec;
         let n = spec.nchannels();
@@ -208,8 +216,8 @@ impl Format for PlainFormat {
 
 impl PlainFormat {
     fn open_place(&self, place: Place) -> Result<Box<dyn ImageInput>> {
-        let decoder = decoder(&place, self.image)?;
-        let (width, height) = decoder.dimensions();
+        let mut decoder = decoder(&place, self.image)?;
+        let (width, height) = turn(&mut decoder).size(decoder.dimensions());
         let (channels, pixel_type) = match decoder.color_type() {
             ColorType::L8 => (1, PixelType::U8),
             ColorType::La8 => (2, PixelType::U8),
@@ -263,6 +271,12 @@ fn straight(format: ImageFormat) -> bool {
     matches!(format, ImageFormat::WebP | ImageFormat::Qoi | ImageFormat::Gif)
 }
 
+/// How the pixels of a file must be turned to stand upright, as its Exif data say. What says nothing of use stays as it is.
+fn turn(decoder: &mut impl ImageDecoder) -> Turn {
+    let found = contained(|| decoder.orientation()).ok().and_then(std::result::Result::ok);
+    Turn::of_exif(found.map_or(1, image::metadata::Orientation::to_exif))
+}
+
 fn decoder(place: &Place, format: ImageFormat) -> Result<impl ImageDecoder> {
     let mut reader = image::ImageReader::with_format(place.source()?, format);
     let mut limits = image::Limits::default();
@@ -284,7 +298,10 @@ fn decode(place: &Place, spec: &ImageSpec) -> Result<Decoded> {
         ImageFormat::Hdr => decode_hdr(place, bytes)?,
         _ => Part { bytes: decode_into(place, format, vec![0; bytes])?, rest: None },
     };
-    let row = (bytes / spec.height as usize).max(1);
+    let turn = turn(&mut decoder(place, format)?);
+    // As it is stored.
+    let (width, height) = turn.size((spec.width, spec.height));
+    let row = (bytes / height as usize).max(1);
     let missing = match part.rest {
         None => None,
         Some(Rest { there, .. }) if there < row => {
@@ -296,12 +313,14 @@ fn decode(place: &Place, spec: &ImageSpec) -> Result<Decoded> {
         }
         Some(Rest { there, .. }) => {
             let rows = (there / row) as u32;
-            Some((rows, format!("the file ends early: {rows} of {} rows are there", spec.height)))
+            // What is missing at the end of the file is missing in every row, or in the first, of one that is turned.
+            let known = if turn.keeps_rows() { rows } else { 0 };
+            Some((known, format!("the file ends early: {rows} of {height} rows are there")))
         }
     };
     // The decoders deliver values in the order of the machine.
     let pixels = Pixels::from_bytes(spec.pixel_type, part.bytes, cfg!(target_endian = "big"));
-    Ok(Decoded { pixels, missing })
+    Ok(Decoded { pixels: turn.apply(pixels, (width as usize, height as usize), spec.nchannels()), missing })
 }
 
 /// Bytes of pixels, of which some may be missing.
@@ -449,9 +468,17 @@ fn encode_jpeg(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Resul
         .map_err(|e| write_fault(&path, e))
 }
 
+/// Whether a PNM file of this name has no place for the alpha of its `n` channels: programs expect P5 or P6 of the endings
+/// of old, and cannot read the P7 of files with alpha.
+fn is_without_alpha(path: &Path, n: usize) -> bool {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    matches!(n, 2 | 4) && ending.is_some_and(|e| matches!(&*e, "ppm" | "pgm"))
+}
+
 /// Binary PGM, PPM, and PAM for alpha; 16-bit values have the most significant byte first.
 fn encode_pnm(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result<()> {
     let (w, h, n) = (spec.width, spec.height, spec.nchannels());
+    let (pixels, n) = if is_without_alpha(file.path(), n) { without_alpha(&pixels, n) } else { (pixels, n) };
     let max = if spec.pixel_type == PixelType::U16 { 65535 } else { 255 };
     let header = match n {
         1 => format!("P5\n{w} {h}\n{max}\n"),

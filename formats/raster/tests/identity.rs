@@ -219,3 +219,99 @@ fn marks() {
     assert_eq!(find(b"Parameter (\"x\")"), [""; 0]);
     assert_eq!(find(b""), [""; 0]);
 }
+
+/// Exif data with nothing but an orientation, as a segment of a JPEG file.
+fn exif(orientation: u8, big_endian: bool) -> Vec<u8> {
+    let mut segment = b"\xff\xe1\x00\x22Exif\0\0".to_vec();
+    segment.extend(match big_endian {
+        // One entry: orientation, a short, one of it.
+        false => {
+            [&b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0"[..], &[orientation, 0, 0, 0], &[0; 4]].concat()
+        }
+        true => {
+            [&b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01"[..], &[0, orientation, 0, 0], &[0; 4]].concat()
+        }
+    });
+    segment
+}
+
+/// Which corner of the upright picture the first stored pixel is, for all eight orientations: (right, bottom), and whether
+/// the first row became a column (Exif, tag 274).
+#[test]
+fn jpeg_stands_upright() {
+    let dir = tempfile::tempdir().unwrap();
+    let (plain, path) = (dir.path().join("plain.jpg"), dir.path().join("turned.jpg"));
+    let spec = ImageSpec::new(32, 16, 1, PixelType::U8);
+    // The upper left quarter is white, the upper right one light grey, the rest dark.
+    let value = |x: u32, y: u32| match (x < 16, y < 8) {
+        (true, true) => 250,
+        (false, true) => 150,
+        _ => 20,
+    };
+    let pixels = Pixels::U8((0..32 * 16).map(|i| value(i % 32, i / 32)).collect());
+    write(&plain, &*format("jpeg"), &spec, &pixels, 16);
+    let file = std::fs::read(&plain).unwrap();
+    for (number, right, bottom, transposed) in [
+        (1, false, false, false),
+        (2, true, false, false),
+        (3, true, true, false),
+        (4, false, true, false),
+        (5, false, false, true),
+        (6, true, false, true),
+        (7, true, true, true),
+        (8, false, true, true),
+        // No orientation at all: as it is stored.
+        (9, false, false, false),
+    ] {
+        for big_endian in [false, true] {
+            std::fs::write(&path, [&file[..2], &exif(number, big_endian), &file[2..]].concat()).unwrap();
+            let input = format("jpeg").open(&path, &Limits::default()).unwrap();
+            let (w, h) = if transposed { (16, 32) } else { (32, 16) };
+            let spec = input.spec(0, 0).unwrap();
+            assert_eq!((spec.width, spec.height), (w, h), "{number}");
+            let Pixels::U8(all) = input.read_level(0, 0).unwrap() else { panic!() };
+            // The middle of a quarter, counted from the corner of the first stored pixel.
+            let at = |along_x: bool, along_y: bool| {
+                let x = if along_x == right { w / 4 } else { 3 * w / 4 };
+                let y = if along_y == bottom { h / 4 } else { 3 * h / 4 };
+                all[(y * w + x) as usize]
+            };
+            // From that corner along the first row: light grey; along the first column: dark.
+            let (row, column) = if transposed {
+                (at(false, true), at(true, false))
+            } else {
+                (at(true, false), at(false, true))
+            };
+            assert!(at(false, false) > 240 && (140..160).contains(&row) && column < 40, "{number}: {all:?}");
+            // Rows asked for by themselves are those of the upright picture.
+            let Pixels::U8(last) = input.read_rows(0, 0, h - 1, h).unwrap() else { panic!() };
+            assert_eq!(last, all[((h - 1) * w) as usize..]);
+        }
+    }
+}
+
+/// Programs that read .ppm and .pgm expect P6 and P5.
+#[test]
+fn pnm_is_what_its_name_says() {
+    let dir = tempfile::tempdir().unwrap();
+    let format = format("pnm");
+    for (name, n, head, kept) in [
+        ("a.ppm", 4, "P6", 3),
+        ("a.PPM", 4, "P6", 3),
+        ("a.pgm", 2, "P5", 1),
+        ("a.pam", 4, "P7", 4),
+        ("a.pnm", 4, "P7", 4),
+        ("a.ppm", 3, "P6", 3),
+    ] {
+        let path = dir.path().join(name);
+        let spec = ImageSpec::new(2, 1, n, PixelType::U8);
+        let values: Vec<u8> = (1..=2 * n as u8).collect();
+        write(&path, &*format, &spec, &Pixels::U8(values.clone()), 1);
+        assert!(std::fs::read(&path).unwrap().starts_with(head.as_bytes()), "{name}");
+        let input = format.open(&path, &Limits::default()).unwrap();
+        assert_eq!(input.spec(0, 0).unwrap().nchannels(), kept);
+        let expected: Vec<u8> = values.chunks(n).flat_map(|p| p[..kept].to_vec()).collect();
+        assert_eq!(input.read_level(0, 0).unwrap(), Pixels::U8(expected));
+        assert_eq!(format.leaves_out(&path, n).is_some(), kept < n, "{name}");
+    }
+}

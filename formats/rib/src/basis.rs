@@ -25,6 +25,26 @@ const FROM_POWERS: Matrix4 = [
     [1.0, 1.0, 1.0, 1.0],
 ];
 
+/// The solution of a system of four equations, by elimination; `None` when there is none.
+fn solved(matrix: &Matrix4, right: [f64; 4]) -> Option<[f64; 4]> {
+    let mut rows: [[f64; 5]; 4] =
+        std::array::from_fn(|i| std::array::from_fn(|j| if j < 4 { matrix[i][j] } else { right[i] }));
+    for c in 0..4 {
+        let pivot = (c..4).max_by(|a, b| rows[*a][c].abs().total_cmp(&rows[*b][c].abs()))?;
+        rows.swap(c, pivot);
+        if rows[c][c].abs() < 1e-12 {
+            return None;
+        }
+        for i in (0..4).filter(|i| *i != c) {
+            let factor = rows[i][c] / rows[c][c];
+            for j in c..5 {
+                rows[i][j] -= factor * rows[c][j];
+            }
+        }
+    }
+    Some(std::array::from_fn(|i| rows[i][4] / rows[i][i]))
+}
+
 impl Basis {
     /// The default.
     pub(crate) const BEZIER: Self = Self { matrix: BEZIER, step: 3, native: Some(CurveBasis::Bezier) };
@@ -111,6 +131,23 @@ impl Basis {
         }
     }
 
+    /// The `n` control values of the curve that is its own parameter, from 0 to 1 over all segments; `None` when the basis
+    /// has no such curve.
+    pub(crate) fn parameter(&self, n: usize, periodic: bool) -> Option<Vec<f64>> {
+        let segments = self.segments(n, periodic)?;
+        let one = solved(&self.matrix, [0.0, 0.0, 0.0, 1.0])?;
+        let slope = solved(&self.matrix, [0.0, 0.0, 1.0, 0.0])?;
+        let mut values = vec![None; n];
+        for segment in 0..segments {
+            for j in 0..4 {
+                let value = (slope[j] + segment as f64 * one[j]) / segments as f64;
+                values[(segment * self.step + j) % n].get_or_insert(value);
+            }
+        }
+        // Steps larger than four leave control values that no segment reads.
+        Some(values.into_iter().map(Option::unwrap_or_default).collect())
+    }
+
     /// For each Bezier control value of a segment the weights of the four control values.
     pub(crate) fn to_bezier(self) -> Matrix4 {
         let product = |i: usize, j: usize| (0..4).map(|k| FROM_POWERS[i][k] * self.matrix[k][j]).sum();
@@ -168,6 +205,20 @@ pub(crate) fn linear_as_bezier(values: &[f32], width: usize) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn parameters_are_themselves() {
+        for (name, n) in [("bezier", 7), ("b-spline", 6), ("catmull-rom", 5), ("hermite", 6), ("power", 8)] {
+            let basis = Basis::named(name).unwrap();
+            let values: Vec<f32> = basis.parameter(n, false).unwrap().iter().map(|v| *v as f32).collect();
+            let bezier = basis.converted(&values, 1, n, false);
+            let last = (bezier.len() - 1) as f32;
+            for (k, value) in bezier.iter().enumerate() {
+                assert!((value - k as f32 / last).abs() < 1e-6, "{name}: {bezier:?}");
+            }
+        }
+        assert!(Basis::of(&[0.0; 16], 1).unwrap().parameter(4, false).is_none());
+    }
 
     fn at(basis: &Basis, p: [f64; 4], t: f64) -> f64 {
         let powers = [t * t * t, t * t, t, 1.0];

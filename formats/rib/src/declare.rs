@@ -71,6 +71,16 @@ impl Declared {
         (declared.base != BaseType::Unknown).then_some(declared)
     }
 
+    /// The type that values have by themselves; `None` for an empty array.
+    pub(crate) fn of_values(value: &Arg) -> Option<Self> {
+        let (base, n) = match value {
+            Arg::String(_) | Arg::Strings(_) => (BaseType::String, value.strings()?.len()),
+            _ => (BaseType::Float, value.floats()?.len()),
+        };
+        let array = (n > 1).then(|| u32::try_from(n)).transpose().ok()?;
+        (n > 0).then_some(Self { class: Class::Constant, base, array })
+    }
+
     fn text(self) -> String {
         let array = self.array.map_or(String::new(), |n| format!("[{n}]"));
         format!("{} {}{array}", self.class.word(), self.base.word())
@@ -109,6 +119,15 @@ impl Given {
             _ => None,
         }
     }
+}
+
+/// Why a parameter is left out.
+#[derive(Debug)]
+pub(crate) enum Flaw {
+    /// Neither its name nor a declaration tells its type.
+    Undeclared(String),
+    /// Its values do not fit, or it has none.
+    Mistake(String),
 }
 
 /// The declarations in force.
@@ -177,21 +196,28 @@ impl Declarations {
         }
     }
 
-    /// The parameter list of a request. What is wrong with some goes to `wrong`; they are left out.
-    pub(crate) fn list(&self, args: &[Arg], wrong: &mut dyn FnMut(String)) -> Vec<Given> {
+    /// The parameter list of a request. What is wrong with some goes to `flaw`; they are left out. `undeclared` tells the
+    /// type of a parameter without a declaration from its name and its values.
+    pub(crate) fn list(
+        &self,
+        args: &[Arg],
+        flaw: &mut dyn FnMut(Flaw),
+        undeclared: &dyn Fn(&str, &Arg) -> Option<Declared>,
+    ) -> Vec<Given> {
         let mut list = Vec::new();
         let mut rest = args.iter();
         while let Some(token) = rest.next() {
             let Some(token) = token.strings().and_then(|s| s.first().cloned()) else {
-                wrong(format!("{} where the name of a parameter belongs", token.kind()));
+                flaw(Flaw::Mistake(format!("{} where the name of a parameter belongs", token.kind())));
                 continue;
             };
             let Some(value) = rest.next() else {
-                wrong(format!("parameter \"{token}\" has no value"));
+                flaw(Flaw::Mistake(format!("parameter \"{token}\" has no value")));
                 break;
             };
-            let Some((declared, name)) = self.find(&token) else {
-                wrong(format!("parameter \"{token}\" is not declared: it is left out"));
+            let found = self.find(&token);
+            let Some((declared, name)) = found.or_else(|| Some((undeclared(&token, value)?, &*token))) else {
+                flaw(Flaw::Undeclared(format!("parameter \"{token}\" is not declared: it is left out")));
                 continue;
             };
             let data = match declared.base {
@@ -203,16 +229,16 @@ impl Declarations {
                 Some(data) if !data.is_empty() && data.len().is_multiple_of(declared.width()) => {
                     list.push(Given { name: name.into(), declared, data });
                 }
-                Some(data) => wrong(format!(
+                Some(data) => flaw(Flaw::Mistake(format!(
                     "parameter \"{token}\" has {} values, not a multiple of {}",
                     data.len(),
                     declared.width()
-                )),
-                None => wrong(format!(
+                ))),
+                None => flaw(Flaw::Mistake(format!(
                     "parameter \"{token}\" wants {}s, not {}",
                     declared.base.word(),
                     value.kind()
-                )),
+                ))),
             }
         }
         list
@@ -256,9 +282,13 @@ mod tests {
             Arg::Int(4),
             s("Ks"),
         ];
-        let list = all.list(&args, &mut |text| told.push(text));
+        let list = all.list(&args, &mut |flaw| told.push(flaw), &|_, _| None);
         assert_eq!(list.len(), 1);
         assert_eq!(list[0].constant().declaration(), "float Kd");
         assert_eq!(told.len(), 5, "{told:?}");
+        assert_eq!(told.iter().filter(|f| matches!(f, Flaw::Undeclared(_))).count(), 1);
+        let list =
+            all.list(&args[2..4], &mut |flaw| panic!("{flaw:?}"), &|_, value| Declared::of_values(value));
+        assert_eq!(list[0].constant().declaration(), "float unknown");
     }
 }

@@ -153,8 +153,13 @@ impl Options {
                 Some(declared) => {
                     let plain = variable.split_whitespace().last().unwrap_or(variable);
                     let plain = match plain {
-                        "Ci" | "Cs" => "C",
-                        "Oi" | "Os" => "opacity",
+                        "Ci" => "C",
+                        "Oi" => "opacity",
+                        // Of the surface, not of the light that leaves it; in the interface s and t are u and v by default.
+                        "Cs" => "primitive:C",
+                        "Os" => "primitive:opacity",
+                        "s" => "primitive:s",
+                        "t" => "primitive:t",
                         other => other,
                     };
                     format!("{} {plain}", declared.base.word())

@@ -4,7 +4,7 @@ use crate::declare::Given;
 use crate::loops;
 use crate::options::{exactly, numbers};
 use crate::primvars::{PATCH, POINTS, POLYGONS, Variable, params, variables};
-use crate::quadrics;
+use crate::quadrics::{self, Arcs};
 use crate::reader::{Done, Fault, Reader, plain};
 use crate::request::{Arg, Request};
 use granita_base::{BaseType, Interp, Param, ParamData, ParamType, Params, ShapeDesc};
@@ -52,11 +52,11 @@ impl Reader<'_> {
         })
     }
 
-    /// The parameter list, with positions.
+    /// The parameter list, with positions. Heights alone make none here.
     pub(crate) fn given(&mut self, request: &Request, from: usize) -> Vec<Given> {
         let mut list = self.params(request, from);
         if list.iter().any(|g| &*g.name == "Pz") {
-            self.once(format!("{}: \"Pz\" is not supported", request.name));
+            self.once(format!("{}: \"Pz\" belongs to patches and their meshes", request.name));
             list.retain(|g| &*g.name != "Pz");
         }
         list
@@ -290,19 +290,22 @@ impl Reader<'_> {
         let head = Request { args: request.args[..start].to_vec(), ..request.clone() };
         let all = |values: &[f32]| values.iter().map(|v| f64::from(*v)).collect::<Vec<f64>>();
         let none = || Fault::Mistake("it has no surface".to_owned());
+        let arcs = if self.moves() { Arcs::Four } else { Arcs::Fewest };
         let (shape, pw) = match request.name.as_str() {
             "Sphere" => {
                 let [radius, zmin, zmax, thetamax_deg] = exactly::<4>(&head)?;
                 (ShapeDesc::Sphere { radius, zmin, zmax, thetamax_deg }, None)
             }
-            "Cone" => some(quadrics::cone(exactly::<3>(&head)?.map(f64::from))),
-            "Cylinder" => some(quadrics::cylinder(exactly::<4>(&head)?.map(f64::from))),
-            "Disk" => some(quadrics::disk(exactly::<3>(&head)?.map(f64::from))),
-            "Paraboloid" => some(quadrics::paraboloid(exactly::<4>(&head)?.map(f64::from)).ok_or_else(none)?),
-            "Torus" => some(quadrics::torus(exactly::<5>(&head)?.map(f64::from))),
+            "Cone" => some(quadrics::cone(exactly::<3>(&head)?.map(f64::from), arcs)),
+            "Cylinder" => some(quadrics::cylinder(exactly::<4>(&head)?.map(f64::from), arcs)),
+            "Disk" => some(quadrics::disk(exactly::<3>(&head)?.map(f64::from), arcs)),
+            "Paraboloid" => {
+                some(quadrics::paraboloid(exactly::<4>(&head)?.map(f64::from), arcs).ok_or_else(none)?)
+            }
+            "Torus" => some(quadrics::torus(exactly::<5>(&head)?.map(f64::from), arcs)),
             _ => {
                 let v = all(&exactly::<7>(&head)?);
-                some(quadrics::hyperboloid([v[0], v[1], v[2]], [v[3], v[4], v[5]], v[6]))
+                some(quadrics::hyperboloid([v[0], v[1], v[2]], [v[3], v[4], v[5]], v[6], arcs))
             }
         };
         if !numbers(&head.args).iter().all(|x| x.is_finite()) {

@@ -16,6 +16,7 @@
 
 #![forbid(unsafe_code)]
 
+mod archives;
 mod basis;
 mod condition;
 mod declare;

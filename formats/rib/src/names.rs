@@ -1,7 +1,9 @@
 //! Names of requests.
 
 /// Those of the interface 3.2, and the few of later versions that are read.
-pub(crate) const REQUESTS: [&str; 108] = [
+pub(crate) const REQUESTS: [&str; 110] = [
+    "ArchiveBegin",
+    "ArchiveEnd",
     "ArchiveRecord",
     "AreaLightSource",
     "Atmosphere",

@@ -28,6 +28,43 @@ pub(crate) fn string(request: &Request, at: usize) -> Result<Arc<str>, Fault> {
     found.ok_or_else(|| Fault::Mistake(format!("argument {} should be a string", at + 1)))
 }
 
+/// Groups and names of `Option` that may be set without a declaration.
+const OPTIONS: [(&str, &str); 10] = [
+    ("searchpath", "shader"),
+    ("searchpath", "texture"),
+    ("searchpath", "archive"),
+    ("searchpath", "procedural"),
+    ("limits", "bucketsize"),
+    ("limits", "gridsize"),
+    ("limits", "texturememory"),
+    ("limits", "threads"),
+    ("statistics", "endofframe"),
+    ("trace", "maxdepth"),
+];
+
+/// Groups and names of `Attribute` that may be set without a declaration.
+const ATTRIBUTES: [(&str, &str); 19] = [
+    ("identifier", "name"),
+    ("displacementbound", "sphere"),
+    ("displacementbound", "coordinatesystem"),
+    ("visibility", "camera"),
+    ("visibility", "transmission"),
+    ("visibility", "diffuse"),
+    ("visibility", "specular"),
+    ("visibility", "trace"),
+    ("visibility", "photon"),
+    ("cull", "hidden"),
+    ("dice", "binary"),
+    ("dice", "rasterorient"),
+    ("trimcurve", "sense"),
+    ("light", "samples"),
+    ("light", "nsamples"),
+    ("trace", "bias"),
+    ("shadow", "bias"),
+    ("trace", "displacements"),
+    ("trace", "samplemotion"),
+];
+
 impl Reader<'_> {
     /// Options of the frame; `None` for other requests.
     pub(crate) fn option_request(&mut self, request: &Request) -> Option<Done> {
@@ -126,7 +163,7 @@ impl Reader<'_> {
 
     fn display(&mut self, request: &Request) -> Done {
         let (name, kind, mode) = (string(request, 0)?, string(request, 1)?, string(request, 2)?);
-        let params = self.params(request, 3);
+        let params = self.own_params(request, 3, &|name| matches!(name, "quantize" | "compression"));
         let (name, adds) = match name.strip_prefix('+') {
             Some(name) => (name, true),
             None => (&*name, false),
@@ -149,12 +186,11 @@ impl Reader<'_> {
 
     fn hider(&mut self, request: &Request) -> Done {
         let name = string(request, 0)?;
-        let params = match request.args.get(1) {
-            Some(_) => self.params(request, 1),
-            None => Vec::new(),
-        };
-        if let Some(filter) = params.iter().find(|p| &*p.name == "depthfilter").and_then(Given::string) {
-            self.options.depth_filter = filter.to_string();
+        for given in self.own_params(request, 1, &|name| name == "depthfilter") {
+            match (&*given.name, given.string()) {
+                ("depthfilter", Some(filter)) => self.options.depth_filter = filter.to_string(),
+                (name, _) => self.once(format!("Hider: parameter \"{name}\" is not supported")),
+            }
         }
         match &*name {
             "hidden" | "stochastic" => Ok(()),
@@ -188,7 +224,8 @@ impl Reader<'_> {
 
     fn option(&mut self, request: &Request) -> Done {
         let group = string(request, 0)?;
-        for given in self.params(request, 1) {
+        let known = |name: &str| OPTIONS.contains(&(&*group, name));
+        for given in self.own_params(request, 1, &known) {
             let name = &*given.name;
             let int = |declaration: &str, value: f32| Param::declared(declaration, value as i32).ok();
             let first = given.float().unwrap_or(0.0);
@@ -289,7 +326,8 @@ impl Reader<'_> {
 
     fn set_attribute(&mut self, request: &Request) -> Done {
         let group = string(request, 0)?;
-        for given in self.params(request, 1) {
+        let known = |name: &str| ATTRIBUTES.contains(&(&*group, name));
+        for given in self.own_params(request, 1, &known) {
             let name = &*given.name;
             let first = given.float().unwrap_or(0.0);
             let on = i32::from(first != 0.0);

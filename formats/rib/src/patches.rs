@@ -1,14 +1,14 @@
 //! Patches, NURBS and curves.
 
 use crate::basis::{Basis, linear_as_bezier};
-use crate::declare::Class;
+use crate::declare::{Class, Declared, Given};
 use crate::geometry::{int, ints, same, width};
 use crate::options::string;
 use crate::primvars::{CURVES, PATCH, Variable, params, variables};
 use crate::reader::{Done, Fault, Reader};
 use crate::request::{Arg, Request};
 use granita_base::shape::KnotSpan;
-use granita_base::{CurveBasis, Interp, ParamData, ShapeDesc, TrimDesc};
+use granita_base::{BaseType, CurveBasis, Interp, ParamData, ShapeDesc, TrimDesc};
 use granita_scene::Call;
 use std::sync::Arc;
 
@@ -50,7 +50,8 @@ fn by_rows(values: &[f32], row: usize, f: impl Fn(&[f32]) -> Vec<f32>) -> Vec<f3
 impl Reader<'_> {
     pub(crate) fn patch(&mut self, request: &Request) -> Done {
         let kind = string(request, 0)?;
-        let given = self.given(request, 1);
+        let n = if &*kind == "bilinear" { 2 } else { 4 };
+        let given = self.patch_given(request, 1, &kind, [(n, false), (n, false)])?;
         let mut all = variables(&given, PATCH);
         self.corners(&mut all);
         match &*kind {
@@ -70,10 +71,10 @@ impl Reader<'_> {
         let kind = string(request, 0)?;
         let (nu, uwrap) = (int(request, 1)?, string(request, 2)?);
         let (nv, vwrap) = (int(request, 3)?, string(request, 4)?);
-        let given = self.given(request, 5);
+        let (up, vp) = (&*uwrap == "periodic", &*vwrap == "periodic");
+        let given = self.patch_given(request, 5, &kind, [(nu, up), (nv, vp)])?;
         let mut all = variables(&given, PATCH);
         self.corners(&mut all);
-        let (up, vp) = (&*uwrap == "periodic", &*vwrap == "periodic");
         check_counts(&all, nu, nv)?;
         match &*kind {
             "bilinear" => {
@@ -104,6 +105,41 @@ impl Reader<'_> {
             }
             other => Err(Fault::Mistake(format!("there is no patch mesh \"{other}\""))),
         }
+    }
+
+    /// The parameter list of a patch whose sides have so many vertices and are periodic or not. With "Pz" it is a height
+    /// field: x and y are the surface's u and v.
+    fn patch_given(
+        &mut self,
+        request: &Request,
+        from: usize,
+        kind: &str,
+        sides: [(usize, bool); 2],
+    ) -> Result<Vec<Given>, Fault> {
+        let mut given = self.params(request, from);
+        let Some(at) = given.iter().position(|g| &*g.name == "Pz") else { return Ok(given) };
+        let heights = given[at].floats();
+        let [(nu, _), (nv, _)] = sides;
+        if nu.checked_mul(nv) != Some(heights.len()) {
+            return Err(Fault::Mistake(format!("{} heights where {nu} x {nv} are needed", heights.len())));
+        }
+        let bases = [self.local.ubasis, self.local.vbasis];
+        let along = |k: usize| -> Result<Vec<f64>, Fault> {
+            let (n, periodic) = sides[k];
+            if kind == "bilinear" {
+                let segments = if periodic { n } else { n.saturating_sub(1) };
+                return Ok((0..n).map(|i| i as f64 / segments.max(1) as f64).collect());
+            }
+            bases[k].segments(n, periodic).ok_or_else(|| format!("{n} vertices make no whole patches"))?;
+            let values = bases[k].parameter(n, periodic);
+            values.ok_or_else(|| Fault::Mistake("\"Pz\" in a basis that has no straight lines".to_owned()))
+        };
+        let (x, y) = (along(0)?, along(1)?);
+        let points: Arc<[f32]> =
+            heights.iter().enumerate().flat_map(|(i, z)| [x[i % nu] as f32, y[i / nu] as f32, *z]).collect();
+        let declared = Declared { class: Class::Vertex, base: BaseType::Point, array: None };
+        given[at] = Given { name: "P".into(), declared, data: ParamData::Float(points) };
+        Ok(given)
     }
 
     /// A cubic patch mesh; in the bases of the scene interface where they do, as Bezier patches otherwise.

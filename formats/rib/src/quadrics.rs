@@ -18,9 +18,20 @@ struct Profile {
     span: KnotSpan,
 }
 
+/// The least number of arcs that each circle is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Arcs {
+    /// As few as the angle needs.
+    Fewest,
+    /// Four, whatever the angle: keys of a motion block then agree in their control points.
+    Four,
+}
+
 /// An arc of a circle about the origin from `from` to `to` (radians) as (cosine, sine, weight) of control points.
-fn arc(from: f64, to: f64) -> (Vec<Point>, KnotSpan) {
-    let quarters = (((to - from).abs() / std::f64::consts::FRAC_PI_2 - 1e-9).ceil() as usize).clamp(1, 64);
+fn arc(from: f64, to: f64, arcs: Arcs) -> (Vec<Point>, KnotSpan) {
+    let least = if arcs == Arcs::Four { 4 } else { 1 };
+    let quarters =
+        (((to - from).abs() / std::f64::consts::FRAC_PI_2 - 1e-9).ceil() as usize).clamp(least, 64);
     let step = (to - from) / quarters as f64;
     let weight = (step * 0.5).cos();
     let mut points = Vec::with_capacity(2 * quarters + 1);
@@ -58,8 +69,8 @@ fn line(a: [f64; 3], b: [f64; 3]) -> Profile {
 }
 
 /// The surface of a profile that turns by `thetamax_deg`, with the parameter "Pw".
-fn swept(profile: &Profile, thetamax_deg: f64) -> (ShapeDesc, Param) {
-    let (circle, u) = arc(0.0, thetamax_deg.to_radians());
+fn swept(profile: &Profile, thetamax_deg: f64, arcs: Arcs) -> (ShapeDesc, Param) {
+    let (circle, u) = arc(0.0, thetamax_deg.to_radians(), arcs);
     let mut values = Vec::with_capacity(4 * circle.len() * profile.points.len());
     for [r, offset, z, w] in &profile.points {
         let (sin, cos) = offset.sin_cos();
@@ -74,18 +85,17 @@ fn swept(profile: &Profile, thetamax_deg: f64) -> (ShapeDesc, Param) {
     (ShapeDesc::Nurbs { u, v: profile.span.clone() }, pw)
 }
 
-/// `Sphere`, for where the native one will not do: the radius changes while it moves.
-pub(crate) fn sphere([radius, zmin, zmax, thetamax]: [f64; 4]) -> Option<(ShapeDesc, Param)> {
+/// `Sphere`, for where the native one will not do: its arguments change while it moves. One without a radius or a height
+/// is a point or a ring.
+pub(crate) fn sphere([radius, zmin, zmax, thetamax]: [f64; 4]) -> (ShapeDesc, Param) {
+    let half = std::f64::consts::FRAC_PI_2;
     let angle = |z: f64| (z / radius.abs()).clamp(-1.0, 1.0).asin();
-    let (from, to) = (angle(zmin), angle(zmax));
-    if radius == 0.0 || from == to {
-        return None;
-    }
-    Some(swept(&circle_profile(0.0, radius, from, to), thetamax))
+    let (from, to) = if radius == 0.0 { (-half, half) } else { (angle(zmin), angle(zmax)) };
+    swept(&circle_profile(0.0, radius, from, to, Arcs::Four), thetamax, Arcs::Four)
 }
 
-fn circle_profile(centre: f64, radius: f64, from: f64, to: f64) -> Profile {
-    let (points, span) = arc(from, to);
+fn circle_profile(centre: f64, radius: f64, from: f64, to: f64, arcs: Arcs) -> Profile {
+    let (points, span) = arc(from, to, arcs);
     Profile {
         points: points.iter().map(|[c, s, w]| [centre + radius * c, 0.0, radius * s, *w]).collect(),
         span,
@@ -93,27 +103,27 @@ fn circle_profile(centre: f64, radius: f64, from: f64, to: f64) -> Profile {
 }
 
 /// `Cone height radius thetamax`.
-pub(crate) fn cone([height, radius, thetamax]: [f64; 3]) -> (ShapeDesc, Param) {
-    swept(&line([radius, 0.0, 0.0], [0.0, 0.0, height]), thetamax)
+pub(crate) fn cone([height, radius, thetamax]: [f64; 3], arcs: Arcs) -> (ShapeDesc, Param) {
+    swept(&line([radius, 0.0, 0.0], [0.0, 0.0, height]), thetamax, arcs)
 }
 
 /// `Cylinder radius zmin zmax thetamax`.
-pub(crate) fn cylinder([radius, zmin, zmax, thetamax]: [f64; 4]) -> (ShapeDesc, Param) {
-    swept(&line([radius, 0.0, zmin], [radius, 0.0, zmax]), thetamax)
+pub(crate) fn cylinder([radius, zmin, zmax, thetamax]: [f64; 4], arcs: Arcs) -> (ShapeDesc, Param) {
+    swept(&line([radius, 0.0, zmin], [radius, 0.0, zmax]), thetamax, arcs)
 }
 
 /// `Disk height radius thetamax`.
-pub(crate) fn disk([height, radius, thetamax]: [f64; 3]) -> (ShapeDesc, Param) {
-    swept(&line([radius, 0.0, height], [0.0, 0.0, height]), thetamax)
+pub(crate) fn disk([height, radius, thetamax]: [f64; 3], arcs: Arcs) -> (ShapeDesc, Param) {
+    swept(&line([radius, 0.0, height], [0.0, 0.0, height]), thetamax, arcs)
 }
 
 /// `Hyperboloid p1 p2 thetamax`.
-pub(crate) fn hyperboloid(p1: [f64; 3], p2: [f64; 3], thetamax: f64) -> (ShapeDesc, Param) {
-    swept(&line(p1, p2), thetamax)
+pub(crate) fn hyperboloid(p1: [f64; 3], p2: [f64; 3], thetamax: f64, arcs: Arcs) -> (ShapeDesc, Param) {
+    swept(&line(p1, p2), thetamax, arcs)
 }
 
 /// `Paraboloid rmax zmin zmax thetamax`; `None` when it has no surface there.
-pub(crate) fn paraboloid([rmax, zmin, zmax, thetamax]: [f64; 4]) -> Option<(ShapeDesc, Param)> {
+pub(crate) fn paraboloid([rmax, zmin, zmax, thetamax]: [f64; 4], arcs: Arcs) -> Option<(ShapeDesc, Param)> {
     if zmax == 0.0 || zmin / zmax < 0.0 {
         return None;
     }
@@ -123,12 +133,12 @@ pub(crate) fn paraboloid([rmax, zmin, zmax, thetamax]: [f64; 4]) -> Option<(Shap
     let points = [(r0, r0), (r0, rmax), (rmax, rmax)].map(|(a, b)| [(a + b) * 0.5, 0.0, height(a, b), 1.0]);
     let knots: Arc<[f32]> = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0].into();
     let span = KnotSpan { n: 3, order: 3, knots, min: 0.0, max: 1.0 };
-    (rmax != 0.0).then(|| swept(&Profile { points: points.to_vec(), span }, thetamax))
+    (rmax != 0.0).then(|| swept(&Profile { points: points.to_vec(), span }, thetamax, arcs))
 }
 
 /// `Torus majorradius minorradius phimin phimax thetamax`.
-pub(crate) fn torus([major, minor, phimin, phimax, thetamax]: [f64; 5]) -> (ShapeDesc, Param) {
-    swept(&circle_profile(major, minor, phimin.to_radians(), phimax.to_radians()), thetamax)
+pub(crate) fn torus([major, minor, phimin, phimax, thetamax]: [f64; 5], arcs: Arcs) -> (ShapeDesc, Param) {
+    swept(&circle_profile(major, minor, phimin.to_radians(), phimax.to_radians(), arcs), thetamax, arcs)
 }
 
 #[cfg(test)]
@@ -182,25 +192,27 @@ mod tests {
 
     #[test]
     fn points_lie_on_the_surfaces() {
-        for thetamax in [360.0, 270.0, 100.0, 33.0, -360.0] {
-            hold(&cylinder([2.0, -1.0, 1.0, thetamax]), thetamax, |[x, y, _]| x.hypot(y) - 2.0);
-            hold(&cone([3.0, 2.0, thetamax]), thetamax, |[x, y, z]| x.hypot(y) - 2.0 * (1.0 - z / 3.0));
-            hold(&disk([0.5, 2.0, thetamax]), thetamax, |[_, _, z]| z - 0.5);
-            let surface = paraboloid([2.0, 0.5, 3.0, thetamax]).unwrap();
+        let angles = [360.0, 270.0, 100.0, 33.0, -360.0];
+        for (thetamax, arcs) in angles.iter().flat_map(|a| [(*a, Arcs::Fewest), (*a, Arcs::Four)]) {
+            hold(&cylinder([2.0, -1.0, 1.0, thetamax], arcs), thetamax, |[x, y, _]| x.hypot(y) - 2.0);
+            hold(&cone([3.0, 2.0, thetamax], arcs), thetamax, |[x, y, z]| x.hypot(y) - 2.0 * (1.0 - z / 3.0));
+            hold(&disk([0.5, 2.0, thetamax], arcs), thetamax, |[_, _, z]| z - 0.5);
+            let surface = paraboloid([2.0, 0.5, 3.0, thetamax], arcs).unwrap();
             hold(&surface, thetamax, |[x, y, z]| (x * x + y * y) - 4.0 * z / 3.0);
-            let surface = torus([2.0, 0.5, 20.0, 300.0, thetamax]);
+            let surface = torus([2.0, 0.5, 20.0, 300.0, thetamax], arcs);
             hold(&surface, thetamax, |[x, y, z]| (x.hypot(y) - 2.0).hypot(z) - 0.5);
-            let surface = sphere([1.5, -1.0, 1.2, thetamax]).unwrap();
+            let surface = sphere([1.5, -1.0, 1.2, thetamax]);
             hold(&surface, thetamax, |[x, y, z]| (x * x + y * y + z * z).sqrt() - 1.5);
-            let surface = sphere([1.5, -1.5, 1.5, thetamax]).unwrap();
+            let surface = sphere([1.5, -1.5, 1.5, thetamax]);
             assert!(points(&surface).iter().all(|p| p[2].abs() <= 1.5 + 1e-6));
         }
         // Both lines of the hyperboloid lie on x^2 + y^2 = 1 + z^2.
-        let surface = hyperboloid([1.0, -1.0, -1.0], [1.0, 1.0, 1.0], 360.0);
+        let surface = hyperboloid([1.0, -1.0, -1.0], [1.0, 1.0, 1.0], 360.0, Arcs::Fewest);
         for p in points(&surface) {
             assert!((p[0] * p[0] + p[1] * p[1] - 1.0 - p[2] * p[2]).abs() < 1e-5);
         }
-        assert!(paraboloid([1.0, -1.0, 1.0, 360.0]).is_none() && sphere([0.0, 0.0, 0.0, 360.0]).is_none());
+        assert!(paraboloid([1.0, -1.0, 1.0, 360.0], Arcs::Fewest).is_none());
+        assert!(points(&sphere([0.0, 0.0, 0.0, 360.0])).iter().all(|p| *p == [0.0; 3]));
     }
 
     #[test]
@@ -210,8 +222,8 @@ mod tests {
         };
         let near =
             |a: [f64; 2], b: [f64; 2]| assert!((a[0] - b[0]).abs() + (a[1] - b[1]).abs() < 1e-5, "{a:?}");
-        near(z(&paraboloid([2.0, 0.5, 3.0, 90.0]).unwrap()), [0.5, 3.0]);
-        near(z(&cone([3.0, 2.0, 90.0])), [0.0, 3.0]);
-        near(z(&sphere([1.5, -1.0, 1.2, 90.0]).unwrap()), [-1.0, 1.2]);
+        near(z(&paraboloid([2.0, 0.5, 3.0, 90.0], Arcs::Fewest).unwrap()), [0.5, 3.0]);
+        near(z(&cone([3.0, 2.0, 90.0], Arcs::Fewest)), [0.0, 3.0]);
+        near(z(&sphere([1.5, -1.0, 1.2, 90.0])), [-1.0, 1.2]);
     }
 }

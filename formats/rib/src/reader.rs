@@ -1,26 +1,22 @@
 //! The reader: requests in, scene calls out.
 
+use crate::archives::Archives;
 use crate::basis::Basis;
 use crate::condition::{Branch, Value};
-use crate::declare::{Declarations, Given};
+use crate::declare::{Declarations, Declared, Flaw, Given};
 use crate::frame::{CAMERA, Options};
 use crate::lex::Lexer;
 use crate::quadrics;
 use crate::request::{Arg, Request, Requests};
-use granita_base::{
-    BaseType, Environment, Files, Location, Param, ParamType, Params, Reporter, SearchPath, Severity,
-    ShapeDesc,
-};
+use granita_base::{BaseType, Files, Location, Param, ParamType, Params, Reporter, Severity, ShapeDesc};
 use granita_scene::{Call, GeneratorError, GeneratorSource, SceneSink, Stop};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Read};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Archives nested deeper than this are not read.
-const MAX_DEPTH: usize = 64;
-/// Most calls that instances of objects may repeat.
-const MAX_REPEATED: usize = 50_000_000;
+/// Most calls that instances of objects, and requests that archives of the file itself, may repeat.
+pub(crate) const MAX_REPEATED: usize = 50_000_000;
 
 /// Why a request comes to nothing.
 pub(crate) enum Fault {
@@ -85,6 +81,7 @@ enum Mode {
 struct Frame {
     options: Options,
     local: Local,
+    lights: Lights,
     waiting: usize,
 }
 
@@ -93,7 +90,12 @@ struct Block {
     name: &'static str,
     line: u32,
     local: Local,
+    /// Of a world: the handles in front of it.
+    lights: Option<Lights>,
 }
+
+/// How many lights each handle has stood for. A light of the interface lives on when its handle is used again.
+pub(crate) type Lights = BTreeMap<Arc<str>, usize>;
 
 struct Motion {
     times: Vec<f32>,
@@ -121,16 +123,19 @@ pub(crate) struct Reader<'a> {
     /// An object being defined.
     object: Option<(Arc<str>, Vec<Placed>, u32)>,
     objects: BTreeMap<Arc<str>, Arc<[Placed]>>,
-    repeated: usize,
+    pub(crate) repeated: usize,
+    pub(crate) lights: Lights,
+    /// Archives of the file itself.
+    pub(crate) archives: Archives,
     /// Files being read, outermost first.
-    files: Vec<PathBuf>,
+    pub(crate) files: Vec<PathBuf>,
     /// Opens them.
-    opens: Files,
+    pub(crate) opens: Files,
     pub(crate) file: Arc<str>,
     pub(crate) line: u32,
     said: BTreeSet<String>,
     /// Nothing more is to be said about this request.
-    quiet: bool,
+    pub(crate) quiet: bool,
     /// Conditionals being read, outermost first.
     pub(crate) branches: Vec<Branch>,
     /// `Option "user"`, and `Frame`.
@@ -159,6 +164,8 @@ impl<'a> Reader<'a> {
             object: None,
             objects: BTreeMap::new(),
             repeated: 0,
+            lights: Lights::new(),
+            archives: Archives::default(),
             files: Vec::new(),
             opens: Files::default(),
             file: name.into(),
@@ -192,7 +199,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Reads the requests of one file.
-    fn stream(&mut self, stream: Box<dyn Read>) -> Done {
+    pub(crate) fn stream(&mut self, stream: Box<dyn Read>) -> Done {
         let io = |file: &Arc<str>, line: u32, error: io::Error| {
             Fault::Ends(GeneratorError::Malformed(format!("{file}:{line}: {error}")))
         };
@@ -205,22 +212,29 @@ impl<'a> Reader<'a> {
                 Err(error) => return Err(io(&self.file, requests.line(), error)),
             };
             self.line = request.line;
-            // What is wrong with its text is the reason for whatever else is wrong.
-            self.quiet = request.mistake.is_some();
-            let done = self.branch(&request).unwrap_or_else(|| self.request(&request));
-            self.quiet = false;
-            match (done, request.mistake) {
-                (Err(ends @ Fault::Ends(_)), _) => return Err(ends),
-                (Err(Fault::Unsupported(text)), None) => self.once(text),
-                (Ok(()), None) => (),
-                (Ok(()), Some(mistake)) => self.error(format!("{}: {mistake}", request.name)),
-                (Err(Fault::Mistake(text) | Fault::Unsupported(text)), mistake) => {
-                    let text = mistake.unwrap_or(text);
-                    let object = self.object_name();
-                    self.error(format!("{}: {text}: the request is left out{object}", request.name));
-                }
+            let Some(request) = self.recorded(request) else { continue };
+            self.perform(request)?;
+        }
+    }
+
+    /// Carries out one request; only what ends reading is an error.
+    pub(crate) fn perform(&mut self, request: Request) -> Done {
+        // What is wrong with its text is the reason for whatever else is wrong.
+        self.quiet = request.mistake.is_some();
+        let done = self.branch(&request).unwrap_or_else(|| self.request(&request));
+        self.quiet = false;
+        match (done, request.mistake) {
+            (Err(ends @ Fault::Ends(_)), _) => return Err(ends),
+            (Err(Fault::Unsupported(text)), None) => self.once(text),
+            (Ok(()), None) => (),
+            (Ok(()), Some(mistake)) => self.error(format!("{}: {mistake}", request.name)),
+            (Err(Fault::Mistake(text) | Fault::Unsupported(text)), mistake) => {
+                let text = mistake.unwrap_or(text);
+                let object = self.object_name();
+                self.error(format!("{}: {text}: the request is left out{object}", request.name));
             }
         }
+        Ok(())
     }
 
     /// The source is at its end.
@@ -232,6 +246,10 @@ impl<'a> Reader<'a> {
         if let Some((_, _, line)) = self.object.take() {
             self.line = line;
             self.error("ObjectBegin without ObjectEnd".to_owned());
+        }
+        if let Some(line) = self.archives.unfinished() {
+            self.line = line;
+            self.error("ArchiveBegin without ArchiveEnd".to_owned());
         }
         if let Some(branch) = self.branches.first() {
             self.line = branch.line;
@@ -287,9 +305,32 @@ impl<'a> Reader<'a> {
     /// The parameters of a request from argument `from` on.
     pub(crate) fn params(&mut self, request: &Request, from: usize) -> Vec<Given> {
         let mut wrong = Vec::new();
-        let list =
-            self.declarations.list(request.args.get(from..).unwrap_or_default(), &mut |w| wrong.push(w));
-        wrong.into_iter().for_each(|text| self.error(format!("{}: {text}", request.name)));
+        let args = request.args.get(from..).unwrap_or_default();
+        let list = self.declarations.list(args, &mut |flaw| wrong.push(flaw), &|_, _| None);
+        for Flaw::Undeclared(text) | Flaw::Mistake(text) in wrong {
+            self.error(format!("{}: {text}", request.name));
+        }
+        list
+    }
+
+    /// As [`Self::params`], for requests whose parameters each renderer chooses: what is not declared has the type of its
+    /// values where `knows` its name, and is left out with a warning otherwise.
+    pub(crate) fn own_params(
+        &mut self,
+        request: &Request,
+        from: usize,
+        knows: &dyn Fn(&str) -> bool,
+    ) -> Vec<Given> {
+        let mut wrong = Vec::new();
+        let args = request.args.get(from..).unwrap_or_default();
+        let typed = |name: &str, values: &Arg| Declared::of_values(values).filter(|_| knows(name));
+        let list = self.declarations.list(args, &mut |flaw| wrong.push(flaw), &typed);
+        for flaw in wrong {
+            match flaw {
+                Flaw::Undeclared(text) => self.once(format!("{}: {text}", request.name)),
+                Flaw::Mistake(text) => self.error(format!("{}: {text}", request.name)),
+            }
+        }
         list
     }
 
@@ -406,7 +447,8 @@ impl<'a> Reader<'a> {
                 if let Some(number) = request.args.first().and_then(|a| a.floats()?.first().copied()) {
                     self.variables.insert("Frame".to_owned(), Value::Number(f64::from(number)));
                 }
-                self.frames.push(Frame { options, local, waiting: self.waiting.len() });
+                let (lights, waiting) = (self.lights.clone(), self.waiting.len());
+                self.frames.push(Frame { options, local, lights, waiting });
                 Ok(())
             }
             "FrameEnd" => self.frame_end(),
@@ -435,6 +477,8 @@ impl<'a> Reader<'a> {
             },
             "ObjectInstance" => self.instance(request),
             "ReadArchive" => self.archive(request),
+            "ArchiveBegin" => self.archive_begin(request),
+            "ArchiveEnd" => self.archive_end(),
             _ => return None,
         })
     }
@@ -449,6 +493,7 @@ impl<'a> Reader<'a> {
         };
         self.options = frame.options;
         self.local = frame.local;
+        self.lights = frame.lights;
         self.waiting.truncate(frame.waiting);
         Ok(())
     }
@@ -457,7 +502,8 @@ impl<'a> Reader<'a> {
         if self.in_world() {
             return Err(Fault::Mistake("inside of a world".to_owned()));
         }
-        let block = Block { name: "WorldBegin", line: self.line, local: self.local.clone() };
+        let (local, lights) = (self.local.clone(), Some(self.lights.clone()));
+        let block = Block { name: "WorldBegin", line: self.line, local, lights };
         self.worlds += 1;
         let at = self.at();
         if self.part {
@@ -505,6 +551,7 @@ impl<'a> Reader<'a> {
         }
         if let Some(block) = self.blocks.pop() {
             self.local = block.local;
+            self.lights = block.lights.unwrap_or_default();
         }
         let dropped = self.mode == Mode::Dropped;
         if self.part {
@@ -529,7 +576,7 @@ impl<'a> Reader<'a> {
         if self.blocks.len() > 100_000 {
             return Err(Fault::Mistake("blocks are nested too deep".to_owned()));
         }
-        self.blocks.push(Block { name, line: self.line, local: self.local.clone() });
+        self.blocks.push(Block { name, line: self.line, local: self.local.clone(), lights: None });
         self.emit(call)
     }
 
@@ -560,6 +607,11 @@ impl<'a> Reader<'a> {
         }
         self.motion = Some(Motion { times, keys: Vec::new(), line: self.line });
         Ok(())
+    }
+
+    /// Whether a motion block is open.
+    pub(crate) fn moves(&self) -> bool {
+        self.motion.is_some()
     }
 
     /// In a motion block each request is a key.
@@ -646,62 +698,6 @@ impl<'a> Reader<'a> {
         self.emit(Call::PopAttributes)
     }
 
-    /// Where an archive lies: beside the file that names it, then on the path of inputs.
-    pub(crate) fn find_archive(&self, name: &str) -> Option<PathBuf> {
-        let beside = self.files.last().and_then(|f| f.parent()).map(|folder| folder.join(name));
-        if let Some(file) = beside.filter(|f| self.opens.is_file(f)) {
-            return Some(file);
-        }
-        let path = self.attribute_value("path:input");
-        let path = path.and_then(|p| match p.data {
-            granita_base::ParamData::String(v) => v.first().map(ToString::to_string),
-            _ => None,
-        });
-        let path = path.unwrap_or_else(|| ".".to_owned());
-        let mut environment = Environment::empty();
-        environment.set_files(self.opens.clone());
-        let path = SearchPath::parse(&path.replace('&', "."), &SearchPath::default(), &environment);
-        path.find(name).or_else(|| self.opens.is_file(Path::new(name)).then(|| PathBuf::from(name)))
-    }
-
-    fn archive(&mut self, request: &Request) -> Done {
-        let name = request.args.first().and_then(|a| a.strings()?.first().cloned());
-        let name = name.ok_or_else(|| "no file name".to_owned())?;
-        let Some(path) = self.find_archive(&name) else {
-            return Err(Fault::Mistake(format!("cannot find \"{name}\"")));
-        };
-        let identity = std::fs::canonicalize(&path).unwrap_or_else(|_| path.clone());
-        if self.files.contains(&identity) {
-            let names = self.files.iter().chain([&identity]).filter_map(|f| f.file_name());
-            let names: Vec<_> = names.map(|n| n.to_string_lossy().into_owned()).collect();
-            return Err(Fault::Mistake(format!("\"{name}\" would read itself: {}", names.join(" -> "))));
-        }
-        if self.files.len() >= MAX_DEPTH {
-            return Err(Fault::Mistake(format!("archives are nested deeper than {MAX_DEPTH}")));
-        }
-        let stream = match self.opens.open(&path) {
-            Ok(file) => Box::new(file),
-            Err(error) => return Err(Fault::Mistake(format!("{}: {error}", path.display()))),
-        };
-        self.reporter.file_read(&path);
-        self.quiet = false;
-        let (file, line) = (self.file.clone(), self.line);
-        self.files.push(identity);
-        self.file = path.to_string_lossy().as_ref().into();
-        let result = self.stream(stream);
-        self.files.pop();
-        let result = match result {
-            // The archive is broken, not what reads it.
-            Err(Fault::Ends(GeneratorError::Malformed(text))) => {
-                self.reporter.error(text);
-                Ok(())
-            }
-            other => other,
-        };
-        (self.file, self.line) = (file, line);
-        result
-    }
-
     fn request(&mut self, request: &Request) -> Done {
         if let Some(done) = self.structure(request) {
             return done;
@@ -766,10 +762,9 @@ fn swell(keys: &mut [Placed]) {
         let Call::Shape { shape, params } = call else { continue };
         let ShapeDesc::Sphere { radius, zmin, zmax, thetamax_deg } = **shape else { continue };
         let arguments = [radius, zmin, zmax, thetamax_deg].map(f64::from);
-        if let Some((patch, pw)) = quadrics::sphere(arguments) {
-            **shape = patch;
-            params.set(pw);
-        }
+        let (patch, pw) = quadrics::sphere(arguments);
+        **shape = patch;
+        params.set(pw);
     }
 }
 

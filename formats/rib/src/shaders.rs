@@ -21,7 +21,10 @@ impl Reader<'_> {
                 let id = handle(request.args.first());
                 let on = request.args.get(1).and_then(|a| a.ints()?.first().copied());
                 match (id, on) {
-                    (Some(id), Some(on)) => self.emit(Call::LightSwitch { id, on: on != 0 }),
+                    (Some(handle), Some(on)) => {
+                        let uses = self.lights.get(&handle).copied().unwrap_or(1);
+                        self.emit(Call::LightSwitch { id: light_id(&handle, uses), on: on != 0 })
+                    }
                     _ => Err(Fault::Mistake("wants a light and 0 or 1".to_owned())),
                 }
             }
@@ -45,12 +48,11 @@ impl Reader<'_> {
             // The end of an area light.
             return Ok(());
         }
+        let uses = self.lights.entry(id.clone()).or_insert(0);
+        *uses += 1;
+        let id = light_id(&id, *uses);
         let given = self.params(request, 2);
         let mut params = shader_params(&name, &given);
-        if &*name == "pointlight" && params.get("falloff").is_none() {
-            // Ours is constant unless told otherwise; a RenderMan point light falls off with the square.
-            params.set(plain("falloff", BaseType::Float, 2.0));
-        }
         if area {
             self.area_lights += 1;
             let set = format!("arealight{}", self.area_lights);
@@ -60,6 +62,12 @@ impl Reader<'_> {
         }
         self.emit(Call::Light { id, shader: Some(name), layer: None, params })
     }
+}
+
+/// The name of the light that a handle stands for after so many uses. In the scene interface a name that is used again
+/// replaces its light; in RIB the first light stays.
+fn light_id(handle: &Arc<str>, uses: usize) -> Arc<str> {
+    if uses < 2 { handle.clone() } else { format!("{handle} ({uses})").into() }
 }
 
 /// Without the ending of somebody's compiled shaders.

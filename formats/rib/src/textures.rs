@@ -63,6 +63,10 @@ impl Reader<'_> {
         let bound = exactly::<6>(&bound).ok().filter(|b| b.iter().all(|x| x.abs() < 1.0e30));
         let inherited = self.inherited();
         let command = match (kind, &args[..]) {
+            // Requests of this file are at hand: nothing would be saved by reading them later.
+            ("DelayedReadArchive" | "DelayedReadArchive2", [name, ..]) if self.archives.has(name) => {
+                return self.kept_archive(name);
+            }
             ("DelayedReadArchive" | "DelayedReadArchive2", [name, ..]) => {
                 let Some(path) = self.find_archive(name) else {
                     return Err(Fault::Mistake(format!("cannot find \"{name}\"")));

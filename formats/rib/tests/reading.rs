@@ -198,7 +198,11 @@ fn shaders_and_lights() {
     assert_eq!((&**usage, name.as_deref()), ("displacement", Some("dented")));
     assert!(matches!(&calls[2], Call::Shader { usage, .. } if &**usage == "volume"));
     let Call::Light { id, params, .. } = &calls[3] else { panic!() };
-    assert_eq!((&**id, params.float("falloff")), ("1", Some(2.0)), "a point light falls off with the square");
+    assert_eq!(
+        (&**id, params.float("falloff")),
+        ("1", None),
+        "the shader falls off with the square by itself"
+    );
     let Call::Light { id, params, .. } = &calls[4] else { panic!() };
     assert_eq!((&**id, params.0.len()), ("key", 0));
     assert!(matches!(&calls[5], Call::LightSwitch { id, on: false } if &**id == "1"));
@@ -598,8 +602,154 @@ fn creases_and_corners() {
     assert_eq!(floats(params.get("cornersharpnesses")), [3.0, 10.0]);
 }
 
+#[test]
+fn each_light_source_adds_a_light() {
+    let text = "LightSource \"ambientlight\" 1 \"intensity\" 1\nLightSource \"distantlight\" 1\nIlluminate 1 0\n\
+        AttributeBegin LightSource \"pointlight\" \"key\" LightSource \"spotlight\" \"key\" AttributeEnd";
+    let ids = |calls: &[Call]| -> Vec<String> {
+        let id = |call: &Call| match call {
+            Call::Light { id, .. } => Some(id.to_string()),
+            Call::LightSwitch { id, on } => Some(format!("{id} {on}")),
+            _ => None,
+        };
+        calls.iter().filter_map(id).collect()
+    };
+    assert_eq!(ids(&clean(text)), ["1", "1 (2)", "1 (2) false", "key", "key (2)"]);
+    // A frame begins with the lights in front of it, so that it does not depend on frames before.
+    let text = "LightSource \"ambientlight\" 1 FrameBegin 1 LightSource \"a\" 1 WorldBegin LightSource \"b\" 2 WorldEnd FrameEnd\n\
+        FrameBegin 2 WorldBegin LightSource \"b\" 1 LightSource \"b\" 2 WorldEnd FrameEnd";
+    let mut sink = Recorder { several: true, ..Recorder::default() };
+    let (_, said) = run(text.as_bytes(), &mut sink);
+    assert!(said.is_empty(), "{said:?}");
+    assert_eq!(ids(&sink.calls), ["1", "1 (2)", "2", "1", "1 (2)", "2"]);
+}
+
+#[test]
+fn parameters_of_other_renderers_warn() {
+    let text = "Attribute \"render\" \"casts_shadows\" [\"opaque\"] \"jitter\" 1\n\
+        Attribute \"identifier\" \"shadinggroup\" [\"a\"] \"name\" [\"ball\"] Attribute \"visibility\" \"camera\" [0]\n\
+        Attribute \"light\" \"nsamples\" 4";
+    let (calls, said) = world(text);
+    assert!(said.iter().all(|s| s.contains("warning")), "{said:?}");
+    assert_eq!(said.len(), 3, "{said:?}");
+    assert!(
+        said[0].contains("Attribute: parameter \"casts_shadows\" is not declared: it is left out"),
+        "{said:?}"
+    );
+    assert_eq!(attribute(&calls, "name").unwrap().data, ParamData::from("ball"));
+    assert_eq!(attribute(&calls, "geometryset").unwrap().data, ParamData::from("-camera"));
+    assert_eq!(attribute(&calls, "light:nsamples").unwrap().data, ParamData::from(4));
+    let mut sink = Recorder::default();
+    let text = b"Hider \"hidden\" \"jitter\" 1 \"depthfilter\" \"max\" \"uniform float extra\" 1\n\
+        Option \"radiosity\" \"steps\" 8 Option \"limits\" \"bucketsize\" [8 4]\n\
+        Display \"a.tif\" \"file\" \"rgba\" \"merge\" 0 Display \"+a.z\" \"zfile\" \"z\" WorldBegin WorldEnd";
+    let (result, said) = run(text, &mut sink);
+    assert!(result.is_ok() && said.iter().all(|s| s.contains("warning")), "{said:?}");
+    assert_eq!(said.len(), 4, "{said:?}");
+    assert_eq!(floats(attribute(&sink.calls, "limits:bucketsize").as_ref()), [8.0, 4.0]);
+    let filter = sink.calls.iter().rev().find_map(|c| match c {
+        Call::Output { params, .. } => params.string("filter").map(ToString::to_string),
+        _ => None,
+    });
+    assert_eq!(filter.as_deref(), Some("max"));
+    // Values that do not fit, and shaders, are as strict as before.
+    let (_, said) = world("Attribute \"visibility\" \"int camera\" [\"no\"]\nSurface \"a\" \"b\" 1");
+    assert!(said.len() == 2 && said.iter().all(|s| s.contains("error")), "{said:?}");
+}
+
+#[test]
+fn displays_of_variables() {
+    let mut sink = Recorder::default();
+    let text = b"Display \"a\" \"tiff\" \"N\" Display \"+b\" \"tiff\" \"Cs\" Display \"+c\" \"tiff\" \"s\" Display \"+d\" \"tiff\" \"Ci\"\n\
+        Display \"+e\" \"tiff\" \"varying normal N\" Display \"+f\" \"tiff\" \"varying float depth\" WorldBegin WorldEnd";
+    let (_, said) = run(text, &mut sink);
+    assert!(said.is_empty(), "{said:?}");
+    let data: Vec<&str> = sink
+        .calls
+        .iter()
+        .filter_map(|c| match c {
+            Call::Output { data, .. } => Some(&**data),
+            _ => None,
+        })
+        .collect();
+    let expected =
+        ["normal N", "color primitive:C", "float primitive:s", "color C", "normal N", "float depth"];
+    assert_eq!(data, expected);
+}
+
+#[test]
+fn archives_of_the_file_itself() {
+    let text = "ArchiveBegin \"ball\"\nSphere 1 -1 1 360\nColor 1 2\nArchiveBegin \"cone\" Cone 1 1 360 ArchiveEnd\nArchiveEnd\n\
+        Translate 1 0 0\nReadArchive \"ball\"\nReadArchive \"cone\" ReadArchive \"cone\"\n\
+        Procedural \"DelayedReadArchive\" [\"cone\"] [-1 1 -1 1 -1 1]";
+    let (calls, said) = world(text);
+    assert_eq!(names(&calls), "Translate Sphere Patch Patch Patch");
+    assert_eq!(said.len(), 1, "{said:?}");
+    assert!(said[0].starts_with("t.rib:4: error: Color: wants 3 numbers"), "{said:?}");
+    for (text, expected) in [
+        ("ArchiveEnd", "ArchiveEnd: without ArchiveBegin"),
+        ("ArchiveBegin \"a\" ReadArchive \"a\" ArchiveEnd ReadArchive \"a\"", "\"a\" would read itself"),
+    ] {
+        let (_, said) = world(text);
+        assert!(said.len() == 1 && said[0].contains(expected), "{said:?}");
+    }
+    let (_, said) =
+        run(b"WorldBegin WorldEnd\nArchiveBegin \"a\"\nSphere 1 -1 1 360", &mut Recorder::default());
+    assert_eq!(said, ["t.rib:2: error: ArchiveBegin without ArchiveEnd"]);
+    // Each doubles the one before: the number of requests has a limit.
+    let mut text = "ArchiveBegin \"a0\" Translate 1 0 0 ArchiveEnd\n".to_owned();
+    for k in 1..60 {
+        text += &format!("ArchiveBegin \"a{k}\" {0} {0} ArchiveEnd\n", format!("ReadArchive \"a{}\"", k - 1));
+    }
+    let (calls, said) = world(&format!("{text}ReadArchive \"a12\""));
+    assert_eq!((calls.len(), said.len()), (4096, 0));
+}
+
+#[test]
+fn heights_over_the_parameters() {
+    // A plane over the unit square, whatever the basis.
+    let z = |n: usize| (0..n).map(|i| i.to_string()).collect::<Vec<_>>().join(" ");
+    let calls =
+        clean(&format!("PatchMesh \"bilinear\" 3 \"nonperiodic\" 2 \"nonperiodic\" \"Pz\" [{}]", z(6)));
+    let p = floats(only(&calls).1.get("P"));
+    assert_eq!(p, [0.0, 0.0, 0.0, 0.5, 0.0, 1.0, 1.0, 0.0, 2.0, 0.0, 1.0, 3.0, 0.5, 1.0, 4.0, 1.0, 1.0, 5.0]);
+    let calls = clean(&format!("Patch \"bicubic\" \"Pz\" [{}]", z(16)));
+    let p = floats(only(&calls).1.get("P"));
+    assert!((p[3] - 1.0 / 3.0).abs() < 1e-6 && (p[13] - 1.0 / 3.0).abs() < 1e-6, "{p:?}");
+    let mesh =
+        "Basis \"b-spline\" 1 \"b-spline\" 1 PatchMesh \"bicubic\" 5 \"nonperiodic\" 4 \"nonperiodic\"";
+    let calls = clean(&format!("{mesh} \"Pz\" [{}]", z(20)));
+    let p = floats(only(&calls).1.get("P"));
+    let x: Vec<f32> = p.chunks(3).take(5).map(|p| p[0]).collect();
+    assert!(x.iter().zip([-0.5, 0.0, 0.5, 1.0, 1.5]).all(|(a, b)| (a - b).abs() < 1e-6), "{x:?}");
+    let (_, said) = world(&format!("{mesh} \"Pz\" [1 2 3]"));
+    assert!(said[0].contains("3 heights where 5 x 4 are needed"), "{said:?}");
+}
+
+#[test]
+fn quadrics_that_open_keep_their_vertices() {
+    for (a, b) in [
+        ("Cylinder 1 -1 1 90", "Cylinder 1 -1 1 360"),
+        ("Torus 2 1 0 90 30", "Torus 2 1 0 360 360"),
+        ("Sphere 1 -1 1 360", "Sphere 1 -.5 0 90"),
+        ("Sphere 0 0 0 360", "Sphere 2 -2 2 360"),
+        ("Disk 0 1 0", "Disk 0 1 360"),
+    ] {
+        let calls = clean(&format!("MotionBegin [0 1] {a} {b} MotionEnd"));
+        assert_eq!(names(&calls), "Motion Patch Patch", "{a}");
+        let [Call::Shape { shape: s, params: p }, Call::Shape { shape: t, params: q }] = &calls[1..] else {
+            panic!()
+        };
+        assert_eq!(s, t, "{a}: the same knots");
+        assert_eq!(floats(p.get("Pw")).len(), floats(q.get("Pw")).len());
+    }
+}
+
 /// Requests and pieces of them.
-const PIECES: [&str; 34] = [
+const PIECES: [&str; 37] = [
+    "ArchiveBegin \"a\"",
+    "ArchiveEnd",
+    "ReadArchive \"a\"",
     "WorldBegin",
     "WorldEnd",
     "FrameBegin 1",

@@ -35,6 +35,20 @@ impl CurveBasis {
         [Self::Linear, Self::Bezier, Self::BSpline, Self::CatmullRom].into_iter().find(|b| b.word() == word)
     }
 
+    /// The bases along u and v of a patch: two names with a comma between them, or one for both (reference 2.8.1).
+    ///
+    /// # Errors
+    /// The name that is of no basis.
+    pub fn pair_from_words(words: &str) -> Result<(Self, Self), &str> {
+        let (u, v) = words.split_once(',').unwrap_or((words, words));
+        let basis = |word: &'_ str| Self::from_word(word.trim());
+        match (basis(u), basis(v)) {
+            (Some(u), Some(v)) => Ok((u, v)),
+            (None, _) => Err(u.trim()),
+            (_, None) => Err(v.trim()),
+        }
+    }
+
     /// Whether `n` control vertices suit this basis.
     pub fn accepts(self, n: usize) -> bool {
         match self {

@@ -298,6 +298,18 @@ pub trait Format: Send + Sync {
         }
     }
 
+    /// Whether its integers are always from 0 to the largest of their type, with a dither of 0.5: "quantize" then only says
+    /// how many bits there are, and "dither" nothing (reference 7.4.6).
+    fn has_fixed_levels(&self) -> bool {
+        false
+    }
+
+    /// What a file of this name does not keep of an image with so many channels, in words, where that would surprise.
+    fn leaves_out(&self, path: &Path, channels: usize) -> Option<String> {
+        let _ = (path, channels);
+        None
+    }
+
     /// Whether it wants a rendered output's values as computed, with "gain", "gamma", "quantize" and "dither" among the
     /// attributes, and applies these itself (reference 13.3.2).
     fn quantizes(&self) -> bool {
@@ -327,6 +339,8 @@ pub trait FormatFinder: Send + Sync {
 #[derive(Clone, Default)]
 pub struct FormatRegistry {
     formats: Vec<Arc<dyn Format>>,
+    /// Names that stand for one of the formats; they have no files of their own.
+    names: Vec<Arc<dyn Format>>,
     limits: Limits,
     finder: Option<Arc<dyn FormatFinder>>,
 }
@@ -340,13 +354,19 @@ impl std::fmt::Debug for FormatRegistry {
 impl FormatRegistry {
     /// No formats.
     pub fn new(limits: Limits) -> Self {
-        Self { formats: Vec::new(), limits, finder: None }
+        Self { formats: Vec::new(), names: Vec::new(), limits, finder: None }
     }
 
     /// Adds a format; of two with one name the later counts.
     pub fn register(&mut self, format: Arc<dyn Format>) {
         self.formats.retain(|f| f.name() != format.name());
         self.formats.push(format);
+    }
+
+    /// Adds a name that stands for other formats: it is found by [`FormatRegistry::by_name`], and is not one of
+    /// [`FormatRegistry::formats`].
+    pub fn register_name(&mut self, name: Arc<dyn Format>) {
+        self.names.push(name);
     }
 
     /// Looks for formats that are asked for with `finder` as well; clones that are made later do so too.
@@ -363,6 +383,7 @@ impl FormatRegistry {
                 .iter()
                 .find(|f| same(f.name()) || f.aliases().iter().any(|a| same(a)))
                 .or_else(|| self.formats.iter().find(|f| f.extensions().iter().any(|e| same(e))))
+                .or_else(|| self.names.iter().find(|f| same(f.name())))
                 .cloned()
         };
         finder

@@ -76,12 +76,21 @@ impl Quantize {
 
     /// As [`Quantize::from_params`], changed to what `format` stores: the pair is what to apply to the
     /// pixels and what to put in the spec. A format without 16 bits gets 8, one that stores only
-    /// floats ("OpenEXR", "shadow") ignores `quantize` and `dither`.
+    /// floats ("OpenEXR", "shadow") ignores `quantize` and `dither`. Where it would store halves, the parameter
+    /// `pixeltype` may ask for "float".
     pub fn for_output(format: &dyn Format, params: &Params) -> (Self, PixelType) {
         let mut q = Self::from_params(params);
         let wanted = q.pixel_type();
-        let stored = format.output_type(wanted);
-        if stored != wanted {
+        let asked = params.string("pixeltype").is_some_and(|t| &**t == "float");
+        let stored = match format.output_type(wanted) {
+            PixelType::Half if asked && format.supports("float") => PixelType::Float,
+            stored => stored,
+        };
+        let fixed = format.has_fixed_levels() && matches!(stored, PixelType::U8 | PixelType::U16);
+        if fixed {
+            q.dither = Self::default().dither;
+        }
+        if fixed || stored != wanted {
             (q.zero, q.one, q.min, q.max) = match stored {
                 PixelType::U8 => (0, 255, 0, 255),
                 PixelType::U16 => (0, 65535, 0, 65535),

@@ -29,7 +29,7 @@ mod shadeop;
 
 pub use errors::{ErrorManager, Messages};
 pub use ffi::Errors;
-pub use interface::{GeneratorObject, Interface, InterfaceHost, InterfaceObject, Meanwhile};
+pub use interface::{Archiving, GeneratorObject, Interface, InterfaceHost, InterfaceObject, Meanwhile};
 pub use plugins::{Plugins, ProgramImages};
 pub use rules::PluginRules;
 pub use shadeop::noise;
@@ -51,6 +51,7 @@ pub fn bundled_formats(limits: Limits) -> FormatRegistry {
     for format in granita_raster::formats() {
         registry.register(format);
     }
+    registry.register_name(Arc::new(granita_raster::DevilFormat));
     // Its pictures are in the formats above.
     registry.register(Arc::new(granita_mesh::GltfPictures::new(registry.clone())));
     registry.register(Arc::new(granita_display::IvFormat::default()));

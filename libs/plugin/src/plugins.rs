@@ -136,7 +136,7 @@ impl Plugins {
     /// Tells about a file, if that is wanted.
     pub(crate) fn tell(&self, file: &Path, what: &str) {
         if self.0.debug.load(Ordering::Relaxed) {
-            let text = format!("dso: {}: {what}", file.display());
+            let text = format!("dso: {}: {what}\n", file.display());
             self.0.reporter.say(Severity::Message, &Location::default(), text);
         }
     }

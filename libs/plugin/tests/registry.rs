@@ -206,3 +206,35 @@ fn files_do_not_depend_on_the_number_of_threads() {
         }
     }
 }
+
+/// OpenEXR stores halves unless floats are asked for; IFF knows no quantization but its own (reference 7.4.4, 7.4.6).
+#[test]
+fn formats_have_their_own_ideas_of_numbers() {
+    use granita_image::{PixelType, Quantize};
+    let registry = granita_plugin::bundled_formats(granita_image::Limits::default());
+    let of = |format: &str, params: &[granita_base::Param]| {
+        let params = granita_base::Params(params.to_vec());
+        Quantize::for_output(&*registry.by_name(format).unwrap(), &params)
+    };
+    let param = |declaration: &str, data: granita_base::ParamData| {
+        granita_base::Param::declared(declaration, data).unwrap()
+    };
+    let float = param("string pixeltype", "float".into());
+    let half = param("string pixeltype", "half".into());
+    let levels = |v: &[i32]| param("int[4] quantize", v.into());
+    assert_eq!(of("OpenEXR", &[]).1, PixelType::Half);
+    assert_eq!(of("OpenEXR", &[levels(&[0, 65535, 0, 65535])]).1, PixelType::Half, "quantize is ignored");
+    assert_eq!(of("OpenEXR", &[half]).1, PixelType::Half);
+    assert_eq!(of("OpenEXR", &[float.clone()]).1, PixelType::Float);
+    assert_eq!(of("exr", &[float.clone(), levels(&[0, 255, 0, 255])]).1, PixelType::Float);
+    assert_eq!(of("tiff", &[float]).1, PixelType::U8, "quantize says what TIFF stores");
+    let odd = [levels(&[10, 100, 10, 200]), param("float dither", 0.0.into())];
+    let (q, stored) = of("iff", &odd);
+    assert_eq!((q.zero, q.one, q.min, q.max, q.dither, stored), (0, 255, 0, 255, 0.5, PixelType::U8));
+    let (q, stored) = of("iff", &[levels(&[0, 4095, 0, 4095])]);
+    assert_eq!((q.one, q.max, stored), (65535, 65535, PixelType::U16));
+    let (q, _) = of("tiff", &odd);
+    assert_eq!((q.zero, q.one, q.dither), (10, 100, 0.0));
+    assert_eq!(of("DevIL", &[levels(&[0, 65535, 0, 65535])]).1, PixelType::U8);
+    assert!(registry.formats().iter().all(|f| f.name() != "DevIL"), "a name, not a format");
+}

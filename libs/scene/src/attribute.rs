@@ -172,7 +172,11 @@ pub const TABLE: &[AttributeRow] = &[
     camera((FLOAT, "fov"), Floats(&[90.0]), "vertical field of view of a perspective camera, in degrees"),
     camera((FLOAT4, "screen"), Unset, "xmin xmax ymin ymax of the part of the plane z = 1 that is the image"),
     camera((INT2, "resolution"), Ints(&[640, 480]), "width and height of the full image in pixels"),
-    camera((FLOAT, "pixelaspect"), Floats(&[1.0]), "width of a pixel over its height"),
+    camera(
+        (FLOAT, "pixelaspect"),
+        Floats(&[1.0]),
+        "width of a pixel over its height, for the readers of files",
+    ),
     camera(
         (FLOAT4, "crop"),
         Floats(&[0.0, 1.0, 0.0, 1.0]),
@@ -195,7 +199,11 @@ pub const TABLE: &[AttributeRow] = &[
         &["horizontal", "vertical", "spiral"],
         "order in which buckets are made: \"horizontal\", \"vertical\" or \"spiral\"; images of more than 256 MiB come from the top",
     ),
-    camera((INT, "limits:bucketblocksize"), Ints(&[2]), "buckets per side of a cluster").hint(),
+    camera(
+        (INT, "limits:bucketblocksize"),
+        Ints(&[2]),
+        "buckets along each side of the clusters that are done one after the other",
+    ),
     camera((INT, "limits:autopassreduction"), Ints(&[1]), "take fewer samples where nothing blurs"),
     camera((FLOAT, "preview"), Floats(&[0.0]), "shading quality of preview mode; 0 is no preview"),
     camera((INT2, "preview:spatialquality"), Ints(&[1, 1]), "spatialquality in preview mode"),
@@ -256,6 +264,7 @@ pub const TABLE: &[AttributeRow] = &[
         "integers of 0 and of 1, and their limits; all 0: floats",
     ),
     output((FLOAT, "dither"), Floats(&[0.5]), "amplitude of the noise added before rounding"),
+    choice(Output, "4.2", "pixeltype", &["half", "float"], "numbers in formats of halves (OpenEXR)"),
     output((STRING, "stereo:left"), Text(""), "file name of the left view"),
     output((STRING, "stereo:right"), Text(""), "file name of the right view"),
     output((INT, "zchannels"), Ints(&[3]), "depths per pixel of a volume shadow, 2 or more"),
@@ -288,7 +297,7 @@ pub const TABLE: &[AttributeRow] = &[
         "4.3.2",
         (FLOAT, "units:timescale"),
         Floats(&[1.0]),
-        "how many time units are one second or frame",
+        "seconds or frames in one unit of the times of Motion and shutter",
     ),
     row(Global, "4.3.3", (INT, "rerender"), Ints(&[0]), "allow changes and further calls of Render"),
     row(
@@ -332,7 +341,7 @@ pub const TABLE: &[AttributeRow] = &[
         "4.3.4",
         (INT, "limits:trimcurvememory"),
         Ints(&[10240]),
-        "size of the trim curve cache in KB",
+        "size of the trim curve cache in KB; there is none: the curves of a patch become polygons once, when it is built",
     )
     .hint(),
     row(
@@ -361,7 +370,7 @@ pub const TABLE: &[AttributeRow] = &[
         "4.3.4",
         (INT, "limits:transparentgrids"),
         Ints(&[32]),
-        "layers of transparent grids done at once",
+        "layers of transparent grids done at once; there are no batches: each sample keeps what lies before it",
     )
     .hint(),
     row(
@@ -446,6 +455,7 @@ pub const TABLE: &[AttributeRow] = &[
     row(Global, "4.3.7", (INT, "debug:dso"), Ints(&[0]), "tell about every plugin looked at"),
     row(Global, "4.3.7", (STRING, "debug:filesread"), Text(""), "file for the names of all files read"),
     row(Global, "4.3.7", (INT, "debug:shadernan"), Ints(&[0]), "look for NaN in running shaders"),
+    row(Global, "5.8.6", (INT, "random:seed"), Ints(&[0]), "seed of random () and randomgrid () in shaders"),
     row(Global, "4.3.7", (STRING, "griddump:filename"), Text(""), "file for all shaded grids, as Pyg"),
     row(Global, "4.3.7", (INT, "griddump:binary"), Ints(&[0]), "write the grids as binary Pyg"),
     row(Global, "4.3.8", (STRING, "texture:substtexture"), Text(""), "texture that stands for all textures"),
@@ -463,7 +473,13 @@ pub const TABLE: &[AttributeRow] = &[
     row(Global, "4.3.9", (STRING, "spatialdb:writeonly"), Unset, "spatial databases written and never asked"),
     row(ReadOnly, "4.3.10", (STRING, "renderer:name"), Text("Granita"), "name of the renderer"),
     row(ReadOnly, "4.3.10", (INT4, "renderer:version"), Unset, "major, minor, release and patch number"),
-    row(ReadOnly, "4.3.10", (STRING, "renderer:versionstring"), Unset, "the version in words"),
+    row(
+        ReadOnly,
+        "4.3.10",
+        (STRING, "renderer:versionstring"),
+        Unset,
+        "the four numbers of the version, as \"2.1.0.0\"",
+    ),
     row(
         ReadOnly,
         "4.3.10",
@@ -542,7 +558,7 @@ pub const TABLE: &[AttributeRow] = &[
         Floats(&[1.0]),
         "how much coarser moving objects are diced",
     ),
-    row(Object, "4.4.5", (INT, "dice:keepcreases"), Ints(&[0]), "split at every crease"),
+    row(Object, "4.4.5", (INT, "dice:keepcreases"), Ints(&[0]), "split curves at every crease; patches and meshes always are, since each of their segments is diced by itself"),
     row(
         Object,
         "4.4.5",
@@ -722,7 +738,7 @@ pub(crate) fn lookup(set: Option<&Param>, name: &str) -> Option<Param> {
     set.cloned().or_else(|| attribute_default(name))
 }
 
-/// The candidate most like `word`, if one is near enough to be what was meant.
+/// The candidate most like `word`, if one is near enough to be what was meant; never the word itself.
 ///
 /// Near means: at most a third of the letters (at least one, at most three) inserted, removed, replaced or
 /// exchanged with their neighbour; case does not count. Of equals the first wins.
@@ -734,6 +750,7 @@ pub fn suggestion<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>)
     let allowed = (word.chars().count() / 3).clamp(1, 3);
     candidates
         .into_iter()
+        .filter(|c| *c != word)
         .map(|c| (edit_distance(word, c), c))
         .filter(|(d, _)| *d <= allowed)
         .min_by_key(|(d, _)| *d)
@@ -802,6 +819,8 @@ mod tests {
         assert_eq!(suggestion("FOV", names()), Some("fov"));
         assert_eq!(suggestion("opacty", names()), Some("opacity"));
         assert_eq!(suggestion("quite different", names()), None);
+        // A word is no hint for itself: it was not found for another reason.
+        assert_eq!(suggestion("world", ["word", "world"]), Some("word"));
         assert_eq!(suggestion("", ["a"]), Some("a"));
         assert_eq!(suggestion(&"x".repeat(10_000), names()), None);
     }

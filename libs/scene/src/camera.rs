@@ -3,11 +3,10 @@
 use crate::Camera;
 use granita_base::Transform;
 
-/// The "screen" window of a frame of so many pixels whose shape nobody chose: y from -1 to 1, x as the shape of the
-/// picture asks (reference 4.1; with pixels that are not square their own shape counts, so that circles stay round).
-pub(crate) fn default_window(resolution: [f32; 2], pixelaspect: f32) -> [f32; 4] {
-    let pixel = if pixelaspect > 0.0 && pixelaspect.is_finite() { pixelaspect } else { 1.0 };
-    let aspect = resolution[0].max(1.0) / resolution[1].max(1.0) * pixel;
+/// The "screen" window of a frame of so many pixels, where "screen" is not set: y from -1 to 1, x by the number of pixels
+/// across and down (reference 4.1). "pixelaspect" does not count.
+pub(crate) fn default_window(resolution: [f32; 2]) -> [f32; 4] {
+    let aspect = resolution[0].max(1.0) / resolution[1].max(1.0);
     [-aspect, aspect, -1.0, 1.0]
 }
 
@@ -27,7 +26,7 @@ impl Camera {
             return [*a, *b, *c, *d];
         }
         let [x, y] = self.resolution();
-        default_window([x as f32, y as f32], self.params.float("pixelaspect").unwrap_or(1.0))
+        default_window([x as f32, y as f32])
     }
 
     /// "camera" to "screen" space: projected, z running from 0 at "near" to 1 at "far".

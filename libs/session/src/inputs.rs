@@ -4,7 +4,7 @@ use crate::{SessionOptions, commands};
 use granita_base::process::Process;
 use granita_base::{Files, Location, Reporter, SearchPath, Severity, Supervisor};
 use granita_plugin::Plugins;
-use granita_pyg::{PygError, PygOptions, PygSource};
+use granita_pyg::{PygError, PygOptions, PygSource, Scripts};
 use granita_scene::{
     FoundInput, Generator, GeneratorError, GeneratorRegistry, GeneratorSource, InputPaths, SceneSink, Stop,
 };
@@ -73,6 +73,7 @@ pub struct Input {
     identity: Arc<str>,
     kind: Kind,
     inputs: Inputs,
+    scripts: Option<Scripts>,
 }
 
 /// Who reads it.
@@ -224,9 +225,20 @@ impl Inputs {
             safe: self.options.safe,
             files: self.files().clone(),
             supervisor: self.options.supervisor.clone(),
-            environment: self.options.program_environment.iter().cloned().collect(),
+            environment: self.script_environment().into_iter().collect(),
             ..PygOptions::default()
         }
+    }
+
+    /// What scripts find in their environment: also the program that `CreateRenderer` starts, which is this one where
+    /// "GELATO" names no other.
+    fn script_environment(&self) -> Vec<(String, String)> {
+        let mut environment = self.options.program_environment.clone();
+        let own = self.options.own_tools.as_ref().filter(|own| own.names.iter().any(|name| name == "gelato"));
+        if let (Some(own), None) = (own, self.options.environment.get("GELATO")) {
+            environment.push(("GELATO".to_owned(), own.program.to_string_lossy().into_owned()));
+        }
+        environment
     }
 
     /// What opens files.
@@ -235,7 +247,7 @@ impl Inputs {
     }
 
     fn input(&self, identity: &str, kind: Kind) -> Input {
-        Input { identity: identity.into(), kind, inputs: self.clone() }
+        Input { identity: identity.into(), kind, inputs: self.clone(), scripts: None }
     }
 
     fn program(&self, command: &str, line: String) -> Result<From, InputError> {
@@ -275,6 +287,11 @@ impl Input {
         &self.identity
     }
 
+    /// The same as a part of a scene whose parts share what their scripts define.
+    pub(crate) fn sharing(self, scripts: Scripts) -> Self {
+        Self { scripts: Some(scripts), ..self }
+    }
+
     /// Whether it may hold a whole scene, rather than objects for one.
     pub fn makes_frames(&self) -> bool {
         match &self.kind {
@@ -296,7 +313,7 @@ impl Input {
     /// # Errors
     /// [`InputError::Io`], [`InputError::Malformed`], [`InputError::Unsupported`], [`InputError::Stopped`].
     pub fn read(self, sink: &mut dyn SceneSink) -> Result<(), InputError> {
-        let Self { kind, inputs, .. } = self;
+        let Self { kind, inputs, scripts, .. } = self;
         let reporter = &inputs.reporter;
         let (from, generator) = match kind {
             Kind::Pyg(from) => (from, None),
@@ -306,7 +323,8 @@ impl Input {
         reporter.info(doing.clone());
         let _activity = inputs.options.supervisor.begin(doing);
         let Some(generator) = generator else {
-            return granita_pyg::read(from.pyg(&inputs.options)?, sink, &inputs.pyg_options(), reporter)
+            let options = PygOptions { scripts, ..inputs.pyg_options() };
+            return granita_pyg::read(from.pyg(&inputs.options)?, sink, &options, reporter)
                 .map_err(pyg_error);
         };
         if let From::File(path) = &from {

@@ -6,8 +6,8 @@ use crate::{FrameRecord, Input, InputError, Inputs, SessionError, SessionOptions
 use granita_base::{Files, Location, Reporter, Severity};
 use granita_plugin::Plugins;
 use granita_pyg::PygError;
-use granita_pyg::PygSource;
-use granita_render::{Progress, Silent};
+use granita_pyg::{PygOptions, PygSource, Scripts};
+use granita_render::{Priority, Progress, Silent};
 use granita_scene::{Call, InputPaths, SceneSink, State, Stop};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -60,9 +60,12 @@ pub struct Session {
     inputs: Inputs,
     plugins: Plugins,
     stop: Arc<AtomicBool>,
+    priority: Arc<Priority>,
     /// A file that holds objects for a scene, and was read as if it were one.
     objects: Option<String>,
     finished: Finished,
+    /// What the scripts of its scenes have defined.
+    scripts: Scripts,
 }
 
 impl std::fmt::Debug for Session {
@@ -107,10 +110,15 @@ impl Session {
         let finished = Finished::default();
         let renderer =
             SessionRenderer::new(options.clone(), reporter.clone(), progress.0, finished.clone(), master);
-        let (inputs, plugins, stop) = (renderer.inputs(), renderer.plugins(), renderer.stop());
+        let (inputs, plugins) = (renderer.inputs(), renderer.plugins());
+        let (stop, priority) = (renderer.stop(), renderer.priority());
         let state = State::new(Box::new(renderer), reporter.clone());
-        let mut session = Self { state, reporter, options, inputs, plugins, stop, objects: None, finished };
+        let scripts = Scripts::default();
+        let mut session =
+            Self { state, reporter, options, inputs, plugins, stop, priority, objects: None, finished, scripts };
         session.read_startup_files();
+        // Startup files are not a part of the scene.
+        session.scripts = Scripts::default();
         if session.options.safe {
             safe::add_search_paths(&session.options, &session.state);
         }
@@ -135,7 +143,8 @@ impl Session {
     }
 
     /// Reads the scene `name`: "-" is standard input, handed in by [`Session::read_stream`]; otherwise a file, or
-    /// what `Input` would find under that name.
+    /// what `Input` would find under that name. Scenes read one after the other count as one that contains them all
+    /// (reference 6.1): what their scripts define goes on.
     ///
     /// Mistakes inside of the scene are reported and are no errors.
     ///
@@ -157,7 +166,7 @@ impl Session {
     /// # Errors
     /// As [`Session::read_file`].
     pub fn read_stream(&mut self, name: &str, stream: Box<dyn Read + Send>) -> Result<(), SessionError> {
-        let options = self.inputs.pyg_options();
+        let options = PygOptions { scripts: Some(self.scripts.clone()), ..self.inputs.pyg_options() };
         let source = PygSource::Stream { name: name.into(), stream };
         let reporter = self.reporter.clone();
         let read = |state: &mut State| granita_pyg::read(source, state, &options, &reporter);
@@ -246,6 +255,11 @@ impl Session {
         self.stop.clone()
     }
 
+    /// What comes first of the frame that is being rendered.
+    pub(crate) fn priority(&self) -> Arc<Priority> {
+        self.priority.clone()
+    }
+
     fn file(&self, path: &Path) -> Result<Input, InputError> {
         let (input, generator) = (self.path("path:input"), self.path("path:generator"));
         self.inputs.file(path, InputPaths { input: &input, generator: &generator })
@@ -261,7 +275,7 @@ impl Session {
     }
 
     fn read(&mut self, found: Result<Input, InputError>, name: &str) -> Result<(), SessionError> {
-        let input = found.map_err(failed)?;
+        let input = found.map_err(failed)?.sharing(self.scripts.clone());
         if !input.makes_frames() {
             self.objects = Some(name.to_owned());
         }

@@ -59,6 +59,36 @@ fn a_scene_becomes_a_file() {
 }
 
 #[test]
+fn a_named_camera_is_rendered_alone_if_it_has_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let text = |named: &str| {
+        let output = |name: &str, camera: &str, more: &str| {
+            format!("Output (\"{}\", \"tiff\", \"rgba\", \"{camera}\"{more})\n", file(name).display())
+        };
+        let cameras = ["a", "b", "bare", "lamp"].map(|name| format!("Camera (\"{name}\")\n")).concat();
+        let outputs = output("a.tif", "a", "") + &output("b.tif", "b", "");
+        let lamp = output("lamp.tif", "lamp", ", \"int dynamic\", 1");
+        format!(
+            "Attribute (\"int[2] resolution\", (8, 8))\n{cameras}{outputs}{lamp}World ()\nTranslate (0, 0, 3)\n\
+             Sphere (1, -1, 1, 360)\nRender ({named})\n"
+        )
+    };
+    let (a, b) = (file("a.tif"), file("b.tif"));
+    for (named, wanted) in [
+        ("\"b\"", vec![b.clone()]),
+        ("\"a\"", vec![a.clone()]),
+        // Exporters name their main camera in passes in which it has no image, or none that is a file.
+        ("\"bare\"", vec![a.clone(), b.clone()]),
+        ("\"lamp\"", vec![a.clone(), b.clone()]),
+        ("", vec![a, b]),
+    ] {
+        let (outcome, said) = run(&text(named), options());
+        assert_eq!(outcome.images, wanted, "Render ({named}): {said:?}");
+    }
+}
+
+#[test]
 fn extra_outputs_and_crops() {
     let folder = tempfile::tempdir().unwrap();
     let (text, image) = scene(folder.path());
@@ -235,4 +265,31 @@ Command ("never reached")
     assert!(folder.path().join("made").is_dir() && !folder.path().join("touched").exists());
     let (_, said) = run("Command (\"mkdirr\")", options());
     assert!(said[0].contains("unknown command \"mkdirr\"; did you mean \"mkdir\"?"), "{said:?}");
+}
+
+/// The files of a command line count as one that contains them all; each `Input` is a scene of its own (reference 6.1).
+#[test]
+fn files_share_the_variables_of_their_scripts() {
+    if !std::process::Command::new("python3").arg("--version").output().is_ok_and(|o| o.status.success()) {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let (text, image) = scene(folder.path());
+    let inner = file("inner.pyg", "Attribute (\"color C\", (v, v, v))\n");
+    let settings = file("settings.pyg", &format!("v = 0.5\ninner = '{inner}'\n"));
+    let text = text.replace("(0.25, 0.5, 1)", "(v / 2, v, v * 2)");
+    let main = file("main.pyg", &text.replace("Sphere", "Input (inner)\nSphere"));
+    let (reporter, kept) = Reporter::collecting();
+    let mut session = Session::new(options(), reporter, Default::default());
+    session.read_file(&settings).unwrap();
+    session.read_file(&main).unwrap();
+    assert!(session.finish().rendered);
+    assert_eq!(middle(&image), (32, 24, vec![0.25, 0.5, 1.0, 1.0]));
+    let said: Vec<String> = kept.lock().unwrap().iter().map(ToString::to_string).collect();
+    assert!(said.len() == 1 && said[0].contains("inner.pyg:1: error: NameError"), "{said:?}");
 }

@@ -76,7 +76,7 @@ impl TextureCache {
         self.find_for(name, Use::Shadow)
     }
 
-    /// The texture of this name, or the substitute for this use. `None`, after one warning, when there is
+    /// The texture of this name, or the substitute for this use. `None`, after one error, when there is
     /// no such file or it cannot be used; a shader then gets `fill` in all channels and alpha 0 of a
     /// texture or environment, and no shadow.
     pub fn find_for(&self, name: &str, usage: Use) -> Option<TextureId> {
@@ -140,9 +140,10 @@ impl TextureCache {
     }
 
     /// Data about a texture file (reference table 5.5): "resolution", "type", "textureformat", "channels",
-    /// "viewingmatrix", "projectionmatrix". `None` when there is no such file or datum.
+    /// "viewingmatrix", "projectionmatrix". `None` when there is no such file (after one warning: it may be the question) or
+    /// datum.
     pub fn info(&self, name: &str, what: &str) -> Option<Param> {
-        let file = self.file(self.find(name)?);
+        let file = self.file(self.shared.find_to_ask(name).map(TextureId)?);
         let matrix = |m: &Option<Transform>| m.map(|m| ParamData::from(&m.to_rows()[..]));
         let (ty, data) = match what {
             "resolution" => {
@@ -150,8 +151,8 @@ impl TextureCache {
                 let size = [level.width as f32, level.height as f32];
                 (ParamType::array(BaseType::Float, 2), ParamData::from(&size[..]))
             }
-            "type" => (ParamType::of(BaseType::String), file.kind.type_word().into()),
-            "textureformat" => (ParamType::of(BaseType::String), file.kind.word().into()),
+            "type" => (ParamType::of(BaseType::String), file.told_kind().type_word().into()),
+            "textureformat" => (ParamType::of(BaseType::String), file.told_kind().word().into()),
             "channels" => (ParamType::of(BaseType::Float), (file.channels as f32).into()),
             "viewingmatrix" => (ParamType::of(BaseType::Matrix), matrix(&file.world_to_camera)?),
             "projectionmatrix" => (ParamType::of(BaseType::Matrix), matrix(&file.world_to_screen)?),

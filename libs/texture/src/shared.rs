@@ -9,7 +9,7 @@ use crate::{CacheOptions, TextureId};
 use granita_base::{Location, Reporter, SearchPath, Severity};
 use granita_image::{FormatRegistry, ImageError, ImageInput, Pixels};
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BTreeMap, BinaryHeap};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering, fence};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
@@ -30,6 +30,10 @@ pub(crate) struct Shared {
     waiting: AtomicUsize,
     /// Counts reads, to know which handle was used last.
     clock: AtomicU64,
+    /// Files that cannot be used and that no lookup has needed so far, with the reason.
+    unusable: Mutex<BTreeMap<String, String>>,
+    /// The number of these.
+    untold: AtomicUsize,
 }
 
 /// Files that are open.
@@ -131,6 +135,8 @@ impl Shared {
             opened: Condvar::new(),
             waiting: AtomicUsize::new(0),
             clock: AtomicU64::new(1),
+            unusable: Mutex::default(),
+            untold: AtomicUsize::new(0),
         }
     }
 
@@ -213,8 +219,35 @@ impl Shared {
         idle
     }
 
-    /// Index of the file of this name; one warning when it cannot be used.
+    /// Index of the file of this name, whose texels are needed; one error when it cannot be used.
     pub(crate) fn find(&self, name: &str) -> Option<u32> {
+        let index = self.look_for(name);
+        if index.is_none()
+            && self.untold.load(Ordering::Relaxed) > 0
+            && let Some(text) = self.unusable().remove(name)
+        {
+            self.untold.fetch_sub(1, Ordering::Relaxed);
+            self.reporter.say(Severity::Error, &Location::default(), text);
+        }
+        index
+    }
+
+    /// The same for a question about the file, which may be whether there is one: one warning.
+    pub(crate) fn find_to_ask(&self, name: &str) -> Option<u32> {
+        let index = self.look_for(name);
+        if index.is_none()
+            && let Some(text) = self.unusable().get(name)
+        {
+            self.reporter.once(text, Severity::Warning, &Location::default(), text.clone());
+        }
+        index
+    }
+
+    fn unusable(&self) -> MutexGuard<'_, BTreeMap<String, String>> {
+        self.unusable.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn look_for(&self, name: &str) -> Option<u32> {
         let mut leave = None;
         let index = self.files.find(name, |index| {
             leave = Some(self.leave());
@@ -241,9 +274,10 @@ impl Shared {
     }
 
     fn open_new(&self, index: u32, name: &str) -> Option<TextureFile> {
-        let refuse = |severity, text: String| {
+        let refuse = |text: String| {
             add(&self.counters.missing, 1);
-            self.reporter.say(severity, &Location::default(), text);
+            self.unusable().insert(name.to_owned(), text);
+            self.untold.fetch_add(1, Ordering::Relaxed);
             None
         };
         // One image of a file that holds several: `file#2`.
@@ -256,22 +290,22 @@ impl Shared {
             let folders: Vec<String> =
                 self.search.folders().iter().map(|f| f.display().to_string()).collect();
             let text = format!("texture \"{name}\" not found (searched {})", folders.join(":"));
-            return refuse(Severity::Warning, text);
+            return refuse(text);
         };
         let input = match self.retried(|| self.registry.open(&path)) {
             Ok(input) => input,
-            Err(error) => return refuse(Severity::Warning, format!("texture \"{name}\": {error}")),
+            Err(error) => return refuse(format!("texture \"{name}\": {error}")),
         };
         add(&self.counters.files_opened, 1);
         self.reporter.file_read(&read);
         let (file, lack) = match TextureFile::open(index, path, input) {
             Ok(opened) => opened,
-            Err(what) => return refuse(Severity::Warning, format!("texture \"{name}\": {what}")),
+            Err(what) => return refuse(format!("texture \"{name}\": {what}")),
         };
         if let Some(lack) = lack.filter(|_| !self.options.automipmap) {
             let what = lack.words();
             let text = format!("texture \"{name}\" {what} and is not used (texture:automipmap is 0)");
-            return refuse(Severity::Error, text);
+            return refuse(text);
         }
         add(&self.counters.files, 1);
         Some(file)

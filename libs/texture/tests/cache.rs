@@ -313,3 +313,22 @@ fn files_that_the_system_refuses_are_opened_later() {
         assert!(folder.texts().is_empty(), "{most}: {:?}", folder.texts());
     }
 }
+
+/// A texture that a lookup needs and cannot have is an error, once; a question about it is none.
+#[test]
+fn what_is_missing_is_an_error_and_what_is_asked_for_is_not() {
+    let folder = Folder::new();
+    let cache = folder.cache(CacheOptions::default());
+    for _ in 0..3 {
+        assert!(cache.info("nosuch.tx", "resolution").is_none());
+        assert!(cache.info("asked.tx", "type").is_none());
+    }
+    assert_eq!((folder.texts().len(), folder.reporter.errors()), (2, 0), "{:?}", folder.texts());
+    assert!(folder.texts()[0].contains("warning: texture \"nosuch.tx\" not found"), "{:?}", folder.texts());
+    for _ in 0..3 {
+        assert!(cache.find("nosuch.tx").is_none() && cache.find("other.tx").is_none());
+        assert!(cache.info("other.tx", "type").is_none());
+    }
+    assert_eq!((folder.texts().len(), folder.reporter.errors()), (4, 2), "{:?}", folder.texts());
+    assert!(folder.texts()[2].contains("error: texture \"nosuch.tx\" not found"), "{:?}", folder.texts());
+}

@@ -5,6 +5,7 @@ mod support;
 
 use granita_base::{Filter, Param};
 use granita_image::{ImageSpec, PixelType, Pixels};
+use granita_texture::TextureKind;
 use granita_texture::make::{BrokenValues, ColorSpace, Made, MakeOptions, Mode};
 use support::{Folder, random};
 
@@ -232,3 +233,61 @@ fn wraps_reach_over_the_border() {
         }
     }
 }
+
+/// Every kind of map can be made in every format, whatever the size of the input: faces get a side that the format can tile.
+#[test]
+fn every_mode_goes_with_every_format_and_size() {
+    let folder = Folder::new();
+    let grey = |x: u32, y: u32, _: usize| 0.25 + 0.01 * ((x + y) % 7) as f32;
+    for (name, size) in [
+        ("square.tif", (75, 75)),
+        ("latl.tif", (100, 50)),
+        ("cross.tif", (57, 76)),
+        ("small.tif", (19, 19)),
+        ("odd.tif", (37, 21)),
+    ] {
+        folder.picture(name, size, 3, grey);
+    }
+    folder.picture("z.tif", (37, 37), 1, |_, _, _| 2.0);
+    folder.picture("vol.tif", (37, 37), 5, |_, _, c| [1e30, 0.5, 1.0, 2.0, 3.0][c]);
+    let modes: [(Mode, &[&str]); 10] = [
+        (Mode::Plain, &["odd.tif"]),
+        (Mode::EnvCube, &["small.tif"; 6]),
+        (Mode::EnvCube, &["latl.tif"]),
+        (Mode::EnvLatLong, &["odd.tif"]),
+        (Mode::EnvLatLong, &["small.tif"; 6]),
+        (Mode::LightProbe, &["square.tif"]),
+        (Mode::VertCross, &["cross.tif"]),
+        (Mode::Shadow, &["z.tif"]),
+        (Mode::ShadCube, &["z.tif"; 6]),
+        (Mode::VolShad, &["vol.tif"]),
+    ];
+    for (mode, inputs) in modes {
+        for format in ["tiff", "OpenEXR"] {
+            for resize in [false, true] {
+                for tile in [64, 24] {
+                    let o = MakeOptions {
+                        mode,
+                        format: format.to_owned(),
+                        resize,
+                        tile_size: (tile, tile),
+                        mcamera: Some(IDENTITY),
+                        mscreen: Some(IDENTITY),
+                        ..options()
+                    };
+                    let what = format!("{mode:?} {format} resize {resize} tiles {tile}");
+                    let made = folder.make(inputs, "map", &o).unwrap_or_else(|e| panic!("{what}: {e}"));
+                    let told = notes(made);
+                    let (cache, id) = folder.open("map");
+                    assert_eq!(cache.kind(id) == TextureKind::Plain, mode == Mode::Plain, "{what}");
+                    // What was changed against the user's word is said.
+                    let faces = matches!(mode, Mode::LightProbe | Mode::VertCross) || (mode == Mode::EnvCube);
+                    let rounded = faces && !resize && format == "OpenEXR";
+                    assert_eq!(told.iter().any(|n| n.contains("power of two")), rounded, "{what}: {told:?}");
+                }
+            }
+        }
+    }
+}
+
+const IDENTITY: [f32; 16] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];

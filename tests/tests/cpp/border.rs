@@ -32,6 +32,23 @@ fn every_call_crosses() {
     }
 }
 
+/// A patch may have two bases, one along u and one along v.
+#[test]
+fn patches_of_two_bases_cross() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = own(folder.path(), "patches.cpp");
+    let ran = run(&program(compilers()[0], &source, "gelato"), folder.path(), &[]);
+    let said = String::from_utf8_lossy(&ran.stderr);
+    assert!(ran.status.success() && said.contains("Patch: unknown interpolation \"spline\""), "{said}");
+    let written = std::fs::read_to_string(folder.path().join("patches.pyg")).unwrap();
+    assert_eq!(written.matches("Patch (").count(), 16, "{written}");
+    let bases = ["linear", "bezier", "bspline", "catmull-rom"];
+    for (u, v) in bases.iter().flat_map(|u| bases.map(|v| (*u, v))) {
+        let words = if u == v { u.to_owned() } else { format!("{u},{v}") };
+        assert!(written.contains(&format!("Patch (\"{words}\", 4, 4")), "{words}: {written}");
+    }
+}
+
 /// Compiles a program of the tests' own with each compiler and runs it, also under valgrind. Its folder has these plugins.
 fn works(source: &str, plugins: &[(&str, &str)]) {
     let folder = tempfile::tempdir().unwrap();

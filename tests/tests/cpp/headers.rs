@@ -21,7 +21,7 @@ const HEADERS: [&str; 10] = [
 fn each_header_stands_alone() {
     let folder = tempfile::tempdir().unwrap();
     for compiler in compilers() {
-        for standard in ["c++11", "c++17", "c++20"] {
+        for standard in ["c++98", "c++11", "c++17", "c++20"] {
             for header in HEADERS {
                 let source = folder.path().join("one.cpp");
                 std::fs::write(&source, format!("#include \"{header}\"\n#include \"{header}\"\n")).unwrap();

@@ -2,23 +2,25 @@
 
 #![forbid(unsafe_code)]
 
-mod ending;
 mod progress;
 mod statistics;
 mod viewer;
 
 use clap::Parser;
-use ending::Ending;
-use granita_base::{Reporter, Severity};
-use granita_cli::{Bar, Fence, Status, console_reporter, environment, fence, parse, reporter_with};
+use granita_base::{Environment, Reporter, Severity};
+use granita_cli::{
+    Bar, Ending, Fence, Status, console_reporter, environment, fence, parse, reporter_with, seconds,
+};
 use granita_session::{
     ExtraOutput, Outcome, OwnTools, Session, SessionError, SessionOptions, SharedProgress, Told, Viewer,
+    archive_calls,
 };
 use progress::ShownProgress;
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use viewer::Display;
 
 /// Renders scenes.
 ///
@@ -50,9 +52,9 @@ struct Options {
     #[arg(long, hide = true, conflicts_with_all = ["stream", "net"])]
     worker: bool,
 
-    /// Show the image while it is rendered in a viewer that listens there: iv, tev, or whatever speaks tev's protocol. The port is 14158 by default
+    /// Show the image while it is rendered in a viewer that listens there: iv, tev, or whatever speaks tev's protocol; the port is 14158 by default. Or the screen for the iv of -iv, in the place of $DISPLAY: [HOST]:NUMBER[.SCREEN], with a number below 100
     #[arg(long, value_name = "HOST[:PORT]")]
-    display: Option<String>,
+    display: Option<Display>,
 
     /// Change to this folder before anything else
     #[arg(long, value_name = "PATH")]
@@ -97,6 +99,10 @@ struct Options {
     /// Take calls from the program that started this one: binary frames on standard input, answers on standard output
     #[arg(long, conflicts_with = "files")]
     stream: bool,
+
+    /// With -stream: write the calls as Pyg to this file ("-": into the answers), and render nothing
+    #[arg(long, hide = true, value_name = "FILE", requires = "stream")]
+    archive: Option<PathBuf>,
 
     /// Work for the program that started this one, which goes on meanwhile
     #[arg(long, hide = true, conflicts_with_all = ["files", "stream", "worker", "net"])]
@@ -234,16 +240,21 @@ fn run(options: &Options, tools: &[&str], voices: Voices, ending: &Ending) -> St
         reporter.error("no scene file was given (try -help)");
         return Status::Failed;
     }
+    if let Some(file) = &options.archive {
+        return archive(file, &variables, &answers, &reporter);
+    }
     let extra = |name: &String| ExtraOutput { name: name.clone(), format: None, data: options.data.clone() };
-    let display = options.display.clone();
+    let (display, layers) = (options.display.clone(), !options.safe);
+    let screen = variables.get("DISPLAY").map(str::to_owned);
+    let find = move || viewer::find(display.as_ref(), screen.as_deref(), layers);
     let viewer = match options.safe {
         // Before the fence, and only when the user wants one.
-        true if options.iv || display.is_some() => {
-            let found = viewer::find(display.as_deref());
+        true if options.is_shown() => {
+            let found = find();
             Viewer(Some(Arc::new(move || found.clone())))
         }
         true => Viewer(None),
-        false => Viewer(Some(Arc::new(move || viewer::find(display.as_deref())))),
+        false => Viewer(Some(Arc::new(find))),
     };
     let session_options = SessionOptions {
         environment: variables,
@@ -344,13 +355,58 @@ fn run(options: &Options, tools: &[&str], voices: Voices, ending: &Ending) -> St
     status
 }
 
+/// Writes the calls of the program that started this one to a file, or into the answers.
+fn archive(file: &Path, variables: &Environment, answers: &Answers, reporter: &Reporter) -> Status {
+    let mut input = std::io::stdin().lock();
+    let done = if file == Path::new("-") {
+        archive_calls(&mut input, &mut answers.clone(), Printed(answers.clone()), reporter).map(|_| ())
+    } else {
+        let out = match variables.files().create(file) {
+            Ok(out) => out,
+            Err(error) => {
+                reporter.error(error.to_string());
+                return Status::Failed;
+            }
+        };
+        archive_calls(&mut input, &mut answers.clone(), out, reporter)
+            .and_then(|out| out.commit().map_err(|error| SessionError::Failed(error.to_string())))
+    };
+    match done {
+        Ok(()) if reporter.errors() > 0 => Status::WithErrors,
+        Ok(()) => Status::Done,
+        Err(error) => {
+            reporter.error(error.to_string());
+            Status::Failed
+        }
+    }
+}
+
+/// Text that the other side prints.
+struct Printed(Answers);
+
+impl Write for Printed {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.print(&String::from_utf8_lossy(bytes));
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
 impl Options {
+    /// Whether the user asks for a viewer. A screen alone does not: it says where -iv and the scene show pictures.
+    fn is_shown(&self) -> bool {
+        self.iv || matches!(self.display, Some(Display::Viewer(_)))
+    }
+
     /// The picture that goes to a viewer, named after the scene.
     fn shown(&self) -> Option<ExtraOutput> {
         // Settings stand in files before the scene.
         let file = self.files.last().map(|file| Path::new(file.trim()));
         let name = file.and_then(Path::file_name).map_or("gelato".into(), |name| name.to_string_lossy());
-        (self.iv || self.display.is_some()).then(|| ExtraOutput {
+        self.is_shown().then(|| ExtraOutput {
             name: name.into_owned(),
             format: Some("iv".to_owned()),
             data: self.data.clone(),
@@ -386,6 +442,7 @@ impl Options {
             silent: _,
             verbosity: _,
             stream: _,
+            archive: _,
             remote: _,
             timeout: _,
             // A safe run has no workers.
@@ -431,14 +488,6 @@ fn quality(word: &str) -> Result<f32, String> {
     match word.parse::<f32>() {
         Ok(p) if p >= 0.0 && p.is_finite() => Ok(p),
         _ => Err("expected a number, 0 or more".to_owned()),
-    }
-}
-
-/// A time limit.
-fn seconds(word: &str) -> Result<f64, String> {
-    match word.parse::<f64>() {
-        Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
-        _ => Err("expected a number of seconds, more than 0".to_owned()),
     }
 }
 

@@ -1,9 +1,10 @@
 //! The viewer that shows pictures while they are rendered.
 
 use std::io::{BufRead, BufReader};
-use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 use std::sync::mpsc::channel;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// What `iv` says when it takes pictures, before the address.
@@ -12,12 +13,62 @@ const LISTENS: &str = "iv: listening on ";
 /// Longest time until it says so.
 const STARTING: Duration = Duration::from_secs(20);
 
-/// Where pictures go: to `given`, or to an `iv` that is started for them. It takes a port that nobody else has, so that what
-/// one user renders is not shown in the window of another.
-pub(crate) fn find(given: Option<&str>) -> Result<String, String> {
-    match given {
-        Some(address) => Ok(address.to_owned()),
-        None => start(&program()),
+/// What `-display` names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Display {
+    /// A viewer that listens: `HOST[:PORT]`.
+    Viewer(String),
+    /// A screen of X, in the place of `$DISPLAY` (reference 6.1): `[HOST]:NUMBER[.SCREEN]`.
+    Screen(String),
+}
+
+impl std::str::FromStr for Display {
+    type Err = std::convert::Infallible;
+
+    /// A screen has a number below 100, or one with a point behind it; ports of viewers are larger.
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let is_screen = screen(text).is_some_and(|(_, number)| {
+            number.contains('.') || number.parse::<u32>().is_ok_and(|number| number < 100)
+        });
+        Ok(if is_screen { Self::Screen(text.to_owned()) } else { Self::Viewer(text.to_owned()) })
+    }
+}
+
+/// Host and number of a screen; the number may have a point in it.
+fn screen(text: &str) -> Option<(&str, &str)> {
+    let (host, number) = text.rsplit_once(':')?;
+    let digits = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
+    let (first, second) = number.split_once('.').unwrap_or((number, "0"));
+    (digits(first) && digits(second) && !host.contains(char::is_whitespace)).then_some((host, number))
+}
+
+/// The machine that a screen belongs to, and the screen as that machine calls it; `None` for one of this machine.
+fn remote(text: &str) -> Option<(&str, String)> {
+    let (host, number) = screen(text)?;
+    let own = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    let own = own.trim();
+    let is_here = matches!(host, "" | "unix" | "localhost" | "::1" | "[::1]")
+        || host.starts_with("127.")
+        || host.contains('/')
+        || host == own
+        || own.split_once('.').is_some_and(|(first, _)| host == first);
+    (!is_here).then(|| (host, format!(":{number}")))
+}
+
+/// Where pictures go: to `given`, or to an `iv` that is started for them. It takes a port that no other program has, so that
+/// what one user renders is not shown in the window of another.
+///
+/// `variable` is `$DISPLAY`. An `iv` for a screen of another machine runs there (reference 6.4), through `ssh`, which also
+/// carries the pictures. With `layers` it opens the pictures that outputs name as "foreground" and "background".
+pub(crate) fn find(given: Option<&Display>, variable: Option<&str>, layers: bool) -> Result<String, String> {
+    let screen = match given {
+        Some(Display::Viewer(address)) => return Ok(address.clone()),
+        Some(Display::Screen(screen)) => Some(&**screen),
+        None => variable,
+    };
+    match screen.and_then(remote) {
+        Some((host, screen)) => start_there(Path::new("ssh"), host, &screen, layers),
+        None => start(&program(), screen, layers),
     }
 }
 
@@ -28,43 +79,90 @@ fn program() -> PathBuf {
     beside.filter(|path| path.is_file()).unwrap_or_else(|| name.into())
 }
 
-fn start(program: &std::path::Path) -> Result<String, String> {
+/// The options of an `iv` that is started.
+fn options(port: u16, layers: bool) -> Vec<String> {
+    let mut words = vec!["-listen".to_owned(), port.to_string()];
+    words.extend(layers.then(|| "-allowlayers".to_owned()));
+    words
+}
+
+/// Starts an `iv` on this machine, which says where it listens.
+fn start(program: &Path, screen: Option<&str>, layers: bool) -> Result<String, String> {
     let failed = |what: String| format!("{} cannot be started as a viewer: {what}", program.display());
     let mut command = Command::new(program);
-    command.args(["-listen", "0"]).stdin(Stdio::null()).stdout(Stdio::piped());
+    command.args(options(0, layers));
+    command.envs(screen.map(|screen| ("DISPLAY", screen)));
+    // What it says later is for the terminal: it outlives this program.
+    listening(command).map_err(failed)
+}
+
+/// Starts an `iv` on another machine through the program `ssh`, and a tunnel to it.
+fn start_there(ssh: &Path, host: &str, screen: &str, layers: bool) -> Result<String, String> {
+    let failed =
+        |what: String| format!("iv cannot be started on {host} for the screen {screen} there: {what}");
+    // A free port here; there, one that is most likely free. The tunnel must know both.
+    let here = std::net::TcpListener::bind(("127.0.0.1", 0)).and_then(|listener| listener.local_addr());
+    let here = here.map_err(|error| failed(error.to_string()))?.port();
+    let there = 20_000 + (std::process::id().wrapping_mul(2_654_435_761) >> 16) as u16 % 40_000;
+    let mut command = Command::new(ssh);
+    command.args(["-o", "BatchMode=yes", "-o", "ConnectTimeout=10", "-o", "ExitOnForwardFailure=yes"]);
+    command.args(["-L", &format!("127.0.0.1:{here}:127.0.0.1:{there}"), "--", host]);
+    command.arg(format!("env DISPLAY={screen} iv {}", options(there, layers).join(" ")));
+    // Why it cannot be reached is a part of the message.
+    command.stderr(Stdio::piped());
+    listening(command).map_err(failed)?;
+    Ok(format!("127.0.0.1:{here}"))
+}
+
+/// Starts a viewer; the address where it says that it listens. An error ends with the last line of its standard error, if that
+/// is a pipe.
+fn listening(mut command: Command) -> Result<String, String> {
+    command.stdin(Stdio::null()).stdout(Stdio::piped());
     // Ctrl-C ends the render: the picture stays.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
-    let mut child = command.spawn().map_err(|error| failed(error.to_string()))?;
-    let Some(output) = child.stdout.take() else { return Err(failed("it has no output".to_owned())) };
+    let mut child = command.spawn().map_err(|error| error.to_string())?;
+    let Some(output) = child.stdout.take() else { return Err("it has no output".to_owned()) };
     let (said, hears) = channel();
     std::thread::spawn(move || {
-        // What it says later is nobody's business, but somebody must take it.
+        // What it prints later is not used, but the pipe must not fill up.
         for line in BufReader::new(output).lines().map_while(Result::ok) {
             if let Some(address) = line.strip_prefix(LISTENS) {
                 let _ = said.send(address.trim().to_owned());
             }
         }
     });
-    let address = hears.recv_timeout(STARTING);
-    let ended = |mut child: Child| match child.try_wait() {
-        Ok(Some(status)) => format!("it ended at once ({status})"),
-        _ => {
-            let _ = child.kill();
-            let _ = child.wait();
-            "it does not say where it listens".to_owned()
-        }
-    };
-    match address {
+    let last = Arc::new(Mutex::new(String::new()));
+    let errors = child.stderr.take().map(|errors| {
+        let last = last.clone();
+        std::thread::spawn(move || {
+            for line in BufReader::new(errors).lines().map_while(Result::ok) {
+                if !line.trim().is_empty() {
+                    *last.lock().unwrap_or_else(PoisonError::into_inner) = line;
+                }
+            }
+        })
+    });
+    match hears.recv_timeout(STARTING) {
         Ok(address) => {
-            // Somebody must ask for its end, or it stays in the table of processes.
+            // Its end must be waited for, or it stays in the table of processes.
             std::thread::spawn(move || child.wait());
             Ok(address)
         }
         Err(_) => {
             // Its output ends a little before it does.
             std::thread::sleep(Duration::from_millis(100));
-            Err(failed(ended(child)))
+            let ended = match child.try_wait() {
+                Ok(Some(status)) => format!("it ended at once ({status})"),
+                _ => {
+                    let _ = child.kill();
+                    let _ = child.wait();
+                    "it does not say where it listens".to_owned()
+                }
+            };
+            let _ = errors.map(std::thread::JoinHandle::join);
+            let said = last.lock().unwrap_or_else(PoisonError::into_inner).trim().to_owned();
+            Err(if said.is_empty() { ended } else { format!("{ended}: {said}") })
         }
     }
 }
@@ -86,12 +184,80 @@ mod tests {
     fn a_viewer_says_where_it_listens() {
         let folder = tempfile::tempdir().unwrap();
         let good = script(folder.path(), "echo hello; echo iv: listening on 127.0.0.1:$(($# + 5))");
-        assert_eq!(start(&good).unwrap(), "127.0.0.1:7");
-        assert_eq!(find(Some("box:1")).unwrap(), "box:1");
+        assert_eq!(start(&good, None, false).unwrap(), "127.0.0.1:7");
+        assert_eq!(start(&good, None, true).unwrap(), "127.0.0.1:8", "-allowlayers");
+        let viewer = Display::Viewer("box:1414".to_owned());
+        assert_eq!(find(Some(&viewer), Some("workstation:0"), true).unwrap(), "box:1414");
+        let screened = script(folder.path(), "echo iv: listening on 127.0.0.1:${DISPLAY#:}");
+        assert_eq!(start(&screened, Some(":93"), false).unwrap(), "127.0.0.1:93");
         let bad = script(folder.path(), "exit 3");
-        let error = start(&bad).unwrap_err();
+        let error = start(&bad, None, false).unwrap_err();
         assert!(error.contains("it ended at once") && error.contains('3'), "{error}");
-        let error = start(&folder.path().join("nosuch")).unwrap_err();
+        let error = start(&folder.path().join("nosuch"), None, false).unwrap_err();
         assert!(error.contains("cannot be started as a viewer"), "{error}");
+    }
+
+    #[test]
+    fn screens_and_viewers_are_told_apart() {
+        let is_screen = |text: &str| matches!(text.parse(), Ok(Display::Screen(screen)) if screen == text);
+        for screen in [
+            ":0",
+            ":1.0",
+            "workstation:0",
+            "workstation:0.0",
+            "localhost:10.0",
+            "unix:1",
+            "box:99",
+            "a:2000.1",
+        ] {
+            assert!(is_screen(screen), "{screen}");
+        }
+        for viewer in [
+            "localhost",
+            "box",
+            "box:14158",
+            "localhost:1024",
+            ":14158",
+            "[::1]:14158",
+            "a b:0",
+            "box:",
+            "box:x",
+            "100",
+        ] {
+            assert!(!is_screen(viewer), "{viewer}");
+        }
+        assert_eq!(remote("workstation:0.0"), Some(("workstation", ":0.0".to_owned())));
+        for here in [":0", "localhost:10.0", "unix:0", "127.0.0.1:0", "/tmp/launch-x/org.x:0", "nonsense"] {
+            assert_eq!(remote(here), None, "{here}");
+        }
+    }
+
+    #[test]
+    fn a_viewer_elsewhere_is_started_through_ssh() {
+        let folder = tempfile::tempdir().unwrap();
+        // Says what it was called with, as the last line of an error.
+        let echo = script(folder.path(), "echo \"$@\" >&2; exit 255");
+        let error = start_there(&echo, "workstation", ":0", true).unwrap_err();
+        assert!(
+            error
+                .starts_with("iv cannot be started on workstation for the screen :0 there: it ended at once"),
+            "{error}"
+        );
+        assert_eq!(error.lines().count(), 1);
+        let words = error.split_once("-o BatchMode=yes").unwrap().1;
+        assert!(
+            words.contains("-- workstation env DISPLAY=:0 iv -listen ") && words.ends_with(" -allowlayers"),
+            "{error}"
+        );
+        let ports: Vec<u16> = words.split([':', ' ']).filter_map(|w| w.parse().ok()).collect();
+        let [here, there, listens] = ports[..] else { panic!("{ports:?} {words}") };
+        assert_eq!(there, listens);
+        assert_ne!(here, 0);
+        // The address is that of this end of the tunnel, whatever the other end is.
+        let good = script(folder.path(), "echo iv: listening on 127.0.0.1:5");
+        let address = start_there(&good, "workstation", ":0", false).unwrap();
+        assert!(address.starts_with("127.0.0.1:") && address != "127.0.0.1:5", "{address}");
+        let error = start_there(&folder.path().join("nosuch"), "workstation", ":0", false).unwrap_err();
+        assert!(error.contains("No such file"), "{error}");
     }
 }

@@ -149,7 +149,7 @@ Camera ("main")"#;
         &format!("Output (\"live\", \"iv\", \"rgba\", \"main\", \"string display\", \"{named}\")\nCamera (\"main\")"),
     );
     std::fs::write(place.path().join("named.pyg"), text).unwrap();
-    let (status, said) = gelato(place.path(), &["-safe", "-display", "127.0.0.1:1", "named.pyg"]);
+    let (status, said) = gelato(place.path(), &["-safe", "-display", "127.0.0.1:1024", "named.pyg"]);
     assert!(status == 0 && said.contains("may not name a viewer"), "{said}");
     assert!(said.contains("127.0.0.1:1: no connection to the viewer"), "{said}");
     assert_eq!(gelato(place.path(), &["named.pyg"]), (0, String::new()));
@@ -163,7 +163,7 @@ fn no_viewer_is_one_warning_and_no_error() {
     for (words, text) in [
         (["-display", &free], "no connection to the viewer"),
         (["-display", "a b"], "is not HOST[:PORT]"),
-        (["-display", ":0"], "is not HOST[:PORT]"),
+        (["-display", ":100x"], "is not HOST[:PORT]"),
     ] {
         let (status, said) = gelato(place.path(), &[&words[..], &["scene.pyg"]].concat());
         assert_eq!((status, said.matches("warning").count()), (0, 1), "{said}");

@@ -37,6 +37,10 @@ pub(crate) struct NetArgs {
     /// Let those who send pictures open files of this machine
     #[arg(long, help_heading = "Live pictures")]
     pub(crate) allowopen: bool,
+
+    /// Open what pictures name as their foreground and background, but nothing else: for the program that started this one
+    #[arg(long, hide = true)]
+    pub(crate) allowlayers: bool,
 }
 
 /// A file that a client names; only with `-allowopen`.
@@ -78,7 +82,7 @@ pub(crate) fn begin(
     if args.listen.is_none() && !by_default {
         return Ok(None);
     }
-    match address(args).and_then(|address| start(address, live, reporter, open)) {
+    match address(args).and_then(|address| start(address, live, reporter, open, args.allowlayers)) {
         Ok(listener) => Ok(Some(listener)),
         Err(error) if args.listen.is_none() => {
             reporter.warning(format!("{error}: no renderer can send pictures here"));
@@ -99,7 +103,8 @@ fn address(args: &NetArgs) -> Result<SocketAddr, DisplayError> {
     }
 }
 
-/// Listens until the result is dropped, and says where. Without `open`, clients reach no files.
+/// Listens until the result is dropped, and says where. Without `open`, clients reach no files, but with `layers` those that
+/// a picture has as its foreground and background.
 ///
 /// # Errors
 /// [`DisplayError::Io`], as when somebody else listens there.
@@ -108,6 +113,7 @@ fn start(
     live: &Live,
     reporter: &Reporter,
     open: Option<Box<OpenFile>>,
+    layers: bool,
 ) -> Result<Listener, DisplayError> {
     let taken = live.limits();
     let packet = PacketLimits {
@@ -118,8 +124,9 @@ fn start(
     };
     // Who connects again and again must not fill the terminal.
     let warnings = Mutex::new(Sparingly::new(20, Duration::from_secs(60)));
-    let feeder =
-        Feeder { live: live.clone(), reporter: reporter.clone(), open, names: Mutex::default(), warnings };
+    let layers = layers || open.is_some();
+    let (live, reporter_inside) = (live.clone(), reporter.clone());
+    let feeder = Feeder { live, reporter: reporter_inside, open, layers, names: Mutex::default(), warnings };
     let limits = ServerLimits { packet, ..ServerLimits::default() };
     let listener = Listener::bind(address, limits, Arc::new(feeder))?;
     if !address.ip().is_loopback() {
@@ -138,6 +145,8 @@ struct Feeder {
     live: Live,
     reporter: Reporter,
     open: Option<Box<OpenFile>>,
+    /// Whether foregrounds and backgrounds are opened.
+    layers: bool,
     names: Mutex<Names>,
     warnings: Mutex<Sparingly>,
 }
@@ -260,7 +269,7 @@ impl Sink for Feeder {
             Packet::Mark { name, rect } => self.live.mark(&here(&name), rect),
             Packet::Wish { name, mut wishes } => {
                 // Files of this machine are nothing to a client.
-                if self.open.is_none() {
+                if !self.layers {
                     wishes.foreground.clear();
                     wishes.background.clear();
                 }

@@ -205,6 +205,26 @@ fn the_window_stays_after_the_render() {
     assert!(shows(&screen, &pixels), "the picture stays");
 }
 
+/// The viewer that gelato starts opens what an output names as its background; with -safe it does not.
+#[test]
+fn a_background_is_seen_behind_the_render() {
+    let Some(screen) = ready() else { return };
+    let folder = place(4);
+    let spec = granita_image::ImageSpec::new(96, 64, 3, granita_image::PixelType::U8);
+    let formats = granita_plugin::bundled_formats(Limits::default());
+    let back = folder.path().join("back.png");
+    let mut file = formats.create(&back, "png", &granita_image::CreateOptions::new(&spec, 1)).unwrap();
+    file.write_rows(&granita_image::Pixels::U8([200, 10, 10].repeat(96 * 64))).unwrap();
+    file.close().unwrap();
+    let scene = std::fs::read_to_string(folder.path().join("scene.pyg")).unwrap();
+    let output = "Output (\"live\", \"iv\", \"rgba\", \"main\", \"string background\", \"back.png\")\nCamera";
+    std::fs::write(folder.path().join("scene.pyg"), scene.replace("Camera", output)).unwrap();
+    let status = screen.gelato(folder.path(), &["scene.pyg"]).wait().unwrap();
+    assert!(status.success(), "{}", said(folder.path()));
+    let (x, y) = on_screen(4, 4);
+    assert!(until(|| screen.at(&screen.shot(), x, y) == [200, 10, 10]), "the background is not seen");
+}
+
 #[test]
 fn a_viewer_that_is_killed_does_not_harm_the_render() {
     let Some(screen) = ready() else { return };

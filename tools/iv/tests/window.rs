@@ -111,6 +111,68 @@ fn pixel(path: &Path, x: u32, y: u32) -> [u8; 3] {
     [v[at], v[at + 1], v[at + 2]]
 }
 
+/// A server that ends takes the window with it: one message, no trace of a panic, and the program ends.
+#[test]
+fn a_screen_that_goes_away_is_one_message() {
+    let Some(mut screen) = Screen::start() else { return };
+    let folder = pictures();
+    for renderer in ["vulkan", "gl"] {
+        // First whether anything can draw here at all.
+        let place = folder.path();
+        std::fs::write(place.join("script.txt"), "wait\nquit\n").unwrap();
+        let start = |more: &[&str]| {
+            let said = std::fs::File::create(place.join("said.txt")).unwrap();
+            Command::new(env!("CARGO_BIN_EXE_iv"))
+                .current_dir(place)
+                .env("DISPLAY", &screen.name)
+                .env_remove("WAYLAND_DISPLAY")
+                .args(["-renderer", renderer, "-window", "400", "300"])
+                .args(more)
+                .stdout(Stdio::null())
+                .stderr(said)
+                .spawn()
+                .unwrap()
+        };
+        let said = || std::fs::read_to_string(place.join("said.txt")).unwrap();
+        start(&["-script", "script.txt", "a.png"]).wait().unwrap();
+        if said().contains("there can be no window") {
+            eprintln!("skipped: {}", said());
+            continue;
+        }
+        let mut viewer = start(&["a.png"]);
+        std::thread::sleep(std::time::Duration::from_secs(4));
+        assert!(viewer.try_wait().unwrap().is_none(), "{}", said());
+        screen.server.kill().unwrap();
+        screen.server.wait().unwrap();
+        let begin = std::time::Instant::now();
+        let status = loop {
+            if let Some(status) = viewer.try_wait().unwrap() {
+                break status;
+            }
+            if begin.elapsed() > std::time::Duration::from_secs(20) {
+                viewer.kill().unwrap();
+                panic!("it goes on without a screen: {}", said());
+            }
+            std::thread::sleep(std::time::Duration::from_millis(50));
+        };
+        assert!(status.code().is_some_and(|code| code != 0), "{status}: {}", said());
+        let said = said();
+        // One line, of ours or of Xlib, which ends programs by itself.
+        assert!(
+            !said.contains("panicked") && said.lines().filter(|l| !l.trim().is_empty()).count() <= 2,
+            "{said}"
+        );
+        assert!(
+            said.contains("the connection to the screen is lost") || said.contains("fatal IO error"),
+            "{said}"
+        );
+        match Screen::start() {
+            Some(another) => screen = another,
+            None => return,
+        }
+    }
+}
+
 #[test]
 fn open_zoom_wipe_probe_and_save() {
     let Some(screen) = Screen::start() else { return };

@@ -58,11 +58,11 @@ pub(crate) struct Args {
     outgamma: f32,
 
     /// World-to-camera matrix, 16 numbers row by row
-    #[arg(long = "Mcamera", num_args = 16, value_name = "M", allow_negative_numbers = true)]
+    #[arg(long = "Mcamera", num_args = 16, value_name = "M", allow_hyphen_values = true)]
     mcamera: Option<Vec<f32>>,
 
     /// World-to-screen matrix, 16 numbers row by row
-    #[arg(long = "Mscreen", num_args = 16, value_name = "M", allow_negative_numbers = true)]
+    #[arg(long = "Mscreen", num_args = 16, value_name = "M", allow_hyphen_values = true)]
     mscreen: Option<Vec<f32>>,
 
     /// Default wrap mode in s: periodic, black, clamp or mirror
@@ -312,6 +312,17 @@ mod tests {
         assert_eq!(a.inputs, ["-", "-", "b", "-", "e", "-"]);
         assert_eq!(o.mcamera.unwrap()[14], -5.0);
         assert!(!o.resize && o.update && o.separate && o.mscreen.is_none());
+        let a = args(
+            "maketx --shadow a -o x --Mscreen -1 -4.37114e-08 -.5 +2 0 1 0 0 0 0 -1E+1 0 -0 0 -5e-1 1 --Mcamera 1 0 0 0 0 1 0 0 0 0 1 0 0 0 -5 1",
+        );
+        let o = a.options(None).unwrap();
+        assert_eq!(o.mscreen.unwrap()[..4], [-1.0, -4.37114e-8, -0.5, 2.0]);
+        assert_eq!(
+            (o.mscreen.unwrap()[10], o.mscreen.unwrap()[14], o.mcamera.unwrap()[14]),
+            (-10.0, -0.5, -5.0)
+        );
+        let few = Args::try_parse_from("maketx a -o x --Mscreen 1 2 3".split(' '));
+        assert!(few.unwrap_err().to_string().contains("16 values"));
         assert_eq!(args("maketx a.tif -o a.tx").options(None).unwrap(), MakeOptions::default());
     }
 

@@ -11,7 +11,7 @@ pub(crate) struct Job {
 }
 
 /// Whether `-o` means a folder: it is one, or its name ends like one.
-fn is_folder(path: &Path) -> bool {
+pub(crate) fn is_folder(path: &Path) -> bool {
     let text = path.to_string_lossy();
     text.ends_with(['/', MAIN_SEPARATOR]) || path.is_dir()
 }

@@ -10,6 +10,7 @@ mod jobs;
 mod memory;
 
 use args::Args;
+use granita_base::files::is_same_file;
 use granita_base::{Files, Location, Reporter, SearchPath, Severity};
 use granita_cli::{Bar, Status, before_signals, console_reporter, environment, fence, parse};
 use granita_image::{FormatRegistry, Limits};
@@ -196,8 +197,16 @@ fn run(args: &Args, bar: &Bar, reporter: &Reporter) -> Status {
         match format_of(&job.output, &registry) {
             Ok(Some(name)) => options.format = name,
             Ok(None) => {}
+            // It is refused below.
+            Err(_) if job.inputs.iter().any(|input| is_same_file(input, &job.output)) => {}
             Err(warning) => reporter.warning(warning),
         }
+    }
+    if let Some(folder) = args.output.as_deref().filter(|path| jobs::is_folder(path))
+        && let Err(error) = std::fs::create_dir_all(folder)
+    {
+        reporter.error(format!("-o {}: the folder cannot be made: {error}", folder.display()));
+        return Status::Failed;
     }
     if args.safe && !args.nofence {
         jobs.iter().for_each(|job| files.grant_output(&job.output));

@@ -185,6 +185,8 @@ pub(crate) struct Measure<'a> {
     camera: &'a CameraView,
     /// Pixels per camera space unit at distance 1.
     pixels: f32,
+    /// How much longer than seen from the eye anything is on the raster at most, where the camera sees it.
+    stretch: f32,
     /// Measure by distance from the camera only: for what rays see.
     by_distance: bool,
     /// Ask for flatness within so many pixels, and not for small micropolygons.
@@ -195,7 +197,12 @@ impl<'a> Measure<'a> {
     /// As seen on the raster of `camera`.
     pub(crate) fn on_raster(camera: &'a CameraView) -> Self {
         let s = camera.raster_scale(1.0);
-        Self { camera, pixels: s.x.abs().max(s.y.abs()), by_distance: false, flatness_px: None }
+        let stretch = match camera.widest_tangent() {
+            // A little more than the picture: filters and lenses look beyond its sides.
+            Some(tangent) => 1.01 * (1.0 + (1.25 * tangent).powi(2)),
+            None => f32::INFINITY,
+        };
+        Self { camera, pixels: s.x.abs().max(s.y.abs()), stretch, by_distance: false, flatness_px: None }
     }
 
     /// As if every piece were turned towards `camera`, also behind and beside it.
@@ -353,7 +360,7 @@ impl<'a> Measure<'a> {
             return Asked { u: u0.max(u1).max(1.0), v: v0.max(v1).max(1.0), sides: Some([u0, u1, v0, v1]) };
         }
         let [Some(Points { p_cam: lattice, rounds }), moved] =
-            self.at_ends(placement, settings, |time| self.lattice(piece, placement, time))
+            self.at_ends((piece, placement), settings, |time| self.lattice(piece, placement, time))
         else {
             return Asked { u: 1.0, v: 1.0, sides: None };
         };
@@ -429,7 +436,7 @@ impl<'a> Measure<'a> {
         if moves || !sharp || !by_raster || self.flatness_px.is_some() || piece.facets() != 1 {
             return None;
         }
-        let time = placement.times()[0];
+        let time = measuring_time(piece, placement);
         let ends = |list: &[usize]| {
             let at_key = |key: usize| {
                 let corners = piece.facet(0, key);
@@ -447,7 +454,7 @@ impl<'a> Measure<'a> {
             if perspective && p.z.min(q.z) <= self.camera.near {
                 return None;
             }
-            let length_px = self.raster_distance(p, q);
+            let length_px = self.raster_distance(p, q).min(self.longest(p, q));
             length_px.is_finite().then(|| nearest(length_px * settings.quality, 0.0).max(1.0))
         };
         if whole.rounds {
@@ -483,23 +490,23 @@ impl<'a> Measure<'a> {
             let points = self.seen_at(piece, placement, time, at_key, precisely);
             <[Vec3; LATTICE]>::try_from(points.p_cam).ok()
         };
-        match self.at_ends(placement, settings, at) {
+        match self.at_ends((piece, placement), settings, at) {
             [Some(points), moved] => self.line(&points, moved.as_ref(), settings).max(1.0),
             [None, _] => 1.0,
         }
     }
 
-    /// Something when the shutter opens and, where that matters, when it closes: not for what does not move, seen from the
-    /// camera.
+    /// Something when the shutter opens, or when the piece is to be measured, and, where that matters, when it closes: not for
+    /// what does not move, seen from the camera.
     fn at_ends<T>(
         &self,
-        placement: &Placement,
+        (piece, placement): (&dyn Surface, &Placement),
         settings: &DiceSettings,
         at: impl Fn(f32) -> Option<T>,
     ) -> [Option<T>; 2] {
         let times = placement.times();
         let moves = settings.motionfactor > 0.0 && times.len() > 1;
-        [at(times[0]), moves.then(|| at(times[times.len() - 1])).flatten()]
+        [at(measuring_time(piece, placement)), moves.then(|| at(times[times.len() - 1])).flatten()]
     }
 
     /// Camera space positions of the measuring lattice at a time; `None` when the piece has none.
@@ -688,6 +695,20 @@ impl<'a> Measure<'a> {
         project(a).distance(project(b)).min(1e30) as f32
     }
 
+    /// The most pixels that a step takes where the camera sees it: a length l at a distance d under an angle t from the axis
+    /// is at most l / (d cos^2 t) long in the plane of the image. Beside the picture and towards the plane of the eye the
+    /// projection grows without end, and what is displaced or moves there would be diced into billions of points.
+    /// To the bit the same from either end.
+    fn longest(&self, a: Vec3, b: Vec3) -> f32 {
+        if self.stretch.is_infinite() {
+            return f32::INFINITY;
+        }
+        let length = (b - a).length();
+        // No point of the step is nearer.
+        let distance = ((a + b) * 0.5).length() - 0.5 * length;
+        length * self.pixels * self.stretch / distance.max(self.camera.near)
+    }
+
     /// Length of a step in pixels.
     fn length(&self, a: Vec3, b: Vec3, rasterorient: bool) -> f32 {
         let perspective = matches!(self.camera.projection, Projection::Perspective { .. });
@@ -697,13 +718,20 @@ impl<'a> Measure<'a> {
             let clamped = |p: Vec3| Vec3::new(p.x, p.y, p.z.max(near));
             let z_far_enough = !perspective || a.z.max(b.z) > near;
             if z_far_enough {
-                return self.raster_distance(clamped(a), clamped(b))
+                return self.raster_distance(clamped(a), clamped(b)).min(self.longest(a, b))
                     / self.coarsening(((a.z + b.z) * 0.5).max(near));
             }
         }
         let distance = if perspective { ((a + b) * 0.5).length().max(near) } else { 1.0 };
         (b - a).length() * self.pixels / distance
     }
+}
+
+/// When a piece is measured: as the shutter opens, unless its shape is far smaller then than at another time.
+fn measuring_time(piece: &dyn Surface, placement: &Placement) -> f32 {
+    let times = placement.times();
+    let (first, last) = (times[0], times[times.len() - 1]);
+    piece.measured_key().map_or(first, |key| piece.key_times()[key].clamp(first, last))
 }
 
 /// What a line asks for, to be rounded up later, so that straight ones get about the nearest number: points are about a pixel apart, not

@@ -1,9 +1,11 @@
 //! Whole frames with shaders that are Rust functions: geometry, sampling, filtering, determinism.
 
 mod cracks;
+mod displaced;
 mod endless;
 mod extremes;
 mod huge;
+mod motion;
 mod passes;
 mod seams;
 mod stereo;
@@ -57,6 +59,8 @@ impl<F: Fn(&mut Grid) + Sync> FrameShader for Painted<F> {
         let attributes = &primitive.attributes;
         Arc::new(ObjectTraits {
             opaque: attributes.floats("opacity")[..] == [1.0; 3],
+            opaque_in_depth: attributes.floats("opacity")[..] == [1.0; 3]
+                || attributes.int("ray:opaqueshadows") != 0,
             holdout: match attributes.int("holdout") {
                 0 => Holdout::None,
                 1 => Holdout::Matte,
@@ -64,6 +68,7 @@ impl<F: Fn(&mut Grid) + Sync> FrameShader for Painted<F> {
             },
             displaces: self.displace.is_some(),
             max_displacement_world: attributes.float("displace:maxradius"),
+            measures: self.displace.is_some() && attributes.float("displace:maxradius") == 0.0,
             preshaded: false,
             joins: false,
             saves: false,
@@ -648,6 +653,37 @@ fn what_passes_through_the_near_plane_is_cut_there() {
     assert_eq!(pixel(&image, 4, 40, 32)[3], 1.0);
     assert_eq!(pixel(&image, 4, 46, 32)[3], 0.0);
     assert_eq!(pixel(&image, 4, 31, 32)[3], 0.0);
+}
+
+/// Ground under the eye that is displaced, or moves: what lies beside the picture is not diced as finely as the plane of the
+/// eye would ask for. It was left out, for asking for more points than a primitive may have.
+#[test]
+fn ground_around_the_eye_is_diced_for_what_is_seen() {
+    for moves in [false, true] {
+        let mut build = Build {
+            camera: vec![
+                ("int[2] resolution", vec![64.0, 64.0]),
+                ("float near", vec![1e-3]),
+                ("float[2] shutter", vec![0.0, f32::from(u8::from(moves))]),
+            ],
+            ..Build::default()
+        };
+        let ground = Transform::rotate(std::f32::consts::FRAC_PI_2, Vec3::X)
+            .then(&Transform::translate(Vec3::new(0.0, -1.0, 0.0)));
+        let turned = ground.then(&Transform::rotate(std::f32::consts::FRAC_PI_2, Vec3::Y));
+        let to_world = match moves {
+            true => MotionTransform::from_keys(vec![(0.0, ground), (1.0, turned)]).unwrap(),
+            false => ground.into(),
+        };
+        let bound = if moves { 0.0 } else { 2.0 };
+        build.square(100.0, &[("float displace:maxradius", &[bound])], to_world);
+        let image = image(&build, "rgba", &box_filter());
+        // All of it is there, up to the horizon, also what turns from behind the eye into view.
+        for x in 0..64 {
+            assert!(pixel(&image, 4, x, 63)[3] > 0.99 && pixel(&image, 4, x, 36)[3] > 0.99, "{x}");
+            assert_eq!(pixel(&image, 4, x, 29)[3], 0.0, "{x}");
+        }
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::lanes::{LANES, Lanes, Machine, Points, first_lanes};
 use super::raster::{Hit, Raster, Sink, before, spans};
 use super::visible::pixels_of;
 use crate::PixelRect;
-use granita_base::{Vec2, Vec3};
+use granita_base::{Bound, Vec2, Vec3};
 
 /// Room for the work on a micropolygon, kept from one to the next.
 #[derive(Default)]
@@ -27,7 +27,8 @@ struct Candidate {
 /// `1 / focus - 1 / z` of its nearest and farthest corner (a point at depth `z`, seen through the lens point `l`, appears
 /// `scale * l * (1 / focus - 1 / z)` away from where a pinhole shows it).
 ///
-/// Where that cannot be told, too close to the camera, the box is infinite.
+/// Of what is not all behind the near plane, the box is that of whatever the neighbouring times have in front of it
+/// ([`Raster::find_close`]); where that cannot be told either, it is infinite.
 #[derive(Default)]
 struct Borders {
     lo_x: Vec<f32>,
@@ -36,6 +37,8 @@ struct Borders {
     hi_y: Vec<f32>,
     near: Vec<f32>,
     far: Vec<f32>,
+    /// Camera space boxes at the same times, for what comes close to the camera.
+    hulls: Vec<Bound>,
 }
 
 /// A micropolygon whose hits are looked for.
@@ -222,7 +225,87 @@ impl Raster<'_> {
                 }
             }
         }
+        if !still && borders.lo_x.contains(&f32::NEG_INFINITY) {
+            self.find_close(corners, step, pad, borders);
+        }
         borders.pad();
+    }
+
+    /// Finds boxes where a micropolygon reaches before the near plane: those of the part behind the plane of the camera space
+    /// box that holds the corners from the border before to the one after. Points move along straight lines between these,
+    /// so that the box holds them at all times of both slices beside the border. What is all before the plane in both of them
+    /// is nowhere.
+    ///
+    /// Ground that turns around the eye would otherwise ask every sample of every bucket about each of its micropolygons.
+    #[cold]
+    fn find_close(&self, corners: &[usize; 4], step: usize, pad: f32, borders: &mut Borders) {
+        let (samples, view) = (self.samples, self.view);
+        let strata = samples.time_strata();
+        let slices = strata.div_ceil(step);
+        let hull = |p: &[Points; 4], lane: usize| {
+            Bound::around(p.iter().map(|p| Vec3::new(p.x.0[lane], p.y.0[lane], p.z.0[lane])))
+        };
+        borders.hulls.clear();
+        for first in (0..=slices).step_by(LANES) {
+            let mut time = Lanes::splat(0.0);
+            for (k, time) in time.0.iter_mut().enumerate() {
+                *time = samples.stratum_time(((first + k) * step).min(strata));
+            }
+            let p = self.corners_at(corners, time);
+            borders.hulls.extend((0..LANES).map(|lane| hull(&p, lane)));
+        }
+        // Keys between two borders count for both, as in `find_borders`.
+        let [open, close] = samples.shutter;
+        for key in 1..view.times.len().saturating_sub(1) {
+            let time = view.times[key];
+            let at = (time - open) / (close - open) * (strata as f32 / step as f32);
+            if at > 0.0 && at <= slices as f32 {
+                let hull = hull(&self.corners_at(corners, Lanes::splat(time)), 0);
+                let slice = (at as usize).min(slices - 1);
+                for border in slice.saturating_sub(1)..=(slice + 2).min(slices) {
+                    borders.hulls[border] = borders.hulls[border].union(hull);
+                }
+            }
+        }
+        for border in 0..borders.lo_x.len() {
+            if borders.lo_x[border] != f32::NEG_INFINITY {
+                continue;
+            }
+            let last = borders.hulls.len() - 1;
+            let beside = border.saturating_sub(1).min(last)..=(border + 1).min(last);
+            let hull = borders.hulls[beside].iter().copied().fold(Bound::EMPTY, Bound::union);
+            let values = self.close_box(&hull, pad);
+            for (list, value) in borders.lists().into_iter().zip(values) {
+                list[border] = value;
+            }
+        }
+    }
+
+    /// The raster box of the part of a camera space box behind the near plane, and its range of `1 / focus - 1 / z`, as
+    /// [`Borders`] has them.
+    fn close_box(&self, hull: &Bound, pad: f32) -> [f32; 6] {
+        let view = self.view;
+        let near = view.near.max(f32::MIN_POSITIVE);
+        // A little more than rounding moves a hit.
+        if hull.max.z < near * (1.0 - 1e-5) {
+            return [f32::INFINITY, f32::NEG_INFINITY, f32::INFINITY, f32::NEG_INFINITY, 0.0, 0.0];
+        }
+        let depths = [near.max(hull.min.z), near.max(hull.max.z)];
+        let side = |least: f32, most: f32, scale: f32, center: f32| {
+            let ends = depths.map(|z| [least * scale / z, most * scale / z]);
+            let lo = ends.as_flattened().iter().copied().fold(f32::INFINITY, f32::min);
+            let hi = ends.as_flattened().iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            let room = hi.max(-lo).abs() * 1e-5 + pad + 0.01 + 1e-5 * center.abs();
+            let (lo, hi) = (lo + center - room, hi + center + room);
+            if lo.is_finite() && hi.is_finite() { (lo, hi) } else { (f32::NEG_INFINITY, f32::INFINITY) }
+        };
+        let x = side(hull.min.x, hull.max.x, view.scale.x, view.center.x);
+        let y = side(hull.min.y, hull.max.y, view.scale.y, view.center.y);
+        let lens = match view.lens_radius > 0.0 {
+            true => depths.map(|z| 1.0 / view.focus - 1.0 / z),
+            false => [0.0; 2],
+        };
+        [x.0, x.1, y.0, y.1, lens[0], lens[1]]
     }
 
     /// The outlines of corners at eight times.
@@ -332,6 +415,10 @@ impl Raster<'_> {
             slack(2, signs[1]).min(slack(3, signs[1])).min(d * signs[1]),
         ];
         let far_enough = view.near.max(view.z_min);
+        let mut alive = first_lanes(used);
+        if let Some([from, to]) = view.existence {
+            alive &= machine.not_negative(time - from) & machine.not_negative(-(time - to));
+        }
         let (mut inside, mut found) = ([0; 2], [0; 2]);
         let mut places = [(zero, zero, zero); 2];
         for (second, corner, e) in [(false, [0, 1, 2], [e[0], e[1], -d]), (true, [0, 2, 3], [d, e[2], e[3]])]
@@ -341,7 +428,7 @@ impl Raster<'_> {
             let size = sum * signs[t];
             // Neither 0 nor infinite.
             let valid = machine.positive(size) & machine.positive(Lanes::splat(f32::INFINITY) - size);
-            found[t] = machine.not_negative(slacks[t]) & valid & first_lanes(used);
+            found[t] = machine.not_negative(slacks[t]) & valid & alive;
             if found[t] == 0 {
                 continue;
             }

@@ -486,6 +486,8 @@ fn mistakes_are_reported_once_and_have_substitutes() {
         ("color c = color (\"cmyk\", 1, 2, 3); r = c[0];", "there is no color space \"cmyk\"", 1.0),
         ("matrix m = 1 / matrix (\"flat\", 1); r = m[0][0];", "a singular matrix has no inverse", 1.0),
         ("r = transformu (\"mm\", \"seconds\", 4);", "cannot convert \"mm\" to \"seconds\"", 4.0),
+        ("r = transformu (\"m\", \"s\", 4);", "cannot convert \"m\" to \"s\"", 4.0),
+        ("r = transformu (\"s\", \"double\", 4);", "cannot convert \"s\" to \"double\"", 4.0),
         ("r = match (\"(\", \"x\");", "\"(\" is not a regular expression", 0.0),
         ("r = spline (\"cubist\", 0, 1, 2, 3, 4);", "there is no spline basis \"cubist\"", 2.0),
         ("while (1 < 2) r = 3;", "a loop does not end", 3.0),

@@ -66,26 +66,54 @@ fn texture(mut inputs: Vec<Input>, kind: TextureKind, body: Body) -> Texture {
     let pixel_type = inputs.iter().map(|i| i.pixel_type).max().unwrap_or(granita_image::PixelType::Float);
     let main = inputs.swap_remove(if inputs.len() == 6 { 4 } else { 0 });
     let (channels, attributes) = (main.channels, main.attributes);
-    Texture { kind, body, channels, pixel_type, attributes, conversion: Some(main.conversion), notes }
+    Texture {
+        kind,
+        body,
+        up: None,
+        channels,
+        pixel_type,
+        attributes,
+        conversion: Some(main.conversion),
+        notes,
+    }
 }
 
-fn finish(inputs: Vec<Input>, faces: [Picture; 6], options: &MakeOptions) -> Texture {
-    let body = Body::Cube(cube_pyramid(faces, options.filter));
-    texture(inputs, TextureKind::CubeFaceEnvironment, body)
+/// Makes cubes: the options, and what the format of the texture needs.
+#[derive(Clone, Copy)]
+pub(crate) struct Cubes<'a> {
+    pub(crate) options: &'a MakeOptions,
+    /// The texture will be an OpenEXR file. All six faces are one picture there, of which each level is half of the one
+    /// before: only faces whose side is a power of two are halves of faces.
+    pub(crate) exr: bool,
 }
 
-fn finish_latlong(inputs: Vec<Input>, mut picture: Picture, options: &MakeOptions) -> Texture {
-    let size = (face_size(picture.width, options), face_size(picture.height, options));
+impl Cubes<'_> {
+    /// The side of the faces of a texture, for inputs with faces of `n` pixels.
+    fn side(self, n: usize) -> usize {
+        if self.options.resize || self.exr { power_of_two(n) } else { n }
+    }
+
+    /// The texture of six faces; `n` is the side that they would have had as they are.
+    fn finish(self, inputs: Vec<Input>, faces: [Picture; 6], n: usize) -> Texture {
+        let side = faces[0].width;
+        let body = Body::Cube(cube_pyramid(faces, self.options.filter));
+        let mut texture = texture(inputs, TextureKind::CubeFaceEnvironment, body);
+        if !self.options.resize && side != n {
+            let what = format!("faces have {side} pixels a side, not {n}: OpenEXR needs a power of two");
+            texture.notes.push(what);
+        }
+        texture
+    }
+}
+
+fn finish_latlong(inputs: Vec<Input>, mut picture: Picture, up: Up, options: &MakeOptions) -> Texture {
+    let side = |n: usize| if options.resize { power_of_two(n) } else { n };
+    let size = (side(picture.width), side(picture.height));
     if size != (picture.width, picture.height) {
         picture = picture.resized(size.0, size.1, Filter::CatmullRom, (Wrap::Periodic, Wrap::Clamp));
     }
     let body = Body::Flat(latlong_pyramid(picture, options.filter));
-    texture(inputs, TextureKind::LatLongEnvironment, body)
-}
-
-/// The convention of latitude-longitude maps in a file.
-fn up(exr: bool) -> Up {
-    if exr { Up::Y } else { Up::Z }
+    Texture { up: Some(up), ..texture(inputs, TextureKind::LatLongEnvironment, body) }
 }
 
 /// Whether a file says that it is a cube-face environment.
@@ -135,12 +163,13 @@ fn faces_of(input: &Input) -> Result<[Picture; 6]> {
 }
 
 /// `-envcube` of one picture: a latitude-longitude map, or a cube.
-pub(crate) fn cube_of_one(input: Input, options: &MakeOptions) -> Result<Texture> {
+pub(crate) fn cube_of_one(input: Input, cubes: Cubes<'_>) -> Result<Texture> {
     if is_cube(&input.spec) {
         let faces = faces_of(&input)?;
-        let n = face_size(faces[0].width, options);
-        let faces = faces.map(|f| f.resized(n, n, Filter::CatmullRom, CLAMP));
-        return Ok(finish(vec![input], faces, options));
+        let n = faces[0].width;
+        let side = cubes.side(n);
+        let faces = faces.map(|f| f.resized(side, side, Filter::CatmullRom, CLAMP));
+        return Ok(cubes.finish(vec![input], faces, n));
     }
     let p = &input.picture;
     if p.width != 2 * p.height {
@@ -150,9 +179,9 @@ pub(crate) fn cube_of_one(input: Input, options: &MakeOptions) -> Result<Texture
         );
         return Err(malformed(&input, what));
     }
-    let n = face_size((p.width / 4).max(1), options);
-    let faces = convert::to_cube(p, up(input.exr), n);
-    Ok(finish(vec![input], faces, options))
+    let n = (p.width / 4).max(1);
+    let faces = convert::to_cube(p, Up::of(&input.spec, input.exr), cubes.side(n));
+    Ok(cubes.finish(vec![input], faces, n))
 }
 
 /// `-envlatl` of six faces, or of one file that holds them; `exr`: the map will be an OpenEXR file.
@@ -165,14 +194,16 @@ pub(crate) fn latlong_of_faces(inputs: Vec<Input>, exr: bool, options: &MakeOpti
         }
     };
     let n = faces[0].width;
-    let picture = convert::to_latlong(&faces, up(exr), (4 * n, 2 * n));
-    Ok(finish_latlong(inputs, picture, options))
+    let up = Up::of_format(exr);
+    let picture = convert::to_latlong(&faces, up, (4 * n, 2 * n));
+    Ok(finish_latlong(inputs, picture, up, options))
 }
 
-/// `-envlatl` of one picture that is needed as a whole.
+/// `-envlatl` of one picture that is needed as a whole. Its pixels stay where they are.
 pub(crate) fn latlong(mut input: Input, options: &MakeOptions) -> Texture {
     let picture = std::mem::replace(&mut input.picture, Picture::new(0, 0, 1));
-    finish_latlong(vec![input], picture, options)
+    let up = Up::of(&input.spec, input.exr);
+    finish_latlong(vec![input], picture, up, options)
 }
 
 /// One picture for each of six inputs.
@@ -180,19 +211,15 @@ fn six(inputs: &[Input], f: impl Fn(&Input) -> Picture) -> [Picture; 6] {
     std::array::from_fn(|i| f(&inputs[i]))
 }
 
-fn face_size(n: usize, options: &MakeOptions) -> usize {
-    if options.resize { power_of_two(n) } else { n }
-}
-
 /// `-envcube`.
-pub(crate) fn cube(inputs: Vec<Input>, options: &MakeOptions) -> Result<Texture> {
-    let n = face_size(check_faces(&inputs, &[0, 1, 2, 3, 4, 5])?, options);
-    let faces = six(&inputs, |i| refit(&i.picture, options.fov_deg, n));
-    Ok(finish(inputs, faces, options))
+pub(crate) fn cube(inputs: Vec<Input>, cubes: Cubes<'_>) -> Result<Texture> {
+    let n = check_faces(&inputs, &[0, 1, 2, 3, 4, 5])?;
+    let faces = six(&inputs, |i| refit(&i.picture, cubes.options.fov_deg, cubes.side(n)));
+    Ok(cubes.finish(inputs, faces, n))
 }
 
 /// `-vertcross`: three columns and four rows; the lowest face stands on its head.
-pub(crate) fn vertical_cross(input: Input, options: &MakeOptions) -> Result<Texture> {
+pub(crate) fn vertical_cross(input: Input, cubes: Cubes<'_>) -> Result<Texture> {
     let p = &input.picture;
     let n = p.width / 3;
     if n == 0 || p.width != 3 * n || p.height != 4 * n {
@@ -202,9 +229,9 @@ pub(crate) fn vertical_cross(input: Input, options: &MakeOptions) -> Result<Text
     }
     let cell = |column: usize, row: usize| p.cropped(column * n, row * n, n, n);
     let faces = [cell(2, 1), cell(0, 1), cell(1, 0), cell(1, 2), cell(1, 1), cell(1, 3).turned()];
-    let size = face_size(n, options);
-    let faces = faces.map(|f| f.resized(size, size, Filter::CatmullRom, CLAMP));
-    Ok(finish(vec![input], faces, options))
+    let side = cubes.side(n);
+    let faces = faces.map(|f| f.resized(side, side, Filter::CatmullRom, CLAMP));
+    Ok(cubes.finish(vec![input], faces, n))
 }
 
 /// Where a direction (+z ahead, +x right, +y up) lies in an angular map, in [-1, 1] to the right and up:
@@ -220,16 +247,17 @@ pub(crate) fn angular(d: Vec3) -> (f32, f32) {
 }
 
 /// `-lightprobe`: a square picture whose inscribed circle shows all directions.
-pub(crate) fn light_probe(input: Input, options: &MakeOptions) -> Result<Texture> {
+pub(crate) fn light_probe(input: Input, cubes: Cubes<'_>) -> Result<Texture> {
     let p = &input.picture;
     if p.width != p.height {
         let what = format!("a light probe is square, this has {} x {} pixels", p.width, p.height);
         return Err(malformed(&input, what));
     }
     // As many pixels per degree at the centre of a face as at the centre of the probe.
-    let n = face_size(((p.width as f32 / std::f32::consts::PI).round() as usize).max(1), options);
-    let faces = std::array::from_fn(|face| probe_face(p, face, n));
-    Ok(finish(vec![input], faces, options))
+    let n = ((p.width as f32 / std::f32::consts::PI).round() as usize).max(1);
+    let side = cubes.side(n);
+    let faces = std::array::from_fn(|face| probe_face(p, face, side));
+    Ok(cubes.finish(vec![input], faces, n))
 }
 
 /// One face, each texel the mean of 3 x 3 points.

@@ -21,6 +21,7 @@ use crate::TextureKind;
 use crate::Wrap;
 use crate::error::{Result, TextureError};
 use crate::picture::half;
+use environment::Cubes;
 use granita_base::Filter;
 use granita_base::files::is_same_file;
 use granita_image::{FormatRegistry, Limits};
@@ -124,6 +125,7 @@ fn streamed<'a>(
 /// Whether what is made as a whole fits into the memory allowed: the inputs in floats, and all levels of the texture, for a
 /// moment twice.
 fn check_memory(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegistry) -> Result<()> {
+    let exr = makes_exr(options, registry);
     let (mut bytes, mut working) = (0_u64, 0);
     let files = inputs.iter().filter(|p| !is_empty_face(p)).count();
     for path in inputs.iter().filter(|p| !is_empty_face(p)) {
@@ -131,7 +133,7 @@ fn check_memory(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegi
         let (w, h) = (source.width as u64, source.height as u64);
         let side = |n: u64| match options.mode {
             Mode::Shadow | Mode::ShadCube | Mode::VolShad => n,
-            _ if options.resize => n.next_power_of_two(),
+            _ if options.resize || exr => n.next_power_of_two(),
             _ => n,
         };
         let texture = match options.mode {
@@ -258,10 +260,11 @@ fn read(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegistry) ->
     let picture = |path: &PathBuf| Input::read(path, options, registry);
     let depth = |path: &PathBuf| Input::read_raw(path, options, registry);
     let pictures = || inputs.iter().map(picture).collect::<Result<Vec<_>>>();
+    let exr = makes_exr(options, registry);
+    let cubes = Cubes { options, exr };
     match options.mode {
         Mode::Plain => Err(TextureError::Misuse { what: "a plain texture is streamed".to_owned() }),
         Mode::EnvLatLong => {
-            let exr = registry.by_name(&options.format).is_some_and(|f| f.name() == "exr");
             let mut all = pictures()?;
             if all.len() == 6 || environment::is_cube(&all[0].spec) {
                 environment::latlong_of_faces(all, exr, options)
@@ -269,10 +272,10 @@ fn read(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegistry) ->
                 Ok(environment::latlong(all.swap_remove(0), options))
             }
         }
-        Mode::EnvCube if inputs.len() == 1 => environment::cube_of_one(picture(&inputs[0])?, options),
-        Mode::EnvCube => environment::cube(pictures()?, options),
-        Mode::LightProbe => environment::light_probe(picture(&inputs[0])?, options),
-        Mode::VertCross => environment::vertical_cross(picture(&inputs[0])?, options),
+        Mode::EnvCube if inputs.len() == 1 => environment::cube_of_one(picture(&inputs[0])?, cubes),
+        Mode::EnvCube => environment::cube(pictures()?, cubes),
+        Mode::LightProbe => environment::light_probe(picture(&inputs[0])?, cubes),
+        Mode::VertCross => environment::vertical_cross(picture(&inputs[0])?, cubes),
         Mode::Shadow => shadow::shadow(depth(&inputs[0])?, options),
         Mode::ShadCube => {
             let faces = inputs.iter().map(|p| if is_empty_face(p) { Ok(None) } else { depth(p).map(Some) });
@@ -280,6 +283,11 @@ fn read(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegistry) ->
         }
         Mode::VolShad => shadow::volume(depth(&inputs[0])?, options),
     }
+}
+
+/// Whether the texture will be an OpenEXR file.
+fn makes_exr(options: &MakeOptions, registry: &FormatRegistry) -> bool {
+    registry.by_name(&options.format).is_some_and(|f| f.name() == "exr")
 }
 
 /// The next power of two, itself included.

@@ -11,7 +11,7 @@ fn listening(live: &Live, open: Option<Box<OpenFile>>) -> (Listener, Arc<Mutex<V
     let messages = Arc::new(Mutex::new(Vec::new()));
     let kept = messages.clone();
     let reporter = Reporter::new(Box::new(move |m| kept.lock().unwrap().push(m.to_string())));
-    (start(([127, 0, 0, 1], 0).into(), live, &reporter, open).unwrap(), messages)
+    (start(([127, 0, 0, 1], 0).into(), live, &reporter, open, false).unwrap(), messages)
 }
 
 /// Waits for what another thread will do.
@@ -184,6 +184,23 @@ impl Ours {
         let mut bytes = vec![0; count];
         self.0.read_exact(&mut bytes).unwrap();
         bytes
+    }
+}
+
+/// A viewer that was started for a render opens the layers that it names, and no other files.
+#[test]
+fn layers_are_opened_where_they_are_allowed() {
+    for layers in [false, true] {
+        let live = Live::default();
+        let (reporter, _) = Reporter::collecting();
+        let listener = start(([127, 0, 0, 1], 0).into(), &live, &reporter, None, layers).unwrap();
+        let mut client = Ours::new(&listener);
+        client.send(&create("a", 8, 8, &["R"]));
+        client.send(&packet(102, &[b"a\0\0", &3_i32.to_le_bytes(), b"over\0under\0"]));
+        until("the wish", || live.info("a").is_some_and(|info| info.wishes.zoom == 3));
+        let wishes = live.info("a").unwrap().wishes;
+        let expected = if layers { ("over", "under") } else { ("", "") };
+        assert_eq!((&*wishes.foreground, &*wishes.background), expected);
     }
 }
 

@@ -7,6 +7,7 @@ mod blit;
 mod desk;
 mod entries;
 mod keys;
+mod lost;
 mod panels;
 mod script;
 mod shell;
@@ -148,6 +149,7 @@ pub(crate) fn run(
     // One whose thread panicked is no device either.
     let early = early.join().ok().flatten().map(WgpuSetup::Existing);
     let tries = early.map(|setup| (renderers[0], Some(setup)));
+    lost::watch(reporter);
     for ((library, backends), setup) in tries.into_iter().chain(renderers.iter().map(|b| (*b, None))) {
         let (taken, steps, outcome_inside) = (&mut desk, steps.clone(), outcome.clone());
         let creator: eframe::AppCreator<'_> = Box::new(move |context| {
@@ -161,6 +163,11 @@ pub(crate) fn run(
         }
         match eframe::run_native_ext("iv", options, Some(ctx.clone()), creator) {
             Ok(()) => return *outcome.lock().unwrap_or_else(PoisonError::into_inner),
+            // There was a window: the picture was given to it.
+            Err(_) if desk.is_none() && !lost::is_there() => {
+                lost::say(reporter);
+                return Status::Failed;
+            }
             // Without a screen there is nothing to draw on for any of them.
             Err(eframe::Error::Winit(_) | eframe::Error::WinitEventLoop(_)) => {
                 faults = vec!["no connection to a screen (is DISPLAY or WAYLAND_DISPLAY set?)".to_owned()];

@@ -1,0 +1,92 @@
+//! Pictures that are stored lying on a side, or as in a mirror: the orientation of Exif data.
+
+use granita_image::Pixels;
+
+/// From the stored pixels to the upright picture, by the number that Exif gives it (tag 274; CIPA DC-008, 4.6.4): which side
+/// of the picture the first row and the first column show.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Turn {
+    /// The first row is a column of the picture.
+    transposed: bool,
+    /// The picture is then mirrored from left to right.
+    mirrored: bool,
+    /// The picture is then turned upside down by rows.
+    flipped: bool,
+}
+
+impl Turn {
+    /// By number, 1 to 8; others are upright.
+    pub(crate) fn of_exif(number: u8) -> Self {
+        let (transposed, mirrored, flipped) = match number {
+            // First row and column: top right, bottom right, bottom left.
+            2 => (false, true, false),
+            3 => (false, true, true),
+            4 => (false, false, true),
+            // The first row is the left side, the right, the right, the left; the first column the top, the top, the bottom,
+            // the bottom.
+            5 => (true, false, false),
+            6 => (true, true, false),
+            7 => (true, true, true),
+            8 => (true, false, true),
+            _ => (false, false, false),
+        };
+        Self { transposed, mirrored, flipped }
+    }
+
+    /// The size of the upright picture from that of the stored one, and the other way round.
+    pub(crate) fn size(self, (width, height): (u32, u32)) -> (u32, u32) {
+        if self.transposed { (height, width) } else { (width, height) }
+    }
+
+    /// Whether rows stay where they are.
+    pub(crate) fn keeps_rows(self) -> bool {
+        !self.transposed && !self.flipped
+    }
+
+    /// The upright picture of stored pixels: `size` is their width and height, `n` the number of channels.
+    pub(crate) fn apply(self, pixels: Pixels, size: (usize, usize), n: usize) -> Pixels {
+        if self == Self::of_exif(1) {
+            return pixels;
+        }
+        let (width, height) = if self.transposed { (size.1, size.0) } else { size };
+        let mut out = Pixels::zeros(pixels.pixel_type(), pixels.len());
+        for y in 0..height {
+            let row = if self.flipped { height - 1 - y } else { y };
+            for x in 0..width {
+                let column = if self.mirrored { width - 1 - x } else { x };
+                let (stored_x, stored_y) = if self.transposed { (row, column) } else { (column, row) };
+                out.copy_from((y * width + x) * n, &pixels, (stored_y * size.0 + stored_x) * n, n);
+            }
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_row_and_column_are_where_exif_says() {
+        // Three columns, two rows: the first row is 1 2 3, the first column 1 4.
+        let stored = || Pixels::U8(vec![1, 2, 3, 4, 5, 6]);
+        for (number, upright) in [
+            (1, [1, 2, 3, 4, 5, 6]),
+            (2, [3, 2, 1, 6, 5, 4]),
+            (3, [6, 5, 4, 3, 2, 1]),
+            (4, [4, 5, 6, 1, 2, 3]),
+            // Two columns, three rows.
+            (5, [1, 4, 2, 5, 3, 6]),
+            (6, [4, 1, 5, 2, 6, 3]),
+            (7, [6, 3, 5, 2, 4, 1]),
+            (8, [3, 6, 2, 5, 1, 4]),
+            (0, [1, 2, 3, 4, 5, 6]),
+            (9, [1, 2, 3, 4, 5, 6]),
+        ] {
+            let turn = Turn::of_exif(number);
+            assert_eq!(turn.apply(stored(), (3, 2), 1), Pixels::U8(upright.to_vec()), "{number}");
+            assert_eq!(turn.size((3, 2)), if (5..=8).contains(&number) { (2, 3) } else { (3, 2) });
+            assert_eq!(turn.keeps_rows(), !(3..=8).contains(&number));
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! Archives: files that are read where they are named, and requests that a file keeps under a name (`ArchiveBegin`,
+//! `ArchiveEnd`; of later versions of the interface).
+
+use crate::reader::{Done, Fault, MAX_REPEATED, Reader, handle};
+use crate::request::Request;
+use granita_base::{Environment, SearchPath};
+use granita_scene::GeneratorError;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Archives nested deeper than this are not read.
+const MAX_DEPTH: usize = 64;
+
+/// Requests under a name, and the file that they stand in.
+type Kept = (Arc<str>, Arc<[Request]>);
+
+/// An archive that is being kept.
+struct Recording {
+    name: Arc<str>,
+    line: u32,
+    requests: Vec<Request>,
+    /// The number of `ArchiveBegin` within it that are open.
+    inner: usize,
+}
+
+/// The archives of a file itself.
+#[derive(Default)]
+pub(crate) struct Archives {
+    recording: Option<Recording>,
+    kept: BTreeMap<Arc<str>, Kept>,
+    /// The names of those being read, outermost first.
+    reading: Vec<Arc<str>>,
+}
+
+impl Archives {
+    /// The line of an `ArchiveBegin` that has no end; the archive is given up.
+    pub(crate) fn unfinished(&mut self) -> Option<u32> {
+        self.recording.take().map(|r| r.line)
+    }
+
+    /// Whether there is an archive of this name.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.kept.contains_key(name)
+    }
+}
+
+impl Reader<'_> {
+    /// Takes a request into the archive that is being kept; gives it back when there is none, or when it ends it.
+    pub(crate) fn recorded(&mut self, request: Request) -> Option<Request> {
+        let Some(recording) = &mut self.archives.recording else { return Some(request) };
+        match request.name.as_str() {
+            "ArchiveBegin" => recording.inner += 1,
+            "ArchiveEnd" if recording.inner == 0 => return Some(request),
+            "ArchiveEnd" => recording.inner -= 1,
+            _ => (),
+        }
+        recording.requests.push(request);
+        None
+    }
+
+    /// `ArchiveBegin name`.
+    pub(crate) fn archive_begin(&mut self, request: &Request) -> Done {
+        let name = handle(request.args.first()).ok_or_else(|| "no name".to_owned())?;
+        self.archives.recording = Some(Recording { name, line: self.line, requests: Vec::new(), inner: 0 });
+        Ok(())
+    }
+
+    /// `ArchiveEnd`.
+    pub(crate) fn archive_end(&mut self) -> Done {
+        let Some(recording) = self.archives.recording.take() else {
+            return Err(Fault::Mistake("without ArchiveBegin".to_owned()));
+        };
+        self.archives.kept.insert(recording.name, (self.file.clone(), recording.requests.into()));
+        Ok(())
+    }
+
+    /// Carries out the requests that are kept under a name.
+    pub(crate) fn kept_archive(&mut self, name: &Arc<str>) -> Done {
+        let Some((from, requests)) = self.archives.kept.get(name).cloned() else {
+            return Err(Fault::Mistake(format!("there is no archive \"{name}\"")));
+        };
+        if self.archives.reading.contains(name) {
+            return Err(Fault::Mistake(format!("\"{name}\" would read itself")));
+        }
+        if self.archives.reading.len() >= MAX_DEPTH {
+            return Err(Fault::Mistake(format!("archives are nested deeper than {MAX_DEPTH}")));
+        }
+        self.repeated = self.repeated.saturating_add(requests.len());
+        if self.repeated > MAX_REPEATED {
+            return Err(Fault::Mistake(format!("archives repeat more than {MAX_REPEATED} requests")));
+        }
+        self.archives.reading.push(name.clone());
+        let place = (std::mem::replace(&mut self.file, from), self.line);
+        let mut result = Ok(());
+        for request in requests.iter() {
+            self.line = request.line;
+            let Some(request) = self.recorded(request.clone()) else { continue };
+            result = self.perform(request);
+            if result.is_err() {
+                break;
+            }
+        }
+        (self.file, self.line) = place;
+        self.archives.reading.pop();
+        result
+    }
+
+    /// Where an archive lies: beside the file that names it, then on the path of inputs.
+    pub(crate) fn find_archive(&self, name: &str) -> Option<PathBuf> {
+        let beside = self.files.last().and_then(|f| f.parent()).map(|folder| folder.join(name));
+        if let Some(file) = beside.filter(|f| self.opens.is_file(f)) {
+            return Some(file);
+        }
+        let path = self.attribute_value("path:input");
+        let path = path.and_then(|p| match p.data {
+            granita_base::ParamData::String(v) => v.first().map(ToString::to_string),
+            _ => None,
+        });
+        let path = path.unwrap_or_else(|| ".".to_owned());
+        let mut environment = Environment::empty();
+        environment.set_files(self.opens.clone());
+        let path = SearchPath::parse(&path.replace('&', "."), &SearchPath::default(), &environment);
+        path.find(name).or_else(|| self.opens.is_file(Path::new(name)).then(|| PathBuf::from(name)))
+    }
+
+    /// `ReadArchive name`: of the file itself, or a file.
+    pub(crate) fn archive(&mut self, request: &Request) -> Done {
+        let name = request.args.first().and_then(|a| a.strings()?.first().cloned());
+        let name = name.ok_or_else(|| "no file name".to_owned())?;
+        if self.archives.has(&name) {
+            self.quiet = false;
+            return self.kept_archive(&name);
+        }
+        let Some(path) = self.find_archive(&name) else {
+            return Err(Fault::Mistake(format!("cannot find \"{name}\"")));
+        };
+        let identity = std::fs::canonicalize(&path).unwrap_or_else(|_| path.clone());
+        if self.files.contains(&identity) {
+            let names = self.files.iter().chain([&identity]).filter_map(|f| f.file_name());
+            let names: Vec<_> = names.map(|n| n.to_string_lossy().into_owned()).collect();
+            return Err(Fault::Mistake(format!("\"{name}\" would read itself: {}", names.join(" -> "))));
+        }
+        if self.files.len() >= MAX_DEPTH {
+            return Err(Fault::Mistake(format!("archives are nested deeper than {MAX_DEPTH}")));
+        }
+        let stream = match self.opens.open(&path) {
+            Ok(file) => Box::new(file),
+            Err(error) => return Err(Fault::Mistake(format!("{}: {error}", path.display()))),
+        };
+        self.reporter.file_read(&path);
+        self.quiet = false;
+        let (file, line) = (self.file.clone(), self.line);
+        self.files.push(identity);
+        self.file = path.to_string_lossy().as_ref().into();
+        let result = self.stream(stream);
+        self.files.pop();
+        let result = match result {
+            // The archive is broken, not what reads it.
+            Err(Fault::Ends(GeneratorError::Malformed(text))) => {
+                self.reporter.error(text);
+                Ok(())
+            }
+            other => other,
+        };
+        (self.file, self.line) = (file, line);
+        result
+    }
+}

@@ -1,0 +1,72 @@
+//! The end of a window whose screen goes away.
+//!
+//! The libraries that draw and that ask for events panic, each in its own place and thread, when the server of the screen
+//! does not answer any more. Such a panic is not an error of this program: it ends with one message and without a trace.
+
+use granita_base::Reporter;
+use granita_cli::{Status, leave};
+use std::net::{TcpStream, ToSocketAddrs};
+use std::time::Duration;
+
+/// The longest time that a screen on another machine may take to answer.
+const ANSWER: Duration = Duration::from_secs(2);
+
+/// From now on, a panic after which there is no screen ends the program with a message. Other panics are what they were.
+pub(super) fn watch(reporter: &Reporter) {
+    let (reporter, before) = (reporter.clone(), std::panic::take_hook());
+    std::panic::set_hook(Box::new(move |info| {
+        if is_there() {
+            return before(info);
+        }
+        say(&reporter);
+        // Unwinding would go through the code of other languages, which cannot.
+        leave(Status::Failed);
+    }));
+}
+
+/// Says that the screen is gone.
+pub(super) fn say(reporter: &Reporter) {
+    reporter.error("the connection to the screen is lost (its server has ended)");
+}
+
+/// Whether the server of the screen takes connections. A kind of screen that is not known here does.
+pub(super) fn is_there() -> bool {
+    let variable = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
+    match (variable("WAYLAND_DISPLAY"), variable("DISPLAY")) {
+        (None, Some(display)) => answers(&display),
+        _ => true,
+    }
+}
+
+/// Whether an X server takes connections: `[HOST]:NUMBER[.SCREEN]`.
+fn answers(display: &str) -> bool {
+    let Some((host, number)) = display.rsplit_once(':') else { return true };
+    let Ok(number) = number.split('.').next().unwrap_or_default().parse::<u16>() else { return true };
+    #[cfg(unix)]
+    if matches!(host, "" | "unix") {
+        let socket = format!("/tmp/.X11-unix/X{number}");
+        return std::os::unix::net::UnixStream::connect(socket).is_ok();
+    }
+    let Some(port) = number.checked_add(6000) else { return true };
+    let addresses = (host, port).to_socket_addrs();
+    addresses.is_ok_and(|mut all| all.any(|address| TcpStream::connect_timeout(&address, ANSWER).is_ok()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn servers_answer_or_do_not() {
+        // No server has such numbers.
+        assert!(!answers(":64001") && !answers("unix:64001.0"));
+        assert!(answers("nonsense") && answers(":x") && answers(":64001000"));
+        let listener = (0..100).find_map(|n| {
+            Some((n, std::net::TcpListener::bind(("127.0.0.1", 6000_u16.checked_add(30_000 + n)?)).ok()?))
+        });
+        let Some((n, listener)) = listener else { return };
+        assert!(answers(&format!("127.0.0.1:{}", 30_000 + n)));
+        drop(listener);
+        assert!(!answers(&format!("127.0.0.1:{}.0", 30_000 + n)));
+    }
+}
