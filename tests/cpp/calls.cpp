@@ -14,6 +14,14 @@ public:
     }
 };
 
+class Nest : public GelatoAPI::Generator {
+public:
+    void run (GelatoAPI *r, const char *) {
+        r->Comment ("a nest");
+        r->Input (new Two);
+    }
+};
+
 class Bad : public GelatoAPI::Generator {
 public:
     void run (GelatoAPI *, const char *) { throw std::runtime_error ("no such luck"); }
@@ -110,8 +118,18 @@ int main ()
     r->Command ("mkdir");
     r->Input ("teapot.pyg");
     r->Input ("teapot.pyg", bound);
+    // An archive says where generators are; so many levels of them are run as it is told (4.3.12).
     r->Input (new Two);
     r->Input (new Two, bound);
+    int levels = -1;
+    if (! r->GetAttribute ("limits:inputlevels", levels) || levels != 0)
+        return 3;
+    r->Attribute ("limits:inputlevels", 1);
+    r->Input (new Two);
+    r->Input (new Two, bound);
+    r->Input (new Nest);
+    r->Attribute ("limits:inputlevels", 2);
+    r->Input (new Nest);
     r->Render ("main");
     r->Render ();
 

@@ -1,6 +1,7 @@
 // A renderer in another process: images, messages, attributes, an early end; and what is left when it dies.
 #include <dirent.h>
 #include <signal.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "kept.h"
@@ -52,6 +53,7 @@ int main ()
     CHECK (children (&child) == 1);
 
     float done = -1, fov = 0;
+    int said_success = -1;
     int res[2] = { 0, 0 };
     char *text = NULL;
     Pixels image;
@@ -79,9 +81,26 @@ int main ()
     CHECK (r->GetAttribute ("render:progress", done) && done >= 0 && done < 1);
     r->Sphere (2);
     CHECK (kept.has ("Sphere is ignored while a frame is rendered"));
+    // For a while only, and with other buckets first.
+    const int said = kept.count;
+    int center[2] = { 10, 1100 }, rectangle[4] = { 0, 0, 100, 100 };
+    r->Parameter ("int[2] center", center);
+    r->Command ("bucketpriority");
+    r->Parameter ("int[4] rectangle", rectangle);
+    r->Command ("bucketpriority");
+    time_t begin = time (NULL);
+    r->Parameter ("float time", 0.1f);
+    r->Command ("wait");
+    CHECK (time (NULL) - begin < 5 && r->GetAttribute ("render:progress", done) && done < 1);
+    CHECK (kept.count == said);
+    r->Command ("bucketpriority");
+    CHECK (kept.has ("needs the parameter"));
     r->Command ("return");
     r->Command ("wait");
     CHECK (kept.has ("stopped") || kept.has ("ended"));
+    // An early end is an end.
+    CHECK (r->GetAttribute ("render:progress", done) && done == 1);
+    CHECK (r->GetAttribute ("render:success", said_success) && said_success == 0);
     delete r;
     CHECK (children (&child) == 0);
 

@@ -96,6 +96,22 @@ int main ()
     a->Handler (&second);
     a->Error ("to the other");
     CHECK (second.all.find ("to the other") != std::string::npos);
+    // Each kind of message with its code; what is said depends on how much is wanted.
+    a->Verbosity (VERBOSITY_INFO);
+    a->Info ("%d", 1);
+    CHECK (second.last == ERR_INFO);
+    a->Warning ("%d", 2);
+    CHECK (second.last == ERR_WARNING);
+    a->Severe ("%d", 3);
+    CHECK (second.last == ERR_SEVERE);
+    a->Verbosity (VERBOSITY_QUIET);
+    int count = second.count;
+    a->Info ("%d", 4);
+    a->Warning ("%d", 5);
+    CHECK (second.count == count);
+    a->Error ("%d", 6);
+    CHECK (second.count == count + 1 && second.last == ERR_ERROR);
+    a->Verbosity (VERBOSITY_NORMAL);
     delete b;
 
     // A program's own generator, put off until the camera sees its bound; and one that no camera sees.

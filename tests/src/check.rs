@@ -70,6 +70,10 @@ pub(crate) fn check(
             true => Ok(()),
             false => Err("all pixels are equal".to_owned()),
         },
+        ["finite", file] => match read(file)?.is_finite() {
+            true => Ok(()),
+            false => Err("a value is no finite number".to_owned()),
+        },
         ["pixel", file, x, y, "=", values @ .., tolerance] => {
             let picture = read(file)?;
             let found = picture.pixel(index(x)?, index(y)?).ok_or("outside the picture")?;

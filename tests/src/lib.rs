@@ -24,6 +24,7 @@
 //! | `pixel FILE X Y = V ... TOLERANCE` | the first channels of a pixel |
 //! | `mean FILE X0 Y0 X1 Y1 = V ... TOLERANCE` | means over a box (right and lower side excluded) |
 //! | `varied FILE` | not all pixels are equal |
+//! | `finite FILE` | all values are finite numbers |
 //! | `text stdout`, `text stderr`, `text FILE` | equals the kept text; a second word names it apart from others |
 //! | `move FROM TO` | renames a file |
 //! | `golden FILE TOLERANCE` | equals the kept picture (PNG) within the tolerance |

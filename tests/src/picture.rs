@@ -170,6 +170,11 @@ impl Picture {
         }
     }
 
+    /// True when all values are finite numbers.
+    pub fn is_finite(&self) -> bool {
+        self.values.iter().all(|v| v.is_finite())
+    }
+
     /// Whether not all pixels are equal.
     pub fn is_varied(&self) -> bool {
         let mut pixels = self.values.chunks(self.channels.max(1));

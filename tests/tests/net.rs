@@ -146,3 +146,43 @@ fn workers_that_are_stuck_do_not_hold_a_frame_up() {
         }
     });
 }
+
+/// "net:workers" and "net:tint": frames are spread without a word on the command line, and each worker has a colour.
+#[test]
+fn workers_of_an_attribute_tint_their_buckets() {
+    let tools = Tools::build().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path();
+    let gelato = tools.program("gelato");
+    let render = |attributes: &str| {
+        let scene = format!(
+            "{attributes}Attribute (\"int[2] resolution\", (48, 16))\nAttribute (\"int[2] limits:bucketsize\", (16, 16))\n\
+             Output (\"out.tif\", \"tiff\", \"rgba\", \"camera\", \"int[4] quantize\", (0, 0, 0, 0))\nTranslate (0, 0, 1)\n\
+             World ()\nShader (\"surface\", \"constant\")\nSphere (9, -9, 9, 360)\nRender ()\n"
+        );
+        std::fs::write(place.join("scene.pyg"), scene).unwrap();
+        let ran = tools.run(place, "gelato", &["scene.pyg"]).unwrap();
+        assert!(ran.status == 0 && ran.stderr.is_empty(), "{}", ran.stderr);
+        Picture::read(&place.join("out.tif")).unwrap()
+    };
+    let workers = |list: &str| {
+        format!(
+            "Attribute (\"string net:workercmd\", \"{}\")\nAttribute (\"string net:workers\", \"{list}\")\n",
+            gelato.display()
+        )
+    };
+    let alone = render("");
+    assert_eq!(alone.pixel(20, 8).unwrap(), [1.0; 4]);
+    assert!(render(&workers("local local")) == alone);
+    let tint = |seed: u32| format!("Attribute (\"int net:tint\", {seed})\n");
+    // Without workers there is nothing to tint.
+    assert!(render(&tint(1)) == alone);
+    let (one, other) = (render(&(workers("local") + &tint(1))), render(&(workers("local") + &tint(2))));
+    for picture in [&one, &other] {
+        let color = picture.pixel(20, 8).unwrap();
+        assert!(color[..3] != [1.0; 3] && color[3] == 1.0, "{color:?}");
+        // One worker has one colour.
+        assert!((0..48).all(|x| picture.pixel(x, 8).unwrap() == color));
+    }
+    assert!(one != other, "the seed chooses the colours");
+}

@@ -47,7 +47,11 @@ fn scenes() -> Vec<(&'static str, String, &'static str)> {
 }
 
 fn start(tools: &Tools, place: &Path, words: &[&str]) -> Child {
-    let mut command = Command::new(tools.program("gelato"));
+    start_tool("gelato", tools, place, words)
+}
+
+fn start_tool(tool: &str, tools: &Tools, place: &Path, words: &[&str]) -> Child {
+    let mut command = Command::new(tools.program(tool));
     command.current_dir(place).args(words).env_remove("GELATOHOME").stdin(Stdio::null());
     command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
 }
@@ -149,6 +153,48 @@ fn a_time_limit_ends_whatever_runs() {
                     soon(&format!("{what}: a child lives on"), || !runs(&pid));
                 }
             });
+        }
+    });
+}
+
+#[test]
+fn a_conversion_ends_with_what_it_started() {
+    let tools = Tools::build().unwrap();
+    let words = ["-r", "1", "-o", "out.pyg", "scene.pyg"];
+    std::thread::scope(|scope| {
+        for (what, scene, running) in scenes().into_iter().filter(|s| matches!(s.0, "script" | "generator")) {
+            for signal in ["TERM", "KILL", ""] {
+                let (tools, scene) = (&tools, scene.clone());
+                scope.spawn(move || {
+                    let what = format!("{what}, {signal}");
+                    let folder = tempfile::tempdir().unwrap();
+                    prepare(folder.path(), &scene);
+                    let limit: &[&str] = if signal.is_empty() { &["-timeout", "1.5"] } else { &[] };
+                    let process = start_tool("topyg", tools, folder.path(), &[limit, &words].concat());
+                    let pids = children(&what, folder.path());
+                    if !signal.is_empty() {
+                        kill(signal, &process);
+                    }
+                    let (output, said) = ended(process);
+                    match signal {
+                        "" => {
+                            assert_eq!(output.status.code(), Some(1), "{what}: {said}");
+                            let limit = "topyg: error: -timeout: 1.5 s are over while ";
+                            assert!(said.starts_with(limit) && said.contains(running), "{what}: {said}");
+                        }
+                        _ => assert!(output.status.signal().is_some() && said.is_empty(), "{what}: {said}"),
+                    }
+                    for pid in pids {
+                        soon(&format!("{what}: a child lives on"), || !runs(&pid));
+                    }
+                    let left: Vec<_> =
+                        std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+                    assert!(
+                        !left.iter().any(|name| name.to_string_lossy().contains("out.pyg")),
+                        "{what}: {left:?}"
+                    );
+                });
+            }
         }
     });
 }

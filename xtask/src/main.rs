@@ -1,6 +1,6 @@
 //! Chores of the workspace, run as `cargo xtask NAME`.
 //!
-//! - `tidy` checks the laws of `ARCHITECTURE.md` and the house rules that a machine can check;
+//! - `tidy` checks the laws of `ARCHITECTURE.md`, the house rules that a machine can check, and the tests of the ledger;
 //! - `ci` does what a change must pass: the README's test command, format, lints, docs, `tidy`;
 //! - `bless [NAME]` accepts what the suite's cases make now as their references;
 //! - `trade SCENE` measures what each knob of a scene's indirect light and occlusion costs and buys;
@@ -18,6 +18,7 @@ mod attack;
 mod ci;
 mod cpp;
 mod laws;
+mod ledger;
 mod suite;
 mod texts;
 mod workspace;
@@ -107,12 +108,20 @@ fn tidy() -> Result<(), String> {
     let workspace = workspace::Workspace::load()?;
     let mut faults = laws::check(&workspace);
     faults.extend(texts::check(&workspace)?);
+    let ledger = ledger::check(&workspace)?;
+    faults.extend(ledger.faults);
     for fault in &faults {
         eprintln!("tidy: {fault}");
     }
     match faults.len() {
         0 => {
-            println!("tidy: {} crates, nothing to say", workspace.crates.len());
+            println!(
+                "tidy: {} crates and {} rows of the ledger, nothing to say; {} rows are planned:",
+                workspace.crates.len(),
+                ledger.rows,
+                ledger.planned.len()
+            );
+            ledger.planned.iter().for_each(|row| println!("  {row}"));
             Ok(())
         }
         n => Err(format!("tidy found {n} faults")),

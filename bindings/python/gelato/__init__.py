@@ -19,237 +19,34 @@ returns a number, a string, a tuple, or None.
 Messages of the renderer go to standard error; what shaders print goes to ``sys.stdout``. ``Render``, ``Command`` and
 ``Input`` return when they are done.
 
-``CreateRenderer (*options)`` starts one more renderer, with command line options as ``"-threads", "4"``; its methods
-are the same calls. ``finish ()`` ends a renderer and returns its exit status: 0 all went well, 1 with errors, 2 nothing
+``CreateRenderer (type, *options)`` starts one more renderer; its methods are the same calls. Without a type it makes
+images, and takes command line options as ``"-threads", "4"``; ``"pyg FILE"`` or ``"FILE.pyg"`` writes the calls to a scene
+file, ``"pyg"`` to ``sys.stdout``. ``finish ()`` ends a renderer and returns its exit status: 0 all went well, 1 with errors, 2 nothing
 could be rendered. It happens by itself when the program ends, and at the end of a ``with`` block. A renderer that is no
 longer referred to is ended, and so is one whose answer was interrupted (by Ctrl-C, for example): what it renders then is dropped.
 """
 
-import atexit
-import os
-import shutil
-import struct
-import subprocess
-import sys
-import weakref
-
-from . import _stream
+from ._renderer import CALLS, GelatoAPI, GelatoError
 
 __version__ = "0.1.0"
 
-CALLS = (
-    "AppendTransform", "Attribute", "Camera", "Command", "Comment", "ConnectShaders", "Curves", "GetAttribute",
-    "Input", "Light", "LightSwitch", "Mesh", "Modify", "Motion", "Output", "Parameter", "Patch", "Points",
-    "PopAttributes", "PopTransform", "PushAttributes", "PushTransform", "Render", "RestoreAttributes", "Rotate",
-    "SaveAttributes", "Scale", "SetTransform", "Shader", "ShaderGroupBegin", "ShaderGroupEnd", "Sphere", "Translate",
-    "TrimCurve", "World",
-)  # fmt: skip
-
 __all__ = list(CALLS) + ["CreateRenderer", "GelatoAPI", "GelatoError", "GelatoRenderer", "finish"]
-
-# Calls that take a while: they return when they are done.
-_SLOW = ("Render", "Command", "Input")
-
-
-class GelatoError(RuntimeError):
-    """The renderer cannot be started, or ended early."""
-
-
-def _program():
-    named = os.environ.get("GELATO")
-    if named:
-        return named
-    home = os.environ.get("GELATOHOME")
-    if home:
-        path = os.path.join(home, "bin", "gelato.exe" if os.name == "nt" else "gelato")
-        if os.path.exists(path):
-            return path
-    found = shutil.which("gelato")
-    if found is None:
-        raise GelatoError("there is no program gelato on the search path; set GELATO to its place")
-    return found
-
-
-def _drop(child, owner):
-    """Ends a renderer whose work nobody waits for, unless it belongs to the process that this one was forked from."""
-    if os.getpid() != owner:
-        return
-    if child.poll() is None:
-        child.terminate()
-    _leave(child)
-
-
-def _leave(child):
-    """Closes the connection to a renderer, waits for its end, and returns its exit status."""
-    for pipe in (child.stdin, child.stdout):
-        try:
-            pipe.close()
-        except (OSError, ValueError):
-            pass
-    try:
-        child.wait(5)
-    except subprocess.TimeoutExpired:
-        child.kill()
-        child.wait()
-    return child.returncode
-
-
-class GelatoAPI:
-    """One renderer: a process that takes calls."""
-
-    def __init__(self, *options):
-        self._options = [str(option) for option in options]
-        self._child = None
-        self._status = None
-        self._file = None
-        # Whether an answer is expected: the renderer is busy.
-        self._busy = False
-
-    def _start(self):
-        if self._status is not None:
-            raise GelatoError("the renderer has been finished")
-        command = [_program(), "-stream", *self._options]
-        try:
-            self._child = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=1 << 18
-            )
-        except OSError as error:
-            raise GelatoError("cannot run %s: %s" % (command[0], error)) from None
-        self._owner = os.getpid()
-        _running.add(self)
-        self._drop = weakref.finalize(self, _drop, self._child, os.getpid())
-        # The end of the program finishes renderers instead, and in order.
-        self._drop.atexit = False
-
-    def _ended(self):
-        child, self._child = self._child, None
-        self._drop.detach()
-        self._status = _leave(child)
-        raise GelatoError("the renderer ended with status %d" % self._status) from None
-
-    def _send(self, kind, payload):
-        if self._child is None:
-            self._start()
-        try:
-            _stream.send(self._child.stdin, kind, payload)
-        except (BrokenPipeError, OSError):
-            self._ended()
-
-    def _answer(self):
-        """What the renderer answers; what it prints before goes to standard output."""
-        try:
-            self._child.stdin.flush()
-        except (BrokenPipeError, OSError):
-            self._ended()
-        self._busy = True
-        while True:
-            frame = _stream.receive(self._child.stdout)
-            if frame is None:
-                self._ended()
-            kind, payload = frame
-            if kind != b"P":
-                self._busy = False
-                return payload
-            sys.stdout.write(payload.decode("utf-8", "replace"))
-
-    def _call(self, name, args):
-        frame = sys._getframe(2)
-        payload = _stream.call(frame.f_lineno, name, args)
-        file = frame.f_code.co_filename
-        if file != self._file:
-            self._send(b"F", file.encode("utf-8", "surrogateescape"))
-            self._file = file
-        self._send(b"C", payload)
-        if name == "Command" and args[:1] == ("exit",):
-            self.finish()
-        elif name in _SLOW:
-            self._send(b"W", b"")
-            self._answer()
-
-    def GetAttribute(self, name):
-        """The value of an attribute as it is now; None when there is none."""
-        self._send(b"A", str(name).encode("utf-8", "replace"))
-        return _stream.decode(self._answer())
-
-    @property
-    def errors(self):
-        """How many errors the renderer has reported so far."""
-        if self._child is None:
-            return 0
-        self._send(b"W", b"")
-        return struct.unpack("<I", self._answer())[0]
-
-    def finish(self):
-        """Ends the renderer and returns its exit status; what was not rendered is dropped."""
-        if self._child is not None:
-            child, self._child = self._child, None
-            self._drop.detach()
-            if self._busy:
-                # Whoever waited for the answer was interrupted.
-                _drop(child, os.getpid())
-                self._status = child.returncode
-                return self._status
-            try:
-                child.stdin.close()
-            except OSError:
-                pass
-            while True:
-                frame = _stream.receive(child.stdout)
-                if frame is None:
-                    break
-                if frame[0] == b"P":
-                    sys.stdout.write(frame[1].decode("utf-8", "replace"))
-            child.stdout.close()
-            self._status = child.wait()
-        elif self._status is None:
-            self._status = 0
-        return self._status
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.finish()
-
-    @staticmethod
-    def CreateRenderer(*options):
-        """One more renderer."""
-        return GelatoAPI(*options)
-
-
-def _method(name):
-    def call(self, *args):
-        self._call(name, args)
-
-    call.__name__ = name
-    call.__qualname__ = "GelatoAPI." + name
-    call.__doc__ = "The call %s of the scene interface." % name
-    return call
 
 
 def _function(name):
-    def call(*args):
+    def function(*args):
         GelatoRenderer._call(name, args)
 
-    call.__name__ = call.__qualname__ = name
-    call.__doc__ = "The call %s of the scene interface." % name
-    return call
+    function.__name__ = function.__qualname__ = name
+    function.__doc__ = "The call %s of the scene interface." % name
+    return function
 
 
 for _name in CALLS:
     if _name != "GetAttribute":
-        setattr(GelatoAPI, _name, _method(_name))
         globals()[_name] = _function(_name)
 
-_running = weakref.WeakSet()
 GelatoRenderer = GelatoAPI()
 CreateRenderer = GelatoAPI.CreateRenderer
 GetAttribute = GelatoRenderer.GetAttribute
 finish = GelatoRenderer.finish
-
-
-@atexit.register
-def _finish_all():
-    for renderer in list(_running):
-        if renderer._child is not None and renderer._owner == os.getpid():
-            renderer.finish()

@@ -84,6 +84,53 @@ class Rendering(unittest.TestCase):
         r.Shader("surface", "plastic")
         r.Sphere(1, -1, 1, 360)
 
+    def test_archives(self):
+        """Types of renderers that write scene files, from programs and from scene files that are scripts."""
+        lines = ['Attribute ("float fov", 30)', "World ()", 'Points (1, "vertex point P", (0, 0, 0))', "Render ()"]
+        calls = (
+            "r.Attribute('float fov', 30)\nassert r.GetAttribute('float near') > 0\nr.World()\n"
+            "r.Parameter('vertex point P', (0, 0, 0))\nr.Points(1)\nr.Render()\n"
+        )
+        for name, kind in (("a.pyg", "a.pyg"), ("b", "pyg b"), ("c d", "pyg \t c d ")):
+            with gelato.CreateRenderer(kind) as r:
+                exec(calls, {"r": r})
+            with open(name, encoding="ascii") as f:
+                self.assertEqual(f.read().splitlines(), lines)
+        printed, before = io.StringIO(), sys.stdout
+        try:
+            sys.stdout = printed
+            with gelato.CreateRenderer("pyg") as r:
+                exec(calls, {"r": r})
+        finally:
+            sys.stdout = before
+        self.assertEqual(printed.getvalue().splitlines(), lines)
+        for unknown in ("remote", "pygmy", "x.tif"):
+            with self.assertRaisesRegex(gelato.GelatoError, "no renderer of the type"):
+                gelato.CreateRenderer(unknown)
+        with gelato.CreateRenderer("no/such/folder/a.pyg") as r:
+            r.World()
+            self.assertEqual(r.finish(), 2)
+        with gelato.CreateRenderer(None, "-threads", 1) as r:
+            self.scene(r, "none.ppm")
+            r.Render()
+        # A scene file may make renderers too; its own calls go where they went before.
+        with open("script.pyg", "w", encoding="utf-8") as f:
+            f.write("r = CreateRenderer ('pyg inner.pyg')\n" + calls)
+            f.write("q = GelatoRenderer.CreateRenderer ('pyg')\nq.World ()\n")
+            f.write("import gelato\np = gelato.CreateRenderer ()\n")
+            f.write("p.Output ('inner.ppm', 'ppm', 'rgb', 'camera')\np.World ()\np.Render ()\n")
+            f.write("for call in ['World']: globals ()[call] ()\n")
+        ran = subprocess.run(
+            [os.environ["GELATO"], "script.pyg"],
+            env={k: v for k, v in os.environ.items() if k != "GELATO"},
+            capture_output=True,
+            text=True,
+        )
+        self.assertEqual((ran.stdout, ran.stderr), ("World ()\n", ""))
+        with open("inner.pyg", encoding="ascii") as f:
+            self.assertEqual(f.read().splitlines(), lines)
+        self.assertTrue(os.path.exists("inner.ppm") and os.path.exists("none.ppm"))
+
     def test_a_picture_is_the_scene_file_s(self):
         with gelato.CreateRenderer("-threads", 1) as r:
             self.scene(r, "python.ppm")

@@ -15,8 +15,14 @@ use std::process::{ChildStdin, ChildStdout, Command, Stdio};
 use std::time::Duration;
 
 /// The frames, which the Python package has too, and what runs in the child.
-const SHIM: &str =
-    concat!(include_str!("../../../bindings/python/gelato/_stream.py"), "\n", include_str!("shim.py"));
+const SHIM: &str = concat!(
+    include_str!("../../../bindings/python/gelato/_stream.py"),
+    "\n_RENDERER = r'''",
+    // Executed when a script makes a renderer of its own.
+    include_str!("../../../bindings/python/gelato/_renderer.py"),
+    "'''\n",
+    include_str!("shim.py")
+);
 
 /// How long an interpreter without output may take to end.
 const ENDING: Duration = Duration::from_secs(1);

@@ -190,7 +190,7 @@ pub fn read(
         script.python = Some(python);
     }
     let mut reader = Reader { file, parser, sink, options, reporter, script };
-    let result = reader.run();
+    let result = reader.run().and_then(|()| reader.finish_renderers());
     reader.sum_up();
     if let Some(scripts) = &options.scripts {
         *scripts.python() = reader.script.python.take();

@@ -300,6 +300,16 @@ impl Reader<'_> {
         Ok(Next::More)
     }
 
+    /// To be called at the end of the file: renderers that the script has made are done with what they were told.
+    pub(crate) fn finish_renderers(&mut self) -> Result<(), PygError> {
+        let line = self.parser.bytes.line();
+        match self.script.python.is_some().then(|| self.execute(line, b"__granita_finish__ ()\n")) {
+            Some(Err(Failed::Ended(error))) => Err(error),
+            Some(Err(Failed::Died(error))) => self.died(line, &error).map(|_| ()),
+            _ => Ok(()),
+        }
+    }
+
     /// To be called at the end of the file: tells how many exceptions were only counted.
     pub(crate) fn sum_up(&self) {
         if let Some(more) = self.script.raised.checked_sub(MAX_TOLD).filter(|more| *more > 0) {

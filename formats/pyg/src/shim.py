@@ -89,10 +89,28 @@ def _granita_main():
     api = {name: call_of(name) for name in names.split()}
     api["GetAttribute"] = get_attribute
 
+    # What stands behind renderers of the script's own, once it has made one.
+    others = {}
+
+    def create_renderer(*options):
+        if not others:
+            shared = {"call": call, "decode": decode, "receive": receive, "send": send}
+            # Relative imports of a package that is not there fail, as they should.
+            others.update(shared, __name__="__main__", __package__=None)
+            exec(compile(_RENDERER, "<gelato>", "exec"), others)
+        return others["GelatoAPI"](*options)
+
+    create_renderer.__name__ = create_renderer.__qualname__ = "CreateRenderer"
+
+    def finish_renderers():
+        if others:
+            others["finish_all"]()
+
     class GelatoAPI:
         """The renderer that reads this scene."""
 
         __slots__ = ()
+        CreateRenderer = staticmethod(create_renderer)
 
     for name, function in api.items():
         setattr(GelatoAPI, name, staticmethod(function))
@@ -100,10 +118,15 @@ def _granita_main():
     module = types.ModuleType("gelato", "The calls of the scene interface.")
     module.__dict__.update(api)
     module.GelatoRenderer = renderer
-    module.__all__ = list(api) + ["GelatoRenderer"]
+    module.GelatoAPI = GelatoAPI
+    module.CreateRenderer = create_renderer
+    module.__all__ = list(api) + ["CreateRenderer", "GelatoAPI", "GelatoRenderer"]
     sys.modules["gelato"] = module
     scope = {"__name__": "__main__", "__file__": file, "__builtins__": builtins, "GelatoRenderer": renderer}
     scope.update(api)
+    # The line "import gelato" is passed over where it is flat: the module is there.
+    scope.update(CreateRenderer=create_renderer, GelatoAPI=GelatoAPI, gelato=module)
+    scope["__granita_finish__"] = finish_renderers
     # Scenes of this format's time use it.
     scope["xrange"] = range
     sys.argv = [file]

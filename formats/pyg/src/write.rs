@@ -45,6 +45,8 @@ pub struct Writer<W: Write> {
     out: W,
     options: WriterOptions,
     input_levels: i32,
+    /// What `Parameter` gave, for the call that takes it; always empty where parameters are separate.
+    pending: Params,
     line: Line,
 }
 
@@ -67,11 +69,12 @@ impl<W: Write> Writer<W> {
 
     /// As [`Writer::new`], with other options.
     pub fn with_options(out: W, options: WriterOptions) -> Self {
-        Self { out, options, input_levels: 0, line: Line::default() }
+        Self { out, options, input_levels: 0, pending: Params::new(), line: Line::default() }
     }
 
     /// Passes everything on and gives the output back.
     pub fn into_inner(mut self) -> io::Result<W> {
+        self.write_pending()?;
         self.flush()?;
         Ok(self.out)
     }
@@ -256,18 +259,36 @@ impl<W: Write> Writer<W> {
         params: &Params,
         head: impl FnOnce(&mut Self) -> io::Result<()>,
     ) -> io::Result<()> {
-        if self.options.separate_params {
-            for param in params {
-                self.begin("Parameter");
-                self.param(param)?;
-                self.end()?;
+        let mut all = std::mem::take(&mut self.pending);
+        let params = match all.is_empty() {
+            true => params,
+            false => {
+                params.iter().for_each(|param| all.set(param.clone()));
+                &all
             }
+        };
+        if self.options.separate_params {
+            params.iter().try_for_each(|param| self.separate(param))?;
         }
         self.begin(name);
         head(self)?;
         if !self.options.separate_params {
             params.iter().try_for_each(|p| self.param(p))?;
         }
+        self.end()
+    }
+
+    /// Writes parameters that no call has taken as calls of their own.
+    fn write_pending(&mut self) -> io::Result<()> {
+        for param in std::mem::take(&mut self.pending).0 {
+            self.separate(&param)?;
+        }
+        Ok(())
+    }
+
+    fn separate(&mut self, param: &Param) -> io::Result<()> {
+        self.begin("Parameter");
+        self.param(param)?;
         self.end()
     }
 
@@ -362,7 +383,12 @@ impl<W: Write> Writer<W> {
         let int = || param.data.to_ints().and_then(|v| v.first().copied());
         match (&*param.name, int()) {
             ("pyg:binary" | "format:binary", Some(v)) => self.options.binary = v != 0,
-            ("pyg:separateparams", Some(v)) => self.options.separate_params = v != 0,
+            ("pyg:separateparams", Some(v)) => {
+                self.options.separate_params = v != 0;
+                if self.options.separate_params {
+                    self.write_pending()?;
+                }
+            }
             ("pyg:indent", Some(v)) => {
                 // Relative; more than any editor shows is a mistake.
                 let indent = self.options.indent as i64 + i64::from(v);
@@ -381,10 +407,11 @@ impl<W: Write> Writer<W> {
     fn write(&mut self, call: &Call) -> io::Result<()> {
         let name = call.name();
         match call {
+            Call::Parameter(p) if self.options.separate_params => self.separate(p),
+            // Goes into the call that takes it.
             Call::Parameter(p) => {
-                self.begin(name);
-                self.param(p)?;
-                self.end()
+                self.pending.set(p.clone());
+                Ok(())
             }
             Call::Attribute(p) => self.attribute(p),
             Call::PushAttributes

@@ -53,10 +53,6 @@ impl Reader<'_> {
         let id = light_id(&id, *uses);
         let given = self.params(request, 2);
         let mut params = shader_params(&name, &given);
-        if &*name == "pointlight" && params.get("falloff").is_none() {
-            // Ours is constant unless told otherwise; a RenderMan point light falls off with the square.
-            params.set(plain("falloff", BaseType::Float, 2.0));
-        }
         if area {
             self.area_lights += 1;
             let set = format!("arealight{}", self.area_lights);

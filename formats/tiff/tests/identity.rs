@@ -260,3 +260,56 @@ fn shadow_maps() {
     spec.pixel_type = PixelType::U8;
     assert!(ShadowFormat.create(&path, &CreateOptions::new(&spec, 1)).is_err());
 }
+
+/// Tags of the first directory: number and the text or the numbers that stand there.
+fn tags(bytes: &[u8]) -> Vec<(u16, Vec<u8>)> {
+    let u16_at = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
+    let u32_at = |at: usize| u32::from_le_bytes(*bytes[at..].first_chunk().unwrap()) as usize;
+    assert_eq!(&bytes[..4], b"II*\0");
+    let directory = u32_at(4);
+    (0..usize::from(u16_at(directory)))
+        .map(|i| {
+            let entry = directory + 2 + 12 * i;
+            let size = match u16_at(entry + 2) {
+                1 | 2 => 1,
+                3 => 2,
+                4 | 11 => 4,
+                // Fractions.
+                5 => 8,
+                other => panic!("type {other} of tag {}", u16_at(entry)),
+            };
+            let length = size * u32_at(entry + 4);
+            let place = if length <= 4 { entry + 8 } else { u32_at(entry + 8) };
+            (u16_at(entry), bytes[place..place + length].to_vec())
+        })
+        .collect()
+}
+
+/// The private tags of reference 9.2, read without our reader.
+#[test]
+fn tags_have_the_numbers_of_the_reference() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.env");
+    let matrix = |k: f32| (0..16).map(|i| i as f32 * k).collect::<Vec<_>>();
+    let mut spec = ImageSpec::new(192, 128, 3, PixelType::U8).tiled(64, 64);
+    (spec.full_width, spec.full_height) = (50, 40);
+    string(&mut spec.attributes, "textureformat", "CubeFace Environment");
+    string(&mut spec.attributes, "wrapmodes", "black,mirror");
+    spec.attributes.set(Param::declared("matrix worldtoscreen", &matrix(0.5)[..]).unwrap());
+    spec.attributes.set(Param::declared("matrix worldtocamera", &matrix(-2.0)[..]).unwrap());
+    write(&path, &[spec], 128);
+    let found = tags(&std::fs::read(&path).unwrap());
+    let of = |tag: u16| {
+        let tag = found.iter().find(|t| t.0 == tag).unwrap_or_else(|| panic!("no tag {tag}"));
+        tag.1.clone()
+    };
+    let number = |tag: u16| of(tag).iter().rev().fold(0, |n, byte| n << 8 | u32::from(*byte));
+    assert_eq!((number(256), number(257)), (192, 128));
+    assert_eq!((number(33300), number(33301)), (50, 40));
+    assert_eq!(of(33302), b"CubeFace Environment\0");
+    assert_eq!(of(33303), b"black,mirror\0");
+    let floats = |tag: u16| {
+        of(tag).chunks(4).map(|b| f32::from_le_bytes(*b.first_chunk().unwrap())).collect::<Vec<_>>()
+    };
+    assert_eq!((floats(33305), floats(33306)), (matrix(0.5), matrix(-2.0)));
+}

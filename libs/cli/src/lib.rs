@@ -4,7 +4,7 @@
 //! `-name` is read as `--name` when the tool declares a long option of that name, or when no short
 //! option begins with its first letter (so that a misspelling gets clap's suggestion).
 //!
-//! A tool that starts processes or leaves unfinished files says how they go away: [`before_signals`], [`when_caller_is_gone`].
+//! A tool that starts processes or leaves unfinished files ends them through [`Ending`], or [`before_signals`] alone.
 //!
 //! Exit codes: 0 done, 1 ran with errors, 2 could not run ([`Status`]). A closed pipe is no failure.
 
@@ -15,12 +15,14 @@ mod ending;
 mod fence;
 mod files;
 mod progress;
+mod run;
 
 pub use args::parse;
 pub use ending::{before_signals, leave, wait_for_end, when_caller_is_gone};
 pub use fence::{Fence, fence};
 pub use files::open_files_limit;
 pub use progress::{Bar, console_reporter, reporter_with, time_left};
+pub use run::{Ending, seconds};
 
 use std::process::ExitCode;
 

@@ -3,7 +3,7 @@
 use crate::spline::Spline;
 use crate::trim::Trimming;
 use crate::vars::vertex_count;
-use crate::{GeomError, Piece, curves, mesh, patch, points, sphere, subdiv};
+use crate::{GeomError, Piece, curves, mesh, moving, patch, points, sphere, subdiv};
 use granita_base::{Params, Severity, ShapeDesc};
 
 /// The parameters of a primitive at one motion key.
@@ -17,8 +17,9 @@ pub struct ShapeKey<'a> {
 
 /// Builds the pieces of a primitive.
 ///
-/// `keys` are the motion keys, times increasing, all with the same parameters; other keys than the first give
-/// positions (and widths of points and curves) only. `trim` applies to patches. Mistakes that leave something to
+/// `keys` are the motion keys, times increasing, all with the same parameters. Pieces move by the positions of all keys,
+/// widths of points and curves and a sphere's arguments among them; primitive variables of later keys come out by
+/// [`crate::Dice::variables_at`]. `trim` applies to patches. Mistakes that leave something to
 /// draw (an index out of range, a primitive variable of a wrong size, `"vertex normal P"`) go to `report` as
 /// warnings. A primitive with nothing to draw (no faces, no area) has no pieces.
 ///
@@ -37,6 +38,12 @@ pub fn build(
     if !keys.iter().all(|k| k.time.is_finite()) || keys.windows(2).any(|w| w[0].time >= w[1].time) {
         return Err(fail("times of motion keys that do not increase"));
     }
+    let merged = moving::with_later(keys);
+    let mut keys = keys.to_vec();
+    if let Some(params) = &merged {
+        keys[0].params = params;
+    }
+    let keys = &keys[..];
     match shape {
         ShapeDesc::Patch { u, v, nu, nv } => {
             check_counts(call, keys, [*nu, *nv])?;

@@ -3,6 +3,7 @@
 use crate::GeomError;
 use crate::build::ShapeKey;
 use crate::dice::Dice;
+use crate::moving;
 use crate::net::rounded_out;
 use crate::range::{Place, Range};
 use crate::side::{Lattice, Settled, SidePart, SidePoints};
@@ -16,57 +17,107 @@ const CALL: &str = "Sphere";
 /// Largest radius: squares of larger ones are no numbers any more.
 const LARGEST: f32 = 1e18;
 
+/// Arguments of a sphere may turn its points by so many degrees from one motion key to the next: points move along
+/// chords of their arcs.
+const MOST_TURN_DEG: f64 = 3.0;
+
 struct Sphere {
+    keys: Vec<SphereKey>,
+    times: Vec<f32>,
+    vars: Vars,
+}
+
+/// A sphere at one motion key.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct SphereKey {
     radius: f64,
     /// Latitudes in degrees at v = 0 and v = 1.
     phi_deg: [f64; 2],
     /// Sweep in degrees.
     theta_deg: f64,
-    time: [f32; 1],
-    vars: Vars,
+}
+
+impl SphereKey {
+    /// From radius, lower and upper cut and sweep.
+    fn new([radius, zmin, zmax, theta_deg]: [f64; 4]) -> Self {
+        let size = radius.abs();
+        let latitude = |z: f64| (z / radius).clamp(-1.0, 1.0).asin().to_degrees();
+        let lower = if zmin > -size { latitude(zmin) } else { -90.0 };
+        let upper = if zmax < size { latitude(zmax) } else { 90.0 };
+        Self { radius, phi_deg: [lower, upper], theta_deg }
+    }
+
+    fn has_area(&self) -> bool {
+        self.radius != 0.0 && self.theta_deg != 0.0 && self.phi_deg[0] != self.phi_deg[1]
+    }
+
+    /// Degrees that a point turns on its way to another key.
+    fn turn_deg(&self, other: &Self) -> f64 {
+        let [a, b] = [0, 1].map(|k| (self.phi_deg[k] - other.phi_deg[k]).abs());
+        a.max(b).max((self.theta_deg - other.theta_deg).abs())
+    }
 }
 
 struct SpherePiece {
     sphere: Arc<Sphere>,
     range: [Range; 2],
     settled: Settled,
-    bound: Bound,
+    /// At each motion key.
+    bounds: Vec<Bound>,
 }
 
-/// Builds a sphere; nothing (with a warning) when it has no area. It does not deform.
+/// Builds a sphere; nothing (with a warning) when it has no area. Its arguments at other motion keys are those of the
+/// parameter "__arguments"; between keys they change linearly.
 pub(crate) fn build(
     keys: &[ShapeKey<'_>],
-    [radius, zmin, zmax, theta_deg]: [f32; 4],
+    given: [f32; 4],
     report: Report<'_>,
 ) -> Result<Vec<Piece>, GeomError> {
-    if ![radius, zmin, zmax, theta_deg].iter().all(|x| x.is_finite()) {
-        let what = format!("arguments {radius}, {zmin}, {zmax}, {theta_deg} are not all finite");
-        return Err(GeomError::Malformed { call: CALL, what });
+    let arguments: Vec<[f32; 4]> = keys.iter().map(|key| moving::arguments(key).unwrap_or(given)).collect();
+    for [radius, zmin, zmax, theta_deg] in &arguments {
+        if ![radius, zmin, zmax, theta_deg].iter().all(|x| x.is_finite()) {
+            let what = format!("arguments {radius}, {zmin}, {zmax}, {theta_deg} are not all finite");
+            return Err(GeomError::Malformed { call: CALL, what });
+        }
+        if radius.abs() > LARGEST {
+            let what = format!("radius {radius:?} is larger than {LARGEST:?}");
+            return Err(GeomError::Malformed { call: CALL, what });
+        }
     }
-    if radius.abs() > LARGEST {
-        let what = format!("radius {radius:?} is larger than {LARGEST:?}");
-        return Err(GeomError::Malformed { call: CALL, what });
-    }
-    let (radius, size) = (f64::from(radius), f64::from(radius.abs()));
-    let latitude = |z: f64| (z / radius).clamp(-1.0, 1.0).asin().to_degrees();
-    let (zmin, zmax) = (f64::from(zmin), f64::from(zmax));
-    let lower = if zmin > -size { latitude(zmin) } else { -90.0 };
-    let upper = if zmax < size { latitude(zmax) } else { 90.0 };
-    if radius == 0.0 || theta_deg == 0.0 || lower == upper {
+    let (times, spheres) = over_time(keys, &arguments);
+    if !spheres.iter().any(SphereKey::has_area) {
         report(Severity::Warning, format!("{CALL}: a sphere without area is not drawn"));
         return Ok(Vec::new());
     }
     let counts = Counts { vertex: None, linear: Some(4), perpiece: None };
     let vars = Vars::collect(CALL, keys[0].params, counts, report);
-    let sphere = Sphere {
-        radius,
-        phi_deg: [lower, upper],
-        theta_deg: f64::from(theta_deg),
-        time: [keys[0].time],
-        vars,
-    };
+    let sphere = Sphere { keys: spheres, times, vars };
     let whole = [Range::whole(1), Range::whole(1)];
     Ok(vec![Box::new(SpherePiece::new(Arc::new(sphere), whole, Settled::default()))])
+}
+
+/// The motion keys, and between them as many more as keep points near their arcs.
+fn over_time(keys: &[ShapeKey<'_>], arguments: &[[f32; 4]]) -> (Vec<f32>, Vec<SphereKey>) {
+    let arguments: Vec<[f64; 4]> = arguments.iter().map(|list| list.map(f64::from)).collect();
+    let mut times = vec![keys[0].time];
+    let mut spheres = vec![SphereKey::new(arguments[0])];
+    for (pair, ends) in keys.windows(2).zip(arguments.windows(2)) {
+        let turn = SphereKey::new(ends[0]).turn_deg(&SphereKey::new(ends[1]));
+        let steps = (turn / MOST_TURN_DEG).ceil().clamp(1.0, 256.0) as u32;
+        for step in 1..=steps {
+            let alpha = f64::from(step) / f64::from(steps);
+            let at = |k: usize| ends[0][k] * (1.0 - alpha) + ends[1][k] * alpha;
+            let time = match step == steps {
+                true => pair[1].time,
+                false => pair[0].time + (pair[1].time - pair[0].time) * alpha as f32,
+            };
+            if times.last().is_none_or(|last| time > *last) {
+                times.push(time);
+                spheres.push(SphereKey::new(std::array::from_fn(at)));
+            }
+        }
+    }
+    (times, spheres)
 }
 
 /// Sine and cosine of an angle in degrees, exact at multiples of 90: so seams close and poles are points.
@@ -99,19 +150,45 @@ fn product((a, b): (f64, f64), (c, d): (f64, f64)) -> (f64, f64) {
     all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), &x| (lo.min(x), hi.max(x)))
 }
 
+impl SphereKey {
+    /// Sine and cosine of an angle.
+    fn angle(&self, axis: usize, place: &Place) -> (f64, f64) {
+        let [from, to] = if axis == 0 { [0.0, self.theta_deg] } else { self.phi_deg };
+        sin_cos_deg(place.a * from + place.b * to)
+    }
+}
+
+/// The point of a sphere at the sines and cosines of two angles.
+fn point(s: &SphereKey, (st, ct): (f64, f64), (sp, cp): (f64, f64)) -> DVec3 {
+    let r = s.radius;
+    DVec3::new(r * ct * cp, r * st * cp, r * sp)
+}
+
 impl SpherePiece {
     fn new(sphere: Arc<Sphere>, range: [Range; 2], settled: Settled) -> Self {
-        let mut piece = Self { sphere, range, settled, bound: Bound::EMPTY };
-        piece.bound = piece.find_bound();
-        for [u, v] in piece.settled.outside(&piece.range) {
-            let p = piece.point(piece.angle(0, &u), piece.angle(1, &v));
-            piece.bound = piece.bound.union(rounded_out(Bound::around([p])));
+        let mut piece = Self { sphere, range, settled, bounds: Vec::new() };
+        let outside: Vec<_> = piece.settled.outside(&piece.range).into_iter().collect();
+        for (k, key) in piece.sphere.keys.iter().enumerate() {
+            let mut bound = match k.checked_sub(1).filter(|before| piece.sphere.keys[*before] == *key) {
+                Some(before) => piece.bounds[before],
+                None => piece.find_bound(key),
+            };
+            for [u, v] in &outside {
+                let p = point(key, key.angle(0, u), key.angle(1, v)).as_vec3();
+                bound = bound.union(rounded_out(Bound::around([p])));
+            }
+            piece.bounds.push(bound);
         }
         piece
     }
 
-    fn find_bound(&self) -> Bound {
-        let [x, y, z] = self.extents();
+    fn key(&self, key: usize) -> &SphereKey {
+        let keys = &self.sphere.keys;
+        &keys[key.min(keys.len() - 1)]
+    }
+
+    fn find_bound(&self, key: &SphereKey) -> Bound {
+        let [x, y, z] = self.extents(key);
         rounded_out(Bound {
             min: Vec3::new(x.0 as f32, y.0 as f32, z.0 as f32),
             max: Vec3::new(x.1 as f32, y.1 as f32, z.1 as f32),
@@ -119,8 +196,7 @@ impl SpherePiece {
     }
 
     /// Smallest and largest x, y and z.
-    fn extents(&self) -> [(f64, f64); 3] {
-        let s = &*self.sphere;
+    fn extents(&self, s: &SphereKey) -> [(f64, f64); 3] {
         let (u, v) = (self.range[0].ends(), self.range[1].ends());
         let theta = (u.0 * s.theta_deg, u.1 * s.theta_deg);
         let [p0, p1] = s.phi_deg;
@@ -133,87 +209,77 @@ impl SpherePiece {
         [x, y, z]
     }
 
-    /// Sine and cosine of an angle.
-    fn angle(&self, axis: usize, place: &Place) -> (f64, f64) {
-        let s = &*self.sphere;
-        let [from, to] = if axis == 0 { [0.0, s.theta_deg] } else { s.phi_deg };
-        sin_cos_deg(place.a * from + place.b * to)
-    }
-
-    /// The point at two angles.
-    fn point(&self, u: (f64, f64), v: (f64, f64)) -> Vec3 {
-        self.precise_point(u, v).as_vec3()
-    }
-
-    fn precise_point(&self, (st, ct): (f64, f64), (sp, cp): (f64, f64)) -> DVec3 {
-        let r = self.sphere.radius;
-        DVec3::new(r * ct * cp, r * st * cp, r * sp)
-    }
-
     /// The points of a lattice.
-    fn points(&self, lattice: &Lattice) -> impl Iterator<Item = DVec3> + '_ {
-        let [us, vs] = [0, 1].map(|axis| lattice.along(axis, |p| self.angle(axis, p)));
-        us.into_iter().zip(vs).map(|(u, v)| self.precise_point(u, v))
+    fn points(&self, key: usize, lattice: &Lattice) -> impl Iterator<Item = DVec3> + '_ {
+        let s = self.key(key);
+        let [us, vs] = [0, 1].map(|axis| lattice.along(axis, |p| s.angle(axis, p)));
+        us.into_iter().zip(vs).map(|(u, v)| point(s, u, v))
     }
 
     /// Points spread evenly over a part of a side.
-    fn along_side(&self, part: &SidePart, n: usize) -> impl Iterator<Item = DVec3> + '_ {
+    fn along_side(&self, key: usize, part: &SidePart, n: usize) -> impl Iterator<Item = DVec3> + '_ {
+        let s = self.key(key);
         let (axis, range) = (part.side / 2, part.range);
-        let across = self.angle(1 - axis, &self.range[1 - axis].place(part.side % 2, 2));
-        let along = (0..n).map(move |i| self.angle(axis, &range.place(i, n)));
-        along.map(
-            move |x| {
-                if axis == 0 { self.precise_point(x, across) } else { self.precise_point(across, x) }
-            },
-        )
+        let across = s.angle(1 - axis, &self.range[1 - axis].place(part.side % 2, 2));
+        let along = (0..n).map(move |i| s.angle(axis, &range.place(i, n)));
+        along.map(move |x| if axis == 0 { point(s, x, across) } else { point(s, across, x) })
     }
 }
 
 impl Surface for SpherePiece {
     fn key_times(&self) -> &[f32] {
-        &self.sphere.time
+        &self.sphere.times
     }
 
-    fn bound(&self, _key: usize) -> Bound {
-        self.bound
+    fn measured_key(&self) -> Option<usize> {
+        let keys = &self.sphere.keys;
+        let size =
+            |key: &SphereKey| key.radius.powi(2) * key.theta_deg.abs() * (key.phi_deg[1] - key.phi_deg[0]);
+        let larger = |a: &usize, b: &usize| size(&keys[*a]).total_cmp(&size(&keys[*b]));
+        keys.iter().any(|key| *key != keys[0]).then(|| (0..keys.len()).max_by(larger).unwrap_or(0))
     }
 
-    fn positions(&self, _key: usize, nu: usize, nv: usize, out: &mut Vec<Vec3>) {
+    fn bound(&self, key: usize) -> Bound {
+        self.bounds[key.min(self.bounds.len() - 1)]
+    }
+
+    fn positions(&self, key: usize, nu: usize, nv: usize, out: &mut Vec<Vec3>) {
         out.clear();
         let lattice = Lattice::even(&self.range, [nu.max(2), nv.max(2)]);
-        out.extend(self.points(&lattice).map(|p| p.as_vec3()));
+        out.extend(self.points(key, &lattice).map(|p| p.as_vec3()));
     }
 
-    fn hull(&self, _key: usize, out: &mut Vec<DVec3>) {
-        let extents = self.extents();
+    fn hull(&self, key: usize, out: &mut Vec<DVec3>) {
+        let s = self.key(key);
+        let extents = self.extents(s);
         let corner = |i: usize| -> [f64; 3] {
             std::array::from_fn(|x| if i >> x & 1 == 0 { extents[x].0 } else { extents[x].1 })
         };
         out.clear();
         out.extend((0..8).map(|i| DVec3::from(corner(i))));
         let outside = self.settled.outside(&self.range);
-        out.extend(outside.iter().map(|[u, v]| self.precise_point(self.angle(0, u), self.angle(1, v))));
+        out.extend(outside.iter().map(|[u, v]| point(s, s.angle(0, u), s.angle(1, v))));
     }
 
-    fn precise_positions(&self, _key: usize, nu: usize, nv: usize, out: &mut Vec<DVec3>) {
+    fn precise_positions(&self, key: usize, nu: usize, nv: usize, out: &mut Vec<DVec3>) {
         out.clear();
-        out.extend(self.points(&Lattice::even(&self.range, [nu.max(2), nv.max(2)])));
+        out.extend(self.points(key, &Lattice::even(&self.range, [nu.max(2), nv.max(2)])));
     }
 
-    fn precise_side_positions(&self, _key: usize, part: &SidePart, n: usize, out: &mut Vec<DVec3>) {
+    fn precise_side_positions(&self, key: usize, part: &SidePart, n: usize, out: &mut Vec<DVec3>) {
         out.clear();
-        out.extend(self.along_side(part, n));
+        out.extend(self.along_side(key, part, n));
     }
 
     fn precise_between(
         &self,
-        _key: usize,
+        key: usize,
         nu: usize,
         nv: usize,
         sides: &[SidePoints; 4],
     ) -> Option<Vec<DVec3>> {
         let size = [nu.max(2), nv.max(2)];
-        Some(self.points(&Lattice::between(&self.range, size, &self.settled, sides)).collect())
+        Some(self.points(key, &Lattice::between(&self.range, size, &self.settled, sides)).collect())
     }
 
     fn side(&self, side: usize) -> Option<SidePart> {
@@ -225,9 +291,9 @@ impl Surface for SpherePiece {
         self.settled.steps(side, &self.range)
     }
 
-    fn side_positions(&self, _key: usize, part: &SidePart, n: usize, out: &mut Vec<Vec3>) {
+    fn side_positions(&self, key: usize, part: &SidePart, n: usize, out: &mut Vec<Vec3>) {
         out.clear();
-        out.extend(self.along_side(part, n).map(|p| p.as_vec3()));
+        out.extend(self.along_side(key, part, n).map(|p| p.as_vec3()));
     }
 
     fn domain(&self) -> [f32; 4] {
@@ -267,33 +333,50 @@ impl Surface for SpherePiece {
         let (nu, nv) = (nu.max(2), nv.max(2));
         let n = nu * nv;
         let lattice = Lattice::between(&self.range, [nu, nv], &self.settled, sides);
-        let s = &*self.sphere;
-        let (along_u, along_v) =
-            (s.radius * s.theta_deg.to_radians(), s.radius * (s.phi_deg[1] - s.phi_deg[0]).to_radians());
-        let [us, vs] = [0, 1].map(|axis| lattice.along(axis, |p| (p.b, self.angle(axis, p))));
-        let (mut p, mut dpdu, mut dpdv) =
-            (Vec::with_capacity(n), Vec::with_capacity(n), Vec::with_capacity(n));
-        for (&(_, u), &(_, v)) in us.iter().zip(&vs) {
-            let ((st, ct), (sp, cp)) = (u, v);
-            // At the pole dP/du vanishes; a short one keeps the direction it has beside it.
-            let around = if cp < 1e-6 { 1e-3 } else { cp };
-            let du = [-st * around * along_u, ct * around * along_u, 0.0];
-            let dv = [-ct * sp * along_v, -st * sp * along_v, cp * along_v];
-            p.push(self.point(u, v));
-            dpdu.push(Vec3::from(du.map(|x| x as f32)));
-            dpdv.push(Vec3::from(dv.map(|x| x as f32)));
+        let s = &self.sphere.keys[0];
+        let [us, vs] = [0, 1].map(|axis| lattice.along(axis, |p| (p.b, s.angle(axis, p))));
+        let (du, dv) = derivatives(s, &us, &vs);
+        let first: Vec<Vec3> = us.iter().zip(&vs).map(|(u, v)| point(s, u.1, v.1).as_vec3()).collect();
+        debug_assert_eq!(first.len(), n);
+        let mut p = vec![first];
+        for key in 1..self.sphere.keys.len() {
+            let same = self.sphere.keys[key] == self.sphere.keys[key - 1];
+            p.push(match same {
+                true => p[key - 1].clone(),
+                false => self.points(key, &lattice).map(|p| p.as_vec3()).collect(),
+            });
         }
-        let mut primvars = s.vars.uniform(0);
-        if !s.vars.linear.is_empty() {
+        let vars = &self.sphere.vars;
+        let mut primvars = vars.uniform(0);
+        if !vars.linear.is_empty() {
             let mut corners = Vec::new();
-            (0..4).for_each(|corner| s.vars.push_linear(corner, &mut corners));
+            (0..4).for_each(|corner| vars.push_linear(corner, &mut corners));
             let [s_of, t_of] = [&us, &vs].map(|list| list.iter().map(|x| x.0).collect::<Vec<_>>());
-            s.vars.emit_linear(&corners, &s_of, &t_of, &mut primvars);
+            vars.emit_linear(&corners, &s_of, &t_of, &mut primvars);
         }
         let u = us.iter().map(|x| x.0 as f32).collect();
         let v = vs.iter().map(|x| x.0 as f32).collect();
         let normals = take_normals(n, &mut primvars);
         let places = lattice.in_steps();
-        Dice { nu, nv, p: vec![p], n: normals, dpdu, dpdv, u, v, places, primvars, ..Dice::default() }
+        Dice { nu, nv, p, n: normals, dpdu: du, dpdv: dv, u, v, places, primvars, ..Dice::default() }
     }
+}
+
+/// dP/du and dP/dv of a sphere at points along u and along v, each with the sine and cosine of its angle.
+///
+/// Where they vanish, at a pole or at a motion key without area, they are short ones with the direction that they have
+/// beside it.
+fn derivatives(s: &SphereKey, us: &[(f64, (f64, f64))], vs: &[(f64, (f64, f64))]) -> (Vec<Vec3>, Vec<Vec3>) {
+    let turn = |deg: f64| if deg == 0.0 { 1e-3 } else { deg.to_radians() };
+    let radius = if s.radius == 0.0 { 1e-3 } else { s.radius };
+    let (along_u, along_v) = (radius * turn(s.theta_deg), radius * turn(s.phi_deg[1] - s.phi_deg[0]));
+    us.iter()
+        .zip(vs)
+        .map(|(&(_, (st, ct)), &(_, (sp, cp)))| {
+            let around = if cp < 1e-6 { 1e-3 } else { cp };
+            let du = [-st * around * along_u, ct * around * along_u, 0.0];
+            let dv = [-ct * sp * along_v, -st * sp * along_v, cp * along_v];
+            (Vec3::from(du.map(|x| x as f32)), Vec3::from(dv.map(|x| x as f32)))
+        })
+        .unzip()
 }

@@ -21,6 +21,12 @@ pub trait Surface: Send + Sync {
     /// Times of the motion keys: one or more, increasing.
     fn key_times(&self) -> &[f32];
 
+    /// The motion key at which the primitive is to be measured for dicing, where it may be far smaller at the others; `None`
+    /// for the first moment that is shown.
+    fn measured_key(&self) -> Option<usize> {
+        None
+    }
+
     /// A box that holds the piece at motion key `key`, widths of points and curves included (those given in object
     /// space; for the others see [`Surface::raster_width`]).
     fn bound(&self, key: usize) -> Bound;

@@ -55,7 +55,8 @@ const MOST_CELLS: f32 = 16.0;
 const LEAST_DEPTH: u32 = 2;
 const MOST_DEPTH: u32 = 12;
 
-/// A polygon may miss its curve by this part of the curve's extent, at quality 1.
+/// A polygon may miss its curve by this part of the curve's extent, at the default angle and quality 1: a circle gets about
+/// 256 edges, which show no corners in any image.
 const SAG: f64 = 5e-5;
 
 /// Beyond this many edges curves are halved no more than they must be.
@@ -83,10 +84,13 @@ impl Trim {
         let desc = trimming.desc;
         let positive = |x: f32, default: f32| if x.is_finite() && x > 0.0 { x } else { default };
         let quality = positive(trimming.quality, 1.0).clamp(0.01, 100.0);
-        let angle_deg = positive(trimming.curvature_deg, 10.0) / quality;
+        let asked_deg = positive(trimming.curvature_deg, 10.0).clamp(0.01, 180.0);
+        // Twice the angle is twice the length of the edges, which miss four times as much. What is below the default is
+        // the angle's own concern more and more.
+        let scale = f64::from(asked_deg / 10.0);
         let tolerance = Tolerance {
-            angle: f64::from(angle_deg.clamp(0.01, 180.0).to_radians()),
-            sag: SAG / f64::from(quality),
+            angle: f64::from((asked_deg / quality).clamp(0.01, 180.0).to_radians()),
+            sag: SAG * (scale * scale.max(1.0)) / f64::from(quality),
         };
         let mut edges = Vec::new();
         let (mut curve, mut knot, mut point) = (0_usize, 0_usize, 0_usize);
@@ -384,7 +388,9 @@ mod tests {
             let n = edges(&circle, curvature_deg, quality) as f32;
             assert!(n >= 360.0 * quality / curvature_deg, "{n} edges at {curvature_deg} and {quality}");
         }
-        assert!(edges(&circle, 0.1, 1.0) > edges(&circle, 1.0, 1.0));
+        // From very fine to coarse, the default of 10 degrees among them.
+        let counts = [0.1, 0.5, 2.0, 10.0, 40.0, 120.0].map(|angle| edges(&circle, angle, 1.0));
+        assert!(counts.windows(2).all(|n| n[0] > n[1]), "{counts:?}");
         assert!(edges(&circle, 10.0, 10.0) > edges(&circle, 10.0, 1.0));
         // What is no number counts as the default.
         assert_eq!(edges(&circle, f32::NAN, 0.0), edges(&circle, 10.0, 1.0));

@@ -3,6 +3,7 @@
 use crate::GeomError;
 use crate::build::ShapeKey;
 use crate::dice::{DiceData, DicePrimvar};
+use crate::moving::is_later;
 use granita_base::{BaseType, Interp, Param, ParamData, ParamType, Params, Severity, Vec3};
 use std::sync::Arc;
 
@@ -10,7 +11,7 @@ use std::sync::Arc;
 pub(crate) type Report<'a> = &'a mut dyn FnMut(Severity, String);
 
 /// Names that shape a primitive and are not handed to shaders.
-const SPECIAL: [&str; 11] = [
+pub(crate) const SPECIAL: [&str; 12] = [
     "P",
     "Pw",
     "border",
@@ -20,6 +21,7 @@ const SPECIAL: [&str; 11] = [
     "creasesharpnesses",
     "cornerindices",
     "cornersharpnesses",
+    "__arguments",
     "__attributes",
     "__attributesindex",
 ];
@@ -84,7 +86,12 @@ impl Vars {
             if repeated || SPECIAL.contains(&&*param.name) {
                 continue;
             }
-            match vars.add(param, counts, call != "Mesh") {
+            let added = vars.add(param, counts, call != "Mesh");
+            if is_later(&param.name) {
+                // As large as at the first key: what is wrong with it was said then.
+                continue;
+            }
+            match added {
                 Ok(0) => {}
                 Ok(n) => {
                     let (got, name) = (param.data.len(), param.declaration());

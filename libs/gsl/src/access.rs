@@ -5,7 +5,7 @@ use crate::ir::{Global, ShaderKind};
 /// Why `global` cannot be read here; `None` when it can. Lax for generic shaders: their use is known when they
 /// are attached.
 pub(crate) fn read(kind: ShaderKind, global: Global, in_lights: bool) -> Option<String> {
-    use Global::{C, Cl, L, Nl, Ns, Pl, Ps, opacity};
+    use Global::{C, Cl, I, L, Nl, Ns, Pl, Ps, opacity};
     let word = global.word();
     let light_variable = matches!(global, L | Cl | Pl | Nl);
     let never = match kind {
@@ -16,7 +16,7 @@ pub(crate) fn read(kind: ShaderKind, global: Global, in_lights: bool) -> Option<
             }
             matches!(global, Ps | Ns)
         }
-        ShaderKind::Displacement => light_variable || matches!(global, Ps | Ns | C | opacity),
+        ShaderKind::Displacement => light_variable || matches!(global, I | Ps | Ns | C | opacity),
         ShaderKind::Light => matches!(global, C | opacity),
     };
     never.then(|| format!("there is no `{word}` in a {} shader", kind.word()))

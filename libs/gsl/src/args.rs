@@ -24,8 +24,9 @@ pub struct Arg {
 pub struct ArgDefault {
     /// Numbers or strings of all elements, one after the other.
     pub value: ConstValue,
-    /// The space that the numbers are in: as written, else "rgb" or "common"; `None` for floats and strings.
-    pub space: Option<Arc<str>>,
+    /// The spaces that the numbers are in, one for each element: as written, else "rgb" or "common". Empty for floats and
+    /// strings.
+    pub spaces: Vec<Arc<str>>,
 }
 
 /// What can be asked about a compiled shader without running it.
@@ -52,7 +53,7 @@ impl GsoArgs {
             let symbol = module.symbol(param.symbol);
             let default = match &param.default {
                 DefaultValue::Unknown => None,
-                DefaultValue::Known { space, value } => {
+                DefaultValue::Known { spaces, value } => {
                     let implied = match symbol.ty.value {
                         ValueType::Color => Some("rgb"),
                         ValueType::Point | ValueType::Vector | ValueType::Normal | ValueType::Matrix => {
@@ -60,8 +61,12 @@ impl GsoArgs {
                         }
                         _ => None,
                     };
-                    let space = space.clone().or(implied.map(Arc::from));
-                    Some(ArgDefault { value: value.clone(), space })
+                    let of = |k: usize| {
+                        let written = if spaces.len() == 1 { spaces.first() } else { spaces.get(k) };
+                        written.filter(|s| !s.is_empty()).cloned().or(implied.map(Arc::from))
+                    };
+                    let spaces = (0..symbol.ty.elements()).filter_map(of).collect();
+                    Some(ArgDefault { value: value.clone(), spaces })
                 }
             };
             Arg {
@@ -106,38 +111,40 @@ impl GsoArgs {
     }
 }
 
-// The text of `gsoinfo` (reference 8.3). Programs read it, so its form is fixed: words are separated by single
-// blanks, strings stand in double quotes, what has several numbers in brackets.
+// The text of `gsoinfo` (reference 8.3, listing 15.1). Programs read it and split it at blanks, so its form is fixed: words
+// are separated by single blanks, strings stand in double quotes, what has several numbers in brackets with blanks inside of
+// them, and a blank follows the name of the shader, "nodefault" and strings, as the listing prints them.
 
 impl GsoArgs {
     /// All of it as text: short, or with `verbose` also metadata and spaces.
     pub fn describe(&self, verbose: bool) -> String {
         let mut out = String::new();
         if verbose {
-            out += &format!("{} \"{}\"\n", self.shadertype(), self.name);
+            out += &format!("{} \"{}\" \n", self.shadertype(), self.name);
             self.metadata.iter().for_each(|m| out += &metadatum(m));
         } else {
-            out += &format!("{} {}\n", self.shadertype(), self.name);
+            out += &format!("{} {} \n", self.shadertype(), self.name);
         }
         for arg in &self.args {
             let output = if arg.is_output { "output " } else { "" };
             let ty = spell_type(&arg.ty);
             if !verbose {
                 let values = match &arg.default {
+                    Some(default) if arg.ty.value == ValueType::String => {
+                        elements(arg.ty.value, &default.value).iter().map(|s| format!("{s} ")).collect()
+                    }
                     Some(default) => elements(arg.ty.value, &default.value).join(" "),
-                    None => "nodefault".to_owned(),
+                    None => "nodefault ".to_owned(),
                 };
-                let line = format!("{output}{ty} {} {values}", arg.name);
-                out += line.trim_end();
-                out.push('\n');
+                out += &format!("{output}{ty} {} {values}\n", arg.name);
                 continue;
             }
             out += &format!("  \"{}\" \"{output}{ty}\"\n", arg.name);
             match &arg.default {
                 None => out += "      Unknown default value\n",
                 Some(default) => {
-                    let space = default.space.as_ref().map_or(String::new(), |s| quote(s) + " ");
-                    for value in elements(arg.ty.value, &default.value) {
+                    for (k, value) in elements(arg.ty.value, &default.value).into_iter().enumerate() {
+                        let space = default.spaces.get(k).map_or(String::new(), |s| quote(s) + " ");
                         out += &format!("      Default value: {space}{value}\n");
                     }
                 }
@@ -172,7 +179,7 @@ fn elements(ty: ValueType, value: &ConstValue) -> Vec<String> {
             .chunks(ty.components().max(1))
             .map(|element| {
                 let words: Vec<String> = element.iter().map(|x| number(*x)).collect();
-                if words.len() > 1 { format!("[{}]", words.join(" ")) } else { words.join(" ") }
+                if words.len() > 1 { format!("[ {} ]", words.join(" ")) } else { words.join(" ") }
             })
             .collect(),
     }
@@ -261,7 +268,8 @@ mod tests {
             float d = a / 2,
             float r = radians (30),
             output normal n = 0,
-            float half = -1/2
+            float half = -1/2,
+            point mixed[3] = { point ("world", 1, 2, 3), 0, point ("shader", 4) }
         ) { C = c; n = N; }"#;
 
     #[test]
@@ -270,23 +278,24 @@ mod tests {
             GsoArgs::from_module(&compile(SOURCE, "t.gsl", &CompileOptions::default()).unwrap().module);
         assert_eq!(
             args.describe(false),
-            "surface test\n\
+            "surface test \n\
              float a 0.25\n\
-             color c [1 1 1]\n\
-             point p [1 2 3]\n\
-             vector w [1 0 -1]\n\
-             color h [0.5 0.5 0.5]\n\
-             string name \"x\\ny\"\n\
+             color c [ 1 1 1 ]\n\
+             point p [ 1 2 3 ]\n\
+             vector w [ 1 0 -1 ]\n\
+             color h [ 0.5 0.5 0.5 ]\n\
+             string name \"x\\ny\" \n\
              float[3] list 1 2 3\n\
-             color[2] two [0 0 0] [1 2 3]\n\
-             matrix m [1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1]\n\
-             float s nodefault\n\
-             float d nodefault\n\
-             float r nodefault\n\
-             output normal n [0 0 0]\n\
-             float half -0.5\n"
+             color[2] two [ 0 0 0 ] [ 1 2 3 ]\n\
+             matrix m [ 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 ]\n\
+             float s nodefault \n\
+             float d nodefault \n\
+             float r nodefault \n\
+             output normal n [ 0 0 0 ]\n\
+             float half -0.5\n\
+             point[3] mixed [ 1 2 3 ] [ 0 0 0 ] [ 4 4 4 ]\n"
         );
-        assert_eq!((args.shadertype(), args.shadername(), args.args().len()), ("surface", "test", 14));
+        assert_eq!((args.shadertype(), args.shadername(), args.args().len()), ("surface", "test", 15));
         assert!(args.arg("list").is_some_and(|a| a.ty.open && a.ty.array == Some(3)));
         assert!(args.arg("s").is_some_and(|a| a.default.is_none()));
         assert!(args.arg("no such").is_none());
@@ -297,7 +306,7 @@ mod tests {
         let args =
             GsoArgs::from_module(&compile(SOURCE, "t.gsl", &CompileOptions::default()).unwrap().module);
         let text = args.describe(true);
-        let start = "surface \"test\"\n\
+        let start = "surface \"test\" \n\
             \x20     metadata: string description = \"a \\\"test\\\"\"\n\
             \x20     metadata: float layer = 1\n\
             \x20 \"a\" \"float\"\n\
@@ -305,13 +314,13 @@ mod tests {
             \x20     metadata: float UImin = 0\n\
             \x20     metadata: color c = 1 0.5 0\n\
             \x20 \"c\" \"color\"\n\
-            \x20     Default value: \"rgb\" [1 1 1]\n\
+            \x20     Default value: \"rgb\" [ 1 1 1 ]\n\
             \x20 \"p\" \"point\"\n\
-            \x20     Default value: \"shader\" [1 2 3]\n\
+            \x20     Default value: \"shader\" [ 1 2 3 ]\n\
             \x20 \"w\" \"vector\"\n\
-            \x20     Default value: \"common\" [1 0 -1]\n\
+            \x20     Default value: \"common\" [ 1 0 -1 ]\n\
             \x20 \"h\" \"color\"\n\
-            \x20     Default value: \"hsv\" [0.5 0.5 0.5]\n\
+            \x20     Default value: \"hsv\" [ 0.5 0.5 0.5 ]\n\
             \x20 \"name\" \"string\"\n\
             \x20     Default value: \"x\\ny\"\n\
             \x20 \"list\" \"float[3]\"\n\
@@ -321,7 +330,14 @@ mod tests {
         assert!(text.starts_with(start), "{text}");
         assert!(text.contains("  \"s\" \"float\"\n      Unknown default value\n"), "{text}");
         assert!(
-            text.contains("  \"n\" \"output normal\"\n      Default value: \"common\" [0 0 0]\n"),
+            text.ends_with(
+                "  \"mixed\" \"point[3]\"\n      Default value: \"world\" [ 1 2 3 ]\n      Default value: \"common\" [ 0 0 0 ]\n\
+                 \x20     Default value: \"shader\" [ 4 4 4 ]\n"
+            ),
+            "{text}"
+        );
+        assert!(
+            text.contains("  \"n\" \"output normal\"\n      Default value: \"common\" [ 0 0 0 ]\n"),
             "{text}"
         );
     }
@@ -333,8 +349,8 @@ mod tests {
             GsoArgs::from_module(&compile(source, "plastic.gsl", &CompileOptions::default()).unwrap().module);
         assert_eq!(
             args.describe(false),
-            "surface plastic\nfloat Ka 1\nfloat Kd 0.5\nfloat Ks 0.5\nfloat roughness 0.1\n\
-             color specularcolor [1 1 1]\n"
+            "surface plastic \nfloat Ka 1\nfloat Kd 0.5\nfloat Ks 0.5\nfloat roughness 0.1\n\
+             color specularcolor [ 1 1 1 ]\n"
         );
     }
 }

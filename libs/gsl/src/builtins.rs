@@ -218,7 +218,7 @@ const SHADOW: &[Choice] = &[
     o("samples", F),
     o("bias", F),
 ];
-/// Of `indirect` and `occlusion`; "filename" is in the listings of 10.4 only.
+/// Of `indirect`; "filename" is in the listings of 10.4 only.
 const GATHER: &[Choice] = &[
     o("samples", F),
     o("adaptive", F),
@@ -230,6 +230,20 @@ const GATHER: &[Choice] = &[
     o("falloffmode", F),
     o("filename", S),
     o("filemode", S),
+];
+/// Of `occlusion`; "distribution", which `trace` has, says what portion is meant.
+const OCCLUSION: &[Choice] = &[
+    o("samples", F),
+    o("adaptive", F),
+    o("maxerror", F),
+    o("maxpixeldist", F),
+    o("bias", F),
+    o("maxhitdist", F),
+    o("falloff", F),
+    o("falloffmode", F),
+    o("filename", S),
+    o("filemode", S),
+    o("distribution", S),
 ];
 /// "model" is not of the reference.
 const SUBSURFACE: &[Choice] =
@@ -431,8 +445,8 @@ pub(crate) const TABLE: &[Signature] = &[
     f(Func::Specular, C, &[AV, AV, AF]).reads(&[Global::P]).lights(),
     f(Func::SpecularBrdf, C, &[AV, AV, AV, AF]),
     f(Func::Indirect, C, &[AS, AP, AV]).options(GATHER),
-    f(Func::Occlusion, F, &[AS, AP, AV, AF]).options(GATHER),
-    f(Func::Occlusion, F, &[AS, AP, AV, AF, Arg::Out(V)]).options(GATHER),
+    f(Func::Occlusion, F, &[AS, AP, AV, AF]).options(OCCLUSION),
+    f(Func::Occlusion, F, &[AS, AP, AV, AF, Arg::Out(V)]).options(OCCLUSION),
     f(Func::Subsurface, C, &[AS, AP, AN]).options(SUBSURFACE),
     // 5.8.12 Displacement.
     f(Func::Displace, Void, &[AF]).derivatives().reads(&[Global::N]).writes(&[Global::P, Global::N]),

@@ -28,49 +28,81 @@ pub(crate) enum Possible {
 /// A chosen overload and the type of its `Same` arguments.
 type Chosen = (&'static Signature, Option<ValueType>);
 
+/// Whose form of a function a call means.
+enum Choose {
+    /// One that the source declares, or none fits and the source declares some.
+    User,
+    /// One of the standard library.
+    Builtin(Chosen),
+    Nothing,
+}
+
+/// The type of argument `i` of a form, where it has one of its own.
+fn fixed_type(row: &Signature, i: usize) -> Option<ValueType> {
+    match argument(row, i)?.0 {
+        Arg::Is(ty) => Some(ty),
+        _ => None,
+    }
+}
+
+/// The forms of this function give back one of their arguments or what lies between: where the result is a factor, the
+/// arguments are.
+fn passes_factor(name: &str) -> bool {
+    let mut forms = builtins::named(name).peekable();
+    forms.peek().is_some() && forms.all(|row| row.ret == Ret::Same)
+}
+
 impl Checker<'_> {
     // What types are possible.
 
-    pub(crate) fn possible(&self, expr: &ast::Expr) -> Possible {
+    /// What types an expression can have; `factor` as in [`Wish`].
+    pub(crate) fn possible(&self, expr: &ast::Expr, factor: bool) -> Possible {
         use Possible::Value;
         match &expr.kind {
             ast::ExprKind::Number(_) | ast::ExprKind::Not(_) => Value(ValueType::Float),
             ast::ExprKind::Text(_) => Value(ValueType::String),
             ast::ExprKind::Variable(name, subscripts) => self.possible_variable(&name.text, subscripts.len()),
             ast::ExprKind::Call(name, args) => {
-                let args: Vec<Possible> = args.iter().map(|a| self.possible(a)).collect();
-                if !self.user_functions(&name.text).is_empty() {
-                    return self.possible_user_call(&name.text, &args);
-                }
+                let args = self.possible_arguments(&name.text, args, factor);
                 match self.choose(&name.text, &args, None) {
-                    Some((row, same)) => match row.ret {
+                    Choose::User => self.possible_user_call(&name.text, &args),
+                    Choose::Builtin((row, same)) => match row.ret {
                         Ret::Is(ty) => Value(ty),
                         Ret::Same => match Self::same_possible(row, &args) {
                             Some(set) => Possible::Wanted(set),
                             None => same.map_or(Possible::Bad, Value),
                         },
+                        Ret::Wanted(set) if factor && set == NUMBERS => Value(ValueType::Float),
                         Ret::Wanted(set) => Possible::Wanted(set),
                     },
-                    None if &*name.text == "exit" => Value(ValueType::Void),
-                    None => Possible::Bad,
+                    Choose::Nothing if &*name.text == "exit" => Value(ValueType::Void),
+                    Choose::Nothing => Possible::Bad,
                 }
             }
             ast::ExprKind::Construct(ty, _) | ast::ExprKind::Cast(ty, _) => Value(*ty),
-            ast::ExprKind::Negate(inner) => self.possible(inner),
-            ast::ExprKind::Chain(first, links) => links
-                .iter()
-                .fold(self.possible(first), |a, l| possible_link(l.operator, a, self.possible(&l.right))),
+            ast::ExprKind::Negate(inner) => self.possible(inner, factor),
+            ast::ExprKind::Chain(first, links) => links.iter().fold(self.possible(first, factor), |a, l| {
+                possible_link(l.operator, a, self.possible(&l.right, factor))
+            }),
             ast::ExprKind::Select(arms, otherwise) => {
-                arms.iter().rev().fold(self.possible(otherwise), |rest, (_, a)| {
-                    match (self.possible(a), rest) {
+                arms.iter().rev().fold(self.possible(otherwise, factor), |rest, (_, a)| {
+                    match (self.possible(a, factor), rest) {
                         (a @ Possible::Wanted(_), Value(ValueType::Float)) => a,
                         (Value(ValueType::Float) | Possible::Wanted(_), rest) => rest,
                         (a, _) => a,
                     }
                 })
             }
-            ast::ExprKind::Assign(_, target, _) | ast::ExprKind::Step { target, .. } => self.possible(target),
+            ast::ExprKind::Assign(_, target, _) | ast::ExprKind::Step { target, .. } => {
+                self.possible(target, false)
+            }
         }
+    }
+
+    /// What types the arguments of a call can have. Those of `max` and its kin are factors where the call is one.
+    fn possible_arguments(&self, name: &str, args: &[ast::Expr], factor: bool) -> Vec<Possible> {
+        let factor = factor && passes_factor(name);
+        args.iter().map(|a| self.possible(a, factor)).collect()
     }
 
     fn possible_variable(&self, name: &str, subscripts: usize) -> Possible {
@@ -102,8 +134,9 @@ impl Checker<'_> {
 
     // Overloads.
 
-    /// The overload that fits best: the least conversions; of equals, the first in the table.
-    fn choose(&self, name: &str, args: &[Possible], wanted: Option<ValueType>) -> Option<Chosen> {
+    /// The form that fits best: the least conversions; of equals, one of the source before the first in the table.
+    /// A function of the source that is being declared gives way to a built-in form, so that it may wrap it.
+    fn choose(&self, name: &str, args: &[Possible], wanted: Option<ValueType>) -> Choose {
         let mut best: Option<(u32, Chosen)> = None;
         for row in builtins::named(name) {
             let Some((cost, same)) = fit(row, args, wanted) else { continue };
@@ -111,14 +144,27 @@ impl Checker<'_> {
                 best = Some((cost, (row, same)));
             }
         }
-        best.map(|(_, chosen)| chosen)
+        if self.user_functions(name).is_empty() {
+            return best.map_or(Choose::Nothing, |(_, chosen)| Choose::Builtin(chosen));
+        }
+        match (self.user_cost(name, args), best) {
+            // Of equals, the one that leaves more of what is open a float.
+            (Some((cost, complete)), Some((least, chosen)))
+                if !complete || cost > (least, bent(args, |i| fixed_type(chosen.0, i))) =>
+            {
+                Choose::Builtin(chosen)
+            }
+            (None, Some((_, chosen))) => Choose::Builtin(chosen),
+            _ => Choose::User,
+        }
     }
 
     // Checking.
 
-    /// Checks an expression in a place that wants `wanted`; the result may have another type.
-    pub(crate) fn expr(&mut self, expr: &ast::Expr, wanted: Option<ValueType>) -> Expr {
-        let checked = self.statement_expr_wanted(expr, wanted);
+    /// Checks an expression in a place with a wish; the result may have another type.
+    pub(crate) fn expr(&mut self, expr: &ast::Expr, wish: impl Into<Wish>) -> Expr {
+        let wish = wish.into();
+        let checked = self.statement_expr_wanted(expr, wish);
         let bad = checked.ty.value == ValueType::Void && !matches!(checked.kind, ExprKind::Bad);
         if bad {
             let what = match &expr.kind {
@@ -126,21 +172,22 @@ impl Checker<'_> {
                 _ => "this has no value".to_owned(),
             };
             self.diags.error(expr.pos, what);
-            return self.bad(expr.pos, wanted);
+            return self.bad(expr.pos, wish.ty);
         }
         checked
     }
 
     /// As [`Checker::expr`], but it need not have a value.
     pub(crate) fn statement_expr(&mut self, expr: &ast::Expr) -> Expr {
-        self.statement_expr_wanted(expr, None)
+        self.statement_expr_wanted(expr, Wish::default())
     }
 
     pub(crate) fn bad(&self, pos: Pos, wanted: Option<ValueType>) -> Expr {
         Expr { ty: SymbolType::of(wanted.unwrap_or(ValueType::Float)), kind: ExprKind::Bad, pos }
     }
 
-    fn statement_expr_wanted(&mut self, expr: &ast::Expr, wanted: Option<ValueType>) -> Expr {
+    fn statement_expr_wanted(&mut self, expr: &ast::Expr, wish: Wish) -> Expr {
+        let wanted = wish.ty;
         let pos = expr.pos;
         let float = SymbolType::of(ValueType::Float);
         match &expr.kind {
@@ -158,14 +205,14 @@ impl Checker<'_> {
                 self.mark_read(place.var, pos);
                 Expr { ty, kind: ExprKind::Read(place), pos }
             }
-            ast::ExprKind::Call(name, args) => self.call(name, args, wanted),
+            ast::ExprKind::Call(name, args) => self.call(name, args, wish),
             ast::ExprKind::Construct(ty, args) => self.construct(*ty, args, pos),
             ast::ExprKind::Cast(ty, inner) => {
-                let value = self.expr(inner, Some(*ty));
+                let value = self.expr(inner, Wish { ty: Some(*ty), cast: true, factor: false });
                 self.cast(value, *ty, pos)
             }
             ast::ExprKind::Negate(inner) => {
-                let value = self.expr(inner, wanted);
+                let value = self.expr(inner, wish);
                 if value.ty.array.is_some() || !NUMBERS.contains(value.ty.value) {
                     return self.operands("-", &[&value], pos, wanted);
                 }
@@ -179,8 +226,8 @@ impl Checker<'_> {
                 }
                 Expr { ty: float, kind: ExprKind::Unary(OpCode::Not, Box::new(value)), pos }
             }
-            ast::ExprKind::Chain(first, links) => self.chain(first, links, wanted),
-            ast::ExprKind::Select(arms, otherwise) => self.select(arms, otherwise, pos, wanted),
+            ast::ExprKind::Chain(first, links) => self.chain(first, links, wish),
+            ast::ExprKind::Select(arms, otherwise) => self.select(arms, otherwise, pos, wish),
             ast::ExprKind::Assign(op, target, value) => self.assign(*op, target, value, pos, wanted),
             ast::ExprKind::Step { target, up, postfix } => {
                 let Some((place, ty)) = self.place(target) else { return self.bad(pos, wanted) };
@@ -280,6 +327,7 @@ impl Checker<'_> {
             return Expr { ty: SymbolType::of(ty), ..value };
         }
         if value.ty.array.is_none() && conversion(value.ty.value, ty).is_some() {
+            self.one_channel(&value, ty);
             return convert(value, ty);
         }
         let triples = value.ty.array.is_none() && value.ty.value.is_triple() && ty.is_triple();
@@ -287,6 +335,19 @@ impl Checker<'_> {
         let what = format!("cannot convert {} to `{}`", describe(value.ty), ty.word());
         self.diags.error_help(value.pos, what, help);
         self.bad(value.pos, Some(ty))
+    }
+
+    /// Warns about `vector v = texture (...)`: only the form of one channel fits, which is hardly meant.
+    fn one_channel(&mut self, value: &Expr, ty: ValueType) {
+        if let ExprKind::Builtin { signature, .. } = &value.kind
+            && matches!(signature.ret, Ret::Wanted(set) if set != NUMBERS)
+            && value.ty.value == ValueType::Float
+            && ty.is_point_like()
+        {
+            let what = format!("`{}` gives one number here, for all components", signature.func.word());
+            let help = format!("write `({})` in front to take three channels", ty.word());
+            self.diags.warning_help(value.pos, what, Some(help));
+        }
     }
 
     fn cast(&mut self, value: Expr, ty: ValueType, pos: Pos) -> Expr {
@@ -324,25 +385,26 @@ impl Checker<'_> {
 
     /// Operators beside each other, however many: what is wanted goes from the last to the first, types go from the
     /// first to the last.
-    fn chain(&mut self, first: &ast::Expr, links: &[ast::Link], wanted: Option<ValueType>) -> Expr {
-        let mut left = self.possible(first);
+    fn chain(&mut self, first: &ast::Expr, links: &[ast::Link], wish: Wish) -> Expr {
+        let mut left = self.possible(first, wish.factor);
         let mut sides = Vec::with_capacity(links.len());
         for link in links {
-            let right = self.possible(&link.right);
+            let right = self.possible(&link.right, wish.factor);
             sides.push((left, right));
             left = possible_link(link.operator, left, right);
         }
-        // What each operator should give.
-        let mut results = vec![wanted; links.len()];
-        for k in (1..links.len()).rev() {
-            let (left, right) = sides[k];
-            results[k - 1] = side_wanted(links[k].operator, left, right, results[k]);
+        // What each operator should give, and its operands should be.
+        let mut wishes = vec![(wish, wish, wish); links.len()];
+        let mut result = wish;
+        for (k, (left, right)) in sides.iter().enumerate().rev() {
+            let (a, b) = side_wishes(links[k].operator, *left, *right, result);
+            wishes[k] = (a, b, result);
+            result = a;
         }
-        let (left, right) = sides[0];
-        let mut value = self.expr(first, side_wanted(links[0].operator, left, right, results[0]));
-        for ((link, (left, right)), wanted) in links.iter().zip(sides).zip(results) {
-            let operand = self.expr(&link.right, side_wanted(link.operator, right, left, wanted));
-            value = self.link(value, link, operand, wanted);
+        let mut value = self.expr(first, wishes[0].0);
+        for (link, (_, wish, result)) in links.iter().zip(wishes) {
+            let operand = self.expr(&link.right, wish);
+            value = self.link(value, link, operand, result.ty);
         }
         value
     }
@@ -398,14 +460,15 @@ impl Checker<'_> {
         arms: &[(ast::Expr, ast::Expr)],
         otherwise: &ast::Expr,
         pos: Pos,
-        wanted: Option<ValueType>,
+        wish: Wish,
     ) -> Expr {
+        let wanted = wish.ty;
         let mut checked = Vec::with_capacity(arms.len());
         for (condition, value) in arms {
             let condition = self.condition(condition);
-            checked.push((condition, self.expr(value, wanted)));
+            checked.push((condition, self.expr(value, wish)));
         }
-        let otherwise = self.expr(otherwise, wanted);
+        let otherwise = self.expr(otherwise, wish);
         let mut common = otherwise.ty;
         for (_, value) in checked.iter().rev() {
             let Some(ty) = common_type(value.ty, common) else {
@@ -451,8 +514,15 @@ impl Checker<'_> {
         wanted: Option<ValueType>,
     ) -> Expr {
         let place = self.place(target);
-        let want = place.as_ref().map(|(_, ty)| ty.value);
-        let value = self.expr(value, want);
+        let wish = place.as_ref().map(|(_, ty)| ty.value).map_or(Wish::default(), |ty| match op {
+            None => ty.into(),
+            Some(op) => {
+                let factor = matches!(op, Binary::Mul | Binary::Div);
+                let value = self.possible(value, factor);
+                operand_wishes(op, Possible::Value(ty), value, Wish { factor, ..ty.into() }).1
+            }
+        });
+        let value = self.expr(value, wish);
         let Some((place, ty)) = place else { return self.bad(pos, wanted) };
         if op.is_some() {
             self.mark_read(place.var, target.pos);
@@ -488,7 +558,8 @@ impl Checker<'_> {
     // Constructors and calls.
 
     fn construct(&mut self, ty: ValueType, args: &[ast::Expr], pos: Pos) -> Expr {
-        let named = args.first().is_some_and(|a| self.possible(a) == Possible::Value(ValueType::String));
+        let named =
+            args.first().is_some_and(|a| self.possible(a, false) == Possible::Value(ValueType::String));
         let (space, numbers) = if named { args.split_at(1) } else { args.split_at(0) };
         let full = ty.components();
         if ty == ValueType::Float && named {
@@ -522,34 +593,39 @@ impl Checker<'_> {
         fold(Expr { ty: SymbolType::of(ty), kind: ExprKind::Construct { space, parts }, pos })
     }
 
-    fn call(&mut self, name: &ast::Name, args: &[ast::Expr], wanted: Option<ValueType>) -> Expr {
-        if !self.user_functions(&name.text).is_empty() {
-            return self.user_call(name, args, wanted);
-        }
+    fn call(&mut self, name: &ast::Name, args: &[ast::Expr], wish: Wish) -> Expr {
         let pos = name.pos;
+        let builtin = builtins::named(&name.text).next().is_some();
+        let user = !self.user_functions(&name.text).is_empty();
+        if user && !builtin {
+            return self.user_call(name, args, wish.ty);
+        }
         if &*name.text == "exit" {
             if !args.is_empty() {
                 self.diags.error(pos, "`exit` takes no arguments");
             }
             return Expr { ty: SymbolType::of(ValueType::Void), kind: ExprKind::Exit, pos };
         }
-        if builtins::named(&name.text).next().is_none() {
+        if !builtin {
             for arg in args {
                 self.expr(arg, None);
             }
             let help = self.suggest_function(&name.text);
             self.diags.error_help(pos, format!("unknown function `{}`", name.text), help);
-            return self.bad(pos, wanted);
+            return self.bad(pos, wish.ty);
         }
-        let possible: Vec<Possible> = args.iter().map(|a| self.possible(a)).collect();
-        let Some((row, same)) = self.choose(&name.text, &possible, wanted) else {
-            return self.no_form(name, args, wanted);
+        let possible = self.possible_arguments(&name.text, args, wish.factor);
+        let (row, same) = match self.choose(&name.text, &possible, wish.ty) {
+            Choose::Builtin(chosen) => chosen,
+            Choose::User => return self.user_call(name, args, wish.ty),
+            Choose::Nothing => return self.no_form(name, args, wish.ty),
         };
         let ret = match row.ret {
             Ret::Is(ty) => ty,
             Ret::Same => same.unwrap_or(ValueType::Float),
-            Ret::Wanted(set) => from_set(set, wanted),
+            Ret::Wanted(set) => from_set(set, wish),
         };
+        let factor = wish.factor && passes_factor(&name.text);
         let mut checked = Vec::with_capacity(args.len());
         let mut outputs = Vec::with_capacity(args.len());
         let fixed = if let Rest::Options(_) = row.rest { row.args.len() } else { args.len() };
@@ -561,7 +637,7 @@ impl Checker<'_> {
                     (self.coerce(value, ty), false)
                 }
                 Arg::Same(_) => {
-                    let value = self.expr(arg, same);
+                    let value = self.expr(arg, Wish { factor, ..same.into() });
                     (self.coerce(value, ret), false)
                 }
                 Arg::Any(_) | Arg::Data | Arg::Array | Arg::SameArray(_) => (self.expr(arg, None), false),
@@ -583,7 +659,13 @@ impl Checker<'_> {
         Expr { ty: SymbolType::of(ret), kind, pos }
     }
 
-    fn no_form(&mut self, name: &ast::Name, args: &[ast::Expr], wanted: Option<ValueType>) -> Expr {
+    /// Reports arguments that no form of a function takes.
+    pub(crate) fn no_form(
+        &mut self,
+        name: &ast::Name,
+        args: &[ast::Expr],
+        wanted: Option<ValueType>,
+    ) -> Expr {
         let before = self.diags.has_errors();
         let checked: Vec<Expr> = args.iter().map(|a| self.expr(a, None)).collect();
         let bad = checked.iter().any(|c| matches!(c.kind, ExprKind::Bad));
@@ -593,7 +675,8 @@ impl Checker<'_> {
                 types.push("...".into());
             }
             let what = format!("no form of `{}` takes ({})", name.text, types.join(", "));
-            let mut forms: Vec<String> = builtins::named(&name.text).map(Signature::spell).collect();
+            let mut forms = self.user_forms(&name.text);
+            forms.extend(builtins::named(&name.text).map(Signature::spell));
             if forms.len() > 6 {
                 forms.truncate(5);
                 forms.push("...".into());
@@ -719,34 +802,29 @@ impl Checker<'_> {
     }
 }
 
-/// What type an operator's result can have.
+/// What types an operator's result can have.
 fn possible_link(op: Binary, a: Possible, b: Possible) -> Possible {
-    use Possible::{Value, Wanted};
-    if !is_arithmetic(op) {
-        return Value(ValueType::Float);
-    }
-    match (a, b) {
-        (Wanted(a), Wanted(b)) => Wanted(a.intersection(b)),
-        (Wanted(set), Value(ValueType::Float)) | (Value(ValueType::Float), Wanted(set)) => Wanted(set),
-        (Wanted(_), Value(ty)) | (Value(ty), Wanted(_)) => Value(ty),
-        (Value(a), Value(b)) => arithmetic_type(op, a, b).map_or(Possible::Bad, Value),
-        _ => Possible::Bad,
-    }
+    if is_arithmetic(op) { possible_result(op, a, b) } else { Possible::Value(ValueType::Float) }
 }
 
 fn is_arithmetic(op: Binary) -> bool {
     matches!(op, Binary::Mul | Binary::Div | Binary::Add | Binary::Sub)
 }
 
-/// What one operand of an operator should be, whose result should be `wanted`.
-fn side_wanted(op: Binary, this: Possible, other: Possible, wanted: Option<ValueType>) -> Option<ValueType> {
+/// What the operands of an operator should be.
+fn side_wishes(op: Binary, left: Possible, right: Possible, wish: Wish) -> (Wish, Wish) {
     let value = |p: Possible| match p {
         Possible::Value(ty) => Some(ty),
         _ => None,
     };
     match op {
-        Binary::And | Binary::Or => Some(ValueType::Float),
-        _ if is_arithmetic(op) => operand_type(op, this, other, wanted),
-        _ => value(this).or(value(other)).or(Some(ValueType::Float)),
+        Binary::And | Binary::Or => (ValueType::Float.into(), ValueType::Float.into()),
+        _ if is_arithmetic(op) => operand_wishes(op, left, right, wish),
+        _ => {
+            let (a, b) = (value(left), value(right));
+            let either =
+                |first: Option<ValueType>, second| Wish::from(first.or(second).unwrap_or(ValueType::Float));
+            (either(a, b), either(b, a))
+        }
     }
 }

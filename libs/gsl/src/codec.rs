@@ -180,10 +180,17 @@ impl Encoder {
             e.byte(u8::from(p.output));
             match &p.default {
                 DefaultValue::Unknown => e.byte(0),
-                DefaultValue::Known { space, value } => {
-                    e.byte(1 + u8::from(space.is_some()));
-                    if let Some(space) = space {
-                        e.text(space);
+                DefaultValue::Known { spaces, value } => {
+                    match spaces.as_slice() {
+                        [] => e.byte(1),
+                        [space] => {
+                            e.byte(2);
+                            e.text(space);
+                        }
+                        several => {
+                            e.byte(3);
+                            e.list(several, |e, space| e.text(space));
+                        }
                     }
                     e.constant(value);
                 }
@@ -467,11 +474,18 @@ impl<'a> Decoder<'a> {
             let output = d.flag()?;
             let default = match d.byte()? {
                 0 => DefaultValue::Unknown,
-                known @ (1 | 2) => {
-                    let space = if known == 2 { Some(d.text()?) } else { None };
+                known @ 1..=3 => {
+                    let spaces = match known {
+                        1 => Vec::new(),
+                        2 => vec![d.text()?],
+                        _ => d.list(|d| d.text())?,
+                    };
+                    if known == 3 && (spaces.len() < 2 || spaces.len() != ty.elements()) {
+                        return Err(format!("{} spaces for {} elements", spaces.len(), ty.elements()));
+                    }
                     let value = d.constant()?;
                     check_value(&ty, &value)?;
-                    DefaultValue::Known { space, value }
+                    DefaultValue::Known { spaces, value }
                 }
                 other => return Err(format!("{other} is no kind of default")),
             };

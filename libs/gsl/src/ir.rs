@@ -455,10 +455,11 @@ pub enum OpCode {
 /// A default that can be told without running the shader.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DefaultValue {
-    /// Constant, in a named space when one was given.
+    /// Constant, in named spaces where these were given.
     Known {
-        /// As written: `point ("shader", ...)`, `color ("hsv", ...)`.
-        space: Option<Arc<str>>,
+        /// Spaces as written: `point ("shader", ...)`, `color ("hsv", ...)`. Empty: none was given; one: it holds for all
+        /// elements; several: one for each element of an array, empty texts where none was given.
+        spaces: Vec<Arc<str>>,
         /// All elements.
         value: ConstValue,
     },

@@ -46,32 +46,111 @@ pub(crate) fn common_type(a: SymbolType, b: SymbolType) -> Option<ValueType> {
     conversion(a.value, b.value).map(|_| b.value)
 }
 
-/// What an operand of an arithmetic operator should be.
-pub(crate) fn operand_type(
-    op: Binary,
-    this: Possible,
-    other: Possible,
-    wanted: Option<ValueType>,
-) -> Option<ValueType> {
-    let Possible::Wanted(set) = this else {
-        return match this {
-            Possible::Value(ty) => Some(ty),
-            _ => wanted,
-        };
-    };
-    match (wanted, other) {
-        (Some(ty), _) if set.contains(ty) => Some(ty),
-        (_, Possible::Value(ty)) if set.contains(ty) && matches!(op, Binary::Add | Binary::Sub) => Some(ty),
-        _ => wanted,
+/// What the surroundings of an expression want of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Wish {
+    /// The type of the assigned variable, cast, argument or result; `None` where any type will do.
+    pub(crate) ty: Option<ValueType>,
+    /// The expression is cast: every triple is as good as another.
+    pub(crate) cast: bool,
+    /// The expression stands right of `*=` or `/=`, where noise and random functions are floats.
+    pub(crate) factor: bool,
+}
+
+impl From<Option<ValueType>> for Wish {
+    fn from(ty: Option<ValueType>) -> Self {
+        Self { ty, ..Self::default() }
     }
 }
 
-/// What a function that can return `set` returns where `wanted` is wanted.
-pub(crate) fn from_set(set: TypeSet, wanted: Option<ValueType>) -> ValueType {
-    match wanted {
+impl From<ValueType> for Wish {
+    fn from(ty: ValueType) -> Self {
+        Some(ty).into()
+    }
+}
+
+impl Wish {
+    /// The same wish for another type.
+    fn of(self, ty: ValueType) -> Self {
+        Self { ty: Some(ty), cast: false, ..self }
+    }
+
+    /// Cost of a value of type `found`; `None`: it does not fit.
+    fn cost(self, found: ValueType) -> Option<u32> {
+        let Some(ty) = self.ty else { return Some(0) };
+        conversion(found, ty).or((self.cast && found.is_triple() && ty.is_triple()).then_some(2))
+    }
+}
+
+/// The types that an expression can have; `None` for arrays, mistakes and what has no value.
+fn types(possible: Possible) -> Option<TypeSet> {
+    match possible {
+        Possible::Value(ValueType::Void) | Possible::Array(_) | Possible::Bad => None,
+        Possible::Value(ty) => Some(TypeSet::of(&[ty])),
+        Possible::Wanted(set) => Some(set),
+    }
+}
+
+/// What the operands of an arithmetic operator should be: of all pairs of types that the operator takes and whose
+/// result fits the wish, the one that is nearest to it.
+pub(crate) fn operand_wishes(op: Binary, left: Possible, right: Possible, wish: Wish) -> (Wish, Wish) {
+    let (Some(lefts), Some(rights)) = (types(left), types(right)) else { return (wish, wish) };
+    // How far the type of an operand that has a choice is from what it should be.
+    let rank = |ty: ValueType, own: Possible, other: Possible| match own {
+        Possible::Wanted(_) if wish.ty == Some(ty) => 0,
+        Possible::Wanted(_)
+            if matches!(op, Binary::Add | Binary::Sub)
+                && ty != ValueType::Float
+                && other == Possible::Value(ty) =>
+        {
+            1
+        }
+        Possible::Wanted(_) if ty == ValueType::Color && wish.ty.is_some_and(ValueType::is_triple) => 2,
+        Possible::Wanted(_) if ty == ValueType::Float => 3,
+        Possible::Wanted(_) => 4,
+        _ => 0,
+    };
+    let mut best: Option<((bool, u32, u32), ValueType, ValueType)> = None;
+    for a in lefts.iter() {
+        for b in rights.iter() {
+            let Some(result) = arithmetic_type(op, a, b) else { continue };
+            let cost = wish.cost(result);
+            let key = (cost.is_none(), rank(a, left, right) + rank(b, right, left), cost.unwrap_or(0));
+            if best.is_none_or(|(least, ..)| key < least) {
+                best = Some((key, a, b));
+            }
+        }
+    }
+    best.map_or((wish, wish), |(_, a, b)| (wish.of(a), wish.of(b)))
+}
+
+/// What types an operator's result can have.
+pub(crate) fn possible_result(op: Binary, left: Possible, right: Possible) -> Possible {
+    let (Some(lefts), Some(rights)) = (types(left), types(right)) else { return Possible::Bad };
+    let pairs = lefts.iter().flat_map(|a| rights.iter().map(move |b| (a, b)));
+    let results: Vec<ValueType> = pairs.filter_map(|(a, b)| arithmetic_type(op, a, b)).collect();
+    // What has a type of its own keeps it beside what has a choice.
+    if let (Possible::Value(ty), Possible::Wanted(_)) | (Possible::Wanted(_), Possible::Value(ty)) =
+        (left, right)
+        && ty != ValueType::Float
+        && results.contains(&ty)
+    {
+        return Possible::Value(ty);
+    }
+    match results.as_slice() {
+        [] => Possible::Bad,
+        [first, rest @ ..] if rest.iter().all(|ty| ty == first) => Possible::Value(*first),
+        all => Possible::Wanted(TypeSet::of(all)),
+    }
+}
+
+/// What a function that can return `set` returns where this is wanted.
+pub(crate) fn from_set(set: TypeSet, wish: Wish) -> ValueType {
+    match wish.ty {
+        _ if wish.factor && set == NUMBERS => ValueType::Float,
         Some(ty) if set.contains(ty) => ty,
         // `(normal) texture (...)` takes three channels.
-        Some(ty) if ty.is_triple() && set.contains(ValueType::Color) => ValueType::Color,
+        Some(ty) if wish.cast && ty.is_triple() && set.contains(ValueType::Color) => ValueType::Color,
         _ => set.iter().next().unwrap_or(ValueType::Float),
     }
 }
@@ -182,12 +261,20 @@ pub(crate) fn fit(
     Some((cost + more, Some(ty)))
 }
 
+/// The number of arguments that could be floats and become something else in a form whose arguments have these types.
+pub(crate) fn bent(args: &[Possible], ty: impl Fn(usize) -> Option<ValueType>) -> u32 {
+    let is_bent = |(i, possible): (usize, &Possible)| {
+        matches!(possible, Possible::Wanted(set) if set.contains(ValueType::Float))
+            && ty(i).is_some_and(|ty| ty != ValueType::Float)
+    };
+    args.iter().enumerate().map(|arg| u32::from(is_bent(arg))).sum()
+}
+
 /// Cost of making an argument a `ty`.
 pub(crate) fn reach(possible: Possible, ty: ValueType) -> Option<u32> {
     match possible {
         Possible::Value(found) => conversion(found, ty),
-        Possible::Wanted(set) if set.contains(ty) => Some(0),
-        Possible::Wanted(_) => conversion(ValueType::Float, ty),
+        Possible::Wanted(set) => set.iter().filter_map(|found| conversion(found, ty)).min(),
         Possible::Bad => Some(0),
         Possible::Array(_) => None,
     }

@@ -7,7 +7,7 @@ use crate::check::Checker;
 use crate::check_expr::Possible;
 use crate::hir::*;
 use crate::ir::{SymbolType, ValueType};
-use crate::overload::{conversion, describe, reach, spell_type};
+use crate::overload::{bent, conversion, describe, reach, spell_type};
 
 /// Cost of a result that does not convert to what is wanted: more than of any that does.
 const NO_CONVERSION: u32 = 64;
@@ -45,9 +45,32 @@ impl Checker<'_> {
         list.iter().zip(&costs).filter(|(_, c)| **c == Some(*best)).map(|(id, _)| *id).collect()
     }
 
+    /// The least cost of calling a function of the source with such arguments (conversions, then arguments that could be
+    /// floats and are not), and whether a function that fits best is declared as a whole; `None`: all take others.
+    pub(crate) fn user_cost(&self, name: &str, args: &[Possible]) -> Option<((u32, u32), bool)> {
+        let fitting = self.best_fitting(name, args);
+        let cost = fitting.first().and_then(|id| self.user_fit(*id, args))?;
+        let formal = |id: &FuncId, i: usize| {
+            let formal = self.funcs[id.0].formals.get(i)?;
+            Some(self.vars[formal.0].ty.value)
+        };
+        let bent = fitting.iter().map(|id| bent(args, |i| formal(id, i))).min().unwrap_or(0);
+        Some(((cost, bent), fitting.iter().any(|id| !self.is_recursive(*id))))
+    }
+
+    /// The functions of the source of a name, as messages spell them.
+    pub(crate) fn user_forms(&self, name: &str) -> Vec<String> {
+        let spell = |id: &FuncId| {
+            let f = &self.funcs[id.0];
+            let formals: Vec<String> = f.formals.iter().map(|v| spell_type(self.vars[v.0].ty)).collect();
+            format!("{} {} ({})", f.ret.word(), f.name, formals.join(", "))
+        };
+        self.user_functions(name).iter().map(spell).collect()
+    }
+
     /// What a call can return: where only the result tells functions apart, what the context wants.
     pub(crate) fn possible_user_call(&self, name: &str, args: &[Possible]) -> Possible {
-        if let [only] = self.user_functions(name) {
+        if let ([only], None) = (self.user_functions(name), builtins::named(name).next()) {
             return Possible::Value(self.funcs[only.0].ret);
         }
         let fitting = self.best_fitting(name, args);
@@ -62,9 +85,12 @@ impl Checker<'_> {
     /// The function that a call means: the least conversions of arguments; of equals, the least of the
     /// result; of equals, the first.
     fn choose_user(&self, name: &str, args: &[Possible], wanted: Option<ValueType>) -> Option<FuncId> {
-        let cost = |id: &FuncId| match wanted {
-            Some(ty) => conversion(self.funcs[id.0].ret, ty).unwrap_or(NO_CONVERSION),
-            None => 0,
+        let cost = |id: &FuncId| {
+            let result = match wanted {
+                Some(ty) => conversion(self.funcs[id.0].ret, ty).unwrap_or(NO_CONVERSION),
+                None => 0,
+            };
+            (self.is_recursive(*id), result)
         };
         self.best_fitting(name, args).into_iter().min_by_key(cost)
     }
@@ -76,13 +102,15 @@ impl Checker<'_> {
         wanted: Option<ValueType>,
     ) -> Expr {
         let pos = name.pos;
-        let id = if let [only] = self.user_functions(&name.text) {
-            *only
-        } else {
-            let possible: Vec<Possible> = args.iter().map(|a| self.possible(a)).collect();
-            match self.choose_user(&name.text, &possible, wanted) {
-                Some(id) => id,
-                None => return self.no_user_form(name, args, wanted),
+        let alone = builtins::named(&name.text).next().is_none();
+        let id = match self.user_functions(&name.text) {
+            [only] if alone => *only,
+            _ => {
+                let possible: Vec<Possible> = args.iter().map(|a| self.possible(a, false)).collect();
+                match self.choose_user(&name.text, &possible, wanted) {
+                    Some(id) => id,
+                    None => return self.no_form(name, args, wanted),
+                }
             }
         };
         let ret = self.funcs[id.0].ret;
@@ -102,27 +130,6 @@ impl Checker<'_> {
             checked.push(self.user_argument(arg, formal, &name.text));
         }
         Expr { ty: SymbolType::of(ret), kind: ExprKind::Call { func: id, args: checked }, pos }
-    }
-
-    /// Reports arguments that no function of the name takes.
-    fn no_user_form(&mut self, name: &ast::Name, args: &[ast::Expr], wanted: Option<ValueType>) -> Expr {
-        let checked: Vec<Expr> = args.iter().map(|a| self.expr(a, None)).collect();
-        if !checked.iter().any(|c| matches!(c.kind, ExprKind::Bad)) {
-            let types: Vec<String> = checked.iter().map(|c| spell_type(c.ty)).collect();
-            let forms: Vec<String> = self
-                .user_functions(&name.text)
-                .iter()
-                .map(|id| {
-                    let f = &self.funcs[id.0];
-                    let formals: Vec<String> =
-                        f.formals.iter().map(|v| spell_type(self.vars[v.0].ty)).collect();
-                    format!("{} {} ({})", f.ret.word(), f.name, formals.join(", "))
-                })
-                .collect();
-            let what = format!("no form of `{}` takes ({})", name.text, types.join(", "));
-            self.diags.error_help(name.pos, what, Some(format!("it is one of {}", forms.join("; "))));
-        }
-        self.bad(name.pos, wanted)
     }
 
     fn user_argument(&mut self, arg: &ast::Expr, formal: VarId, function: &str) -> Expr {

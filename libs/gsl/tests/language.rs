@@ -140,7 +140,7 @@ fn casts() {
 const ACCESS: &[(Global, [&str; 4])] = &[
     // surface, displacement, volume, light
     (Global::P, ["R", "RW", "R", "R"]),
-    (Global::I, ["R", "R", "R", "R"]),
+    (Global::I, ["R", "", "R", "R"]),
     (Global::N, ["RW", "RW", "R", "R"]),
     (Global::Ng, ["R", "R", "R", "R"]),
     (Global::dPdu, ["R", "R", "R", "R"]),
@@ -265,7 +265,7 @@ fn functions_of_one_name() {
     // Those of an inner scope hide those outside, as variables do.
     assert!(said("float f (float x) { return x; } surface t () { float f (string s) { return s == \"a\"; } C = f (1); }")
         .contains("cannot convert a `float` to `string`"));
-    // One of a built-in function's name hides it.
+    // One of a built-in function's name is a further form of it.
     module("float noise (string x) { return x == \"a\"; } surface t () { C = noise (\"b\"); }");
 }
 

@@ -41,6 +41,12 @@ pub trait InterfaceHost {
         None
     }
 
+    /// Whether calls are written down and not carried out: the program's own generators are run as far as
+    /// "limits:inputlevels" of the sink says (reference 4.3.12).
+    fn archives(&self) -> bool {
+        false
+    }
+
     /// A command that the host runs itself.
     fn command(&mut self, name: &str) -> bool {
         let _ = name;
@@ -50,6 +56,16 @@ pub trait InterfaceHost {
 
 /// A host without any of that.
 impl InterfaceHost for () {}
+
+/// The host of a program whose calls are written down.
+#[derive(Clone, Copy, Debug)]
+pub struct Archiving;
+
+impl InterfaceHost for Archiving {
+    fn archives(&self) -> bool {
+        true
+    }
+}
 
 /// A declaration that was read.
 #[derive(Clone)]
@@ -76,6 +92,8 @@ pub struct Interface<'a> {
     /// Strings that `GetAttribute` gave out.
     answers: HashMap<Box<str>, CString>,
     stopped: bool,
+    /// Generators of the program that this one runs within.
+    level: i32,
 }
 
 impl std::fmt::Debug for Interface<'_> {
@@ -104,6 +122,7 @@ impl<'a> Interface<'a> {
             names: FxHashMap::default(),
             answers: HashMap::new(),
             stopped: false,
+            level: 0,
         }
     }
 

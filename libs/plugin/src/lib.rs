@@ -29,7 +29,7 @@ mod shadeop;
 
 pub use errors::{ErrorManager, Messages};
 pub use ffi::Errors;
-pub use interface::{GeneratorObject, Interface, InterfaceHost, InterfaceObject, Meanwhile};
+pub use interface::{Archiving, GeneratorObject, Interface, InterfaceHost, InterfaceObject, Meanwhile};
 pub use plugins::{Plugins, ProgramImages};
 pub use rules::PluginRules;
 pub use shadeop::noise;

@@ -51,8 +51,13 @@ pub(crate) struct AreaLight {
 impl AreaLight {
     /// From the shader's "geometry" and the attribute "light:nsamples" of the light.
     pub(crate) fn new(set: std::sync::Arc<str>, nsamples: i32) -> Self {
-        Self { set, samples: nsamples.clamp(1, MOST_SAMPLES) as u32 }
+        Self { set, samples: samples(nsamples) }
     }
+}
+
+/// Samples of a light by its attribute "light:nsamples".
+pub(crate) fn samples(nsamples: i32) -> u32 {
+    nsamples.clamp(1, MOST_SAMPLES) as u32
 }
 
 /// Sample `index` of a light: a point and its normal for each active lane. `seed` names lanes. `false` when

@@ -5,6 +5,23 @@ use crate::PixelRect;
 /// Most samples of one bucket: larger "limits:bucketsize" are divided, which changes no pixel.
 const MAX_SAMPLES: usize = 1 << 21;
 
+/// In which order buckets are begun.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct BucketOrder<'a> {
+    /// "horizontal", "vertical" or "spiral"; anything else counts as "horizontal".
+    pub(crate) word: &'a str,
+    /// "limits:bucketblocksize": buckets along each side of the clusters that are done one after the other; a spiral
+    /// has none.
+    pub(crate) block: u32,
+}
+
+impl<'a> BucketOrder<'a> {
+    /// Without clusters.
+    pub(crate) fn plain(word: &'a str) -> Self {
+        Self { word, block: 1 }
+    }
+}
+
 /// The buckets of an image, in the order in which they are begun.
 #[derive(Clone, Debug)]
 pub(crate) struct Buckets {
@@ -18,9 +35,13 @@ pub(crate) struct Buckets {
 }
 
 impl Buckets {
-    /// Cuts `crop` along multiples of `size` of the whole image. `order` is "horizontal", "vertical" or
-    /// "spiral"; anything else counts as "horizontal".
-    pub(crate) fn new(crop: &PixelRect, size: [u32; 2], order: &str, samples_per_pixel: usize) -> Self {
+    /// Cuts `crop` along multiples of `size` of the whole image.
+    pub(crate) fn new(
+        crop: &PixelRect,
+        size: [u32; 2],
+        order: BucketOrder<'_>,
+        samples_per_pixel: usize,
+    ) -> Self {
         let mut size = size.map(|s| s.max(1) as usize);
         while size[0] * size[1] * samples_per_pixel > MAX_SAMPLES && size != [1, 1] {
             let longer = usize::from(size[1] > size[0]);
@@ -37,10 +58,11 @@ impl Buckets {
         let (xs, ys) = (cuts(crop.x0, crop.x1, size[0]), cuts(crop.y0, crop.y1, size[1]));
         let (nx, ny) = (xs.len() - 1, ys.len() - 1);
         let mut cells: Vec<(usize, usize)> = (0..ny).flat_map(|j| (0..nx).map(move |i| (i, j))).collect();
-        match order {
-            "vertical" => cells.sort_by_key(|(i, j)| (*i, *j)),
+        let block = order.block.max(1) as usize;
+        match order.word {
+            "vertical" => cells.sort_by_key(|(i, j)| (i / block, j / block, *i, *j)),
             "spiral" => cells.sort_by_key(|(i, j)| spiral_key(*i, *j, nx, ny)),
-            _ => (),
+            _ => cells.sort_by_key(|(i, j)| (j / block, i / block, *j, *i)),
         }
         let mut position = vec![0; nx * ny];
         for (at, (i, j)) in cells.iter().enumerate() {
@@ -110,7 +132,7 @@ mod tests {
     fn every_pixel_is_in_one_bucket_in_every_order() {
         for order in ["horizontal", "vertical", "spiral"] {
             for size in [[32, 32], [7, 100], [4096, 4096], [1, 70]] {
-                let buckets = Buckets::new(&CROP, size, order, 16);
+                let buckets = Buckets::new(&CROP, size, BucketOrder { word: order, block: 3 }, 16);
                 let mut seen = std::collections::BTreeSet::new();
                 for b in &buckets.order {
                     assert!(!b.is_empty());
@@ -127,7 +149,7 @@ mod tests {
 
     #[test]
     fn touching_finds_exactly_the_overlaps() {
-        let buckets = Buckets::new(&CROP, [32, 16], "spiral", 16);
+        let buckets = Buckets::new(&CROP, [32, 16], BucketOrder::plain("spiral"), 16);
         let everything = PixelRect { x0: i32::MIN, y0: i32::MIN, x1: i32::MAX, y1: i32::MAX };
         for rect in [
             CROP,
@@ -150,17 +172,23 @@ mod tests {
     #[test]
     fn orders() {
         let crop = PixelRect { x0: 0, y0: 0, x1: 96, y1: 96 };
-        let corners = |order| {
-            Buckets::new(&crop, [32, 32], order, 1).order.iter().map(|b| (b.x0, b.y0)).collect::<Vec<_>>()
+        let corners = |word, block| {
+            let buckets = Buckets::new(&crop, [32, 32], BucketOrder { word, block }, 1);
+            buckets.order.iter().map(|b| (b.x0 / 32, b.y0 / 32)).collect::<Vec<_>>()
         };
-        assert_eq!(corners("horizontal")[..2], [(0, 0), (32, 0)]);
-        assert_eq!(corners("vertical")[..2], [(0, 0), (0, 32)]);
-        assert_eq!(corners("spiral")[..3], [(32, 32), (0, 0), (32, 0)]);
+        assert_eq!(corners("horizontal", 1)[..4], [(0, 0), (1, 0), (2, 0), (0, 1)]);
+        assert_eq!(corners("vertical", 1)[..4], [(0, 0), (0, 1), (0, 2), (1, 0)]);
+        assert_eq!(corners("spiral", 1)[..3], [(1, 1), (0, 0), (1, 0)]);
+        // Clusters of 2 x 2, and what is left of them at the border; 0 counts as 1.
+        assert_eq!(corners("horizontal", 2)[..6], [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (2, 1)]);
+        assert_eq!(corners("vertical", 2)[..6], [(0, 0), (0, 1), (1, 0), (1, 1), (0, 2), (1, 2)]);
+        assert_eq!(corners("spiral", 2), corners("spiral", 1));
+        assert_eq!(corners("horizontal", 0), corners("horizontal", 1));
     }
 
     #[test]
     fn huge_buckets_are_divided() {
         let crop = PixelRect { x0: 0, y0: 0, x1: 2048, y1: 2048 };
-        assert!(Buckets::new(&crop, [2048, 2048], "horizontal", 16).order.len() > 1);
+        assert!(Buckets::new(&crop, [2048, 2048], BucketOrder::plain("horizontal"), 16).order.len() > 1);
     }
 }

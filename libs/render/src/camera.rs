@@ -7,7 +7,7 @@ pub use stereo::{EyeProjection, ShadedFrom, Stereo};
 use crate::dicing::MAX_QUALITY;
 use crate::{PixelRect, PreviewLimits};
 use granita_base::{Location, MotionTransform, Param, Params, Reporter, Severity, Transform, Vec2, Vec3};
-use granita_scene::Camera;
+use granita_scene::{Camera, Primitive, Scene};
 use std::sync::Arc;
 
 /// How three dimensions become two.
@@ -57,6 +57,8 @@ pub struct CameraView {
     pub far: f32,
     /// Open and close time; equal without motion blur.
     pub shutter: [f32; 2],
+    /// No shutter is given: what moves is drawn as it is at the earliest time of its motion.
+    pub is_timeless: bool,
     /// Depth of field, `None` for a pinhole.
     pub lens: Option<Lens>,
     /// Samples across and down a pixel.
@@ -71,6 +73,8 @@ pub struct CameraView {
     pub bucketsize: [u32; 2],
     /// "horizontal", "vertical" or "spiral".
     pub bucketorder: Arc<str>,
+    /// Buckets along each side of the clusters that are done one after the other.
+    pub bucketblocksize: u32,
     /// Preview mode: replaces "shadingquality" when not 0.
     pub preview: f32,
     /// "dice:curvature" of preview mode, in degrees.
@@ -80,6 +84,9 @@ pub struct CameraView {
     /// Two views instead of one.
     pub stereo: Option<Stereo>,
 }
+
+/// A bound of what a few operations in single precision round by, relative to the largest number among them.
+const CLIP_ROUNDING: f32 = f32::EPSILON;
 
 /// Attributes of one camera, with messages about values that make no sense.
 struct Attributes<'a> {
@@ -231,6 +238,7 @@ impl CameraView {
             near,
             far,
             shutter,
+            is_timeless: shutter == [0.0; 2],
             lens,
             spatialquality: get.counts(&quality("spatialquality"), [spatial; 2], 256),
             temporalquality: get.counts(&quality("temporalquality"), [times], 65536)[0],
@@ -242,6 +250,7 @@ impl CameraView {
                 Self::MAX_RESOLUTION,
             ),
             bucketorder: camera.params.string("bucketorder").cloned().unwrap_or_else(|| "horizontal".into()),
+            bucketblocksize: get.counts("limits:bucketblocksize", [2], Self::MAX_RESOLUTION)[0],
             preview,
             preview_dicecurvature_deg: get.float("preview:dicecurvature", 90.0),
             preview_limits,
@@ -274,6 +283,32 @@ impl CameraView {
             y0: edge(crop[2], resolution[1]),
             y1: edge(crop[3], resolution[1]),
         }
+    }
+
+    /// Without a shutter all is drawn as it is at the earliest time of its motion (reference 2.7): at one time that is
+    /// none the later than any of `scene`'s, before which nothing moves.
+    pub(crate) fn at_earliest(mut self, scene: &Scene) -> Self {
+        if self.is_timeless {
+            let of_shapes = scene.primitives.iter().filter(|p| p.keys.len() > 1).map(|p| p.keys[0].time);
+            let own = scene.primitives.iter().map(|p| &p.attributes.to_world);
+            let lights = scene.lights.iter().flat_map(|l| l.group.layers.iter().map(|layer| &layer.to_world));
+            let moves = own.chain(lights).chain(scene.cameras.iter().map(|c| &c.world_to_camera));
+            let of_moves = moves.filter(|m| m.is_moving()).map(|m| m.keys()[0].0);
+            self.shutter = [of_shapes.chain(of_moves).fold(0.0, f32::min); 2];
+        }
+        self
+    }
+
+    /// The part of a shutter in which a primitive exists: within the range of its motion keys (reference 2.7). `None`
+    /// where it never does, or for no length of time.
+    pub(crate) fn existence(&self, primitive: &Primitive, shutter: [f32; 2]) -> Option<[f32; 2]> {
+        let [first, .., last] = &primitive.keys[..] else { return Some(shutter) };
+        if self.is_timeless {
+            return Some(shutter);
+        }
+        let [open, close] = shutter;
+        let (from, to) = (open.max(first.time), close.min(last.time));
+        (from < to || (from == to && open == close)).then_some([from, to])
     }
 
     /// The same camera with its whole image.
@@ -312,6 +347,21 @@ impl CameraView {
         let [x0, x1, y0, y1] = self.screen;
         let corner = Vec2::new(x0.abs().max(x1.abs()), y0.abs().max(y1.abs()));
         Some(corner.length() / cot_half_fov)
+    }
+
+    /// The depths that are seen, in camera units: from "near" to "far", and beyond them as far as single precision does not tell. So what
+    /// lies in a clipping plane is seen, wherever the camera stands: points of the world are rounded in proportion to their distance from the
+    /// world's origin.
+    pub(crate) fn clip(&self) -> [f32; 2] {
+        let largest = |m: &Transform| m.to_rows()[12..15].iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+        let origin = self.world_to_camera.keys().iter().map(|(_, m)| largest(m)).fold(0.0_f32, f32::max);
+        let slack = |plane: f32| CLIP_ROUNDING * (8.0 * plane.abs() + 4.0 * origin);
+        let near = self.near - slack(self.near);
+        let near = match self.projection {
+            Projection::Perspective { .. } => near.max(0.5 * self.near),
+            Projection::Orthographic => near,
+        };
+        [near, self.far + slack(self.far)]
     }
 
     /// Camera to "screen" space. `z` becomes 0 on the near and 1 on the far plane.

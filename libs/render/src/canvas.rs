@@ -210,6 +210,7 @@ impl Bands {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bucket::BucketOrder;
     use crate::output::OutputSet;
     use granita_base::{Param, Params, Reporter};
     use granita_image::Limits;
@@ -228,7 +229,7 @@ mod tests {
         };
         let camera = CameraView::new(&camera, &Reporter::silent());
         for order in ["horizontal", "vertical", "spiral"] {
-            let buckets = Buckets::new(&camera.crop, [16, 7], order, 16);
+            let buckets = Buckets::new(&camera.crop, [16, 7], BucketOrder { word: order, block: 2 }, 16);
             let files = [usize::MAX, 0].map(|limit| {
                 let path = folder.path().join(format!("{order}{limit}.tif"));
                 let output = granita_scene::Output {

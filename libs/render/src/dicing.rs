@@ -4,10 +4,12 @@
 //! primitives never change where a surface is split or how it is diced.
 
 mod grid;
+mod lift;
 mod motion;
 mod rate;
 
 pub(crate) use grid::{GridView, Viewpoint, make_grid};
+pub(crate) use lift::SmoothFace;
 pub(crate) use motion::{
     Placement, Viewer, key_at, largest_coordinates, pixels_at, points_at, precise_point, shows,
 };
@@ -22,13 +24,6 @@ pub(crate) struct Leaf {
     pub(crate) piece: Piece,
     /// The lattice.
     pub(crate) rates: Box<Rates>,
-}
-
-impl Leaf {
-    /// As [`Rates::dice`].
-    pub(crate) fn dice(&self, viewer: &Viewer) -> Dice {
-        self.rates.dice(&*self.piece, viewer)
-    }
 }
 
 impl Rates {

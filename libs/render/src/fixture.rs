@@ -46,6 +46,7 @@ pub(crate) fn shader(name: &str, params: &[Param], to_world: Transform) -> Arc<S
         layer: None,
         params: Params(params.to_vec()),
         to_world: MotionTransform::from(to_world),
+        state: "".into(),
         at: Location::default(),
     };
     Arc::new(ShaderGroup { layers: vec![Arc::new(instance)], connections: Vec::new() })

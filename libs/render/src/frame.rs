@@ -5,11 +5,12 @@ mod cells;
 mod demand;
 mod job;
 mod limits;
+mod measured;
 mod precise;
 mod shade;
 mod spread;
 
-use crate::bucket::Buckets;
+use crate::bucket::{BucketOrder, Buckets};
 use crate::canvas::{Canvas, Finished};
 use crate::dicing::{Measure, SceneDicing};
 use crate::environment::Progress;
@@ -41,12 +42,16 @@ pub(crate) use demand::{OnDemand, Surroundings};
 pub(crate) struct ObjectTraits {
     /// Known to be opaque without running a shader.
     pub(crate) opaque: bool,
+    /// Taken for opaque where only depths are shown: it is, or "ray:opaqueshadows" says so (reference 10.1.1).
+    pub(crate) opaque_in_depth: bool,
     /// "holdout".
     pub(crate) holdout: Holdout,
     /// Whether a displacement shader runs.
     pub(crate) displaces: bool,
     /// Bound of displacement in world units.
     pub(crate) max_displacement_world: f32,
+    /// The scene gives no bound of displacement, and a shader moves points: the bound is measured.
+    pub(crate) measures: bool,
     /// A grid that comes shaded: its vertices are its points.
     pub(crate) preshaded: bool,
     /// Small grids may be shaded together: nothing shows it.
@@ -73,6 +78,10 @@ pub(crate) trait FrameShader: Sync {
     /// For a new thread of a frame that shows no colours: its shaders need no light (reference 10.1.1).
     fn unlit_thread(&self) -> Self::Thread<'_> {
         self.thread()
+    }
+    /// Makes the shaders of a thread print and save nothing, for grids that are shaded again, or everything as before.
+    fn mute(&self, thread: &mut Self::Thread<'_>, mute: bool) {
+        let _ = (thread, mute);
     }
     /// A number that grows when shading saves anything for later frames.
     fn saves(&self) -> u64 {
@@ -171,6 +180,7 @@ pub(crate) fn render<S: FrameShader>(
         );
         order = "horizontal";
     }
+    let order = BucketOrder { word: order, block: if from_top { 1 } else { camera.bucketblocksize } };
     let sharers = if matches!(options.spread, Spread::Alone) { threads } else { spread::SHARED_BY };
     let bucket = (shared(camera, sharers), order);
     let mut frame = Frame::new(scene, shader, options, plan, bucket);
@@ -242,7 +252,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         shader: &'a S,
         options: FrameOptions<'a>,
         plan: &'a OutputSet,
-        (size, order): ([u32; 2], &str),
+        (size, order): ([u32; 2], BucketOrder<'_>),
     ) -> Self {
         let camera = options.camera;
         // The whole scene counts, not what is in view: a crop must not change the samples.
@@ -301,11 +311,11 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         std::thread::scope(|scope| {
             for _ in 0..threads.min(visible.len().max(1)) {
                 scope.spawn(|| {
-                    let mut mine = Vec::new();
+                    let (mut mine, mut thread) = (Vec::new(), None);
                     loop {
                         let index = next.fetch_add(1, Ordering::Relaxed);
                         let Some(primitive) = visible.get(index) else { break };
-                        let job = catch_unwind(AssertUnwindSafe(|| self.job(primitive)));
+                        let job = catch_unwind(AssertUnwindSafe(|| self.job(primitive, &mut thread)));
                         match job {
                             Ok(Some(job)) => mine.push((index, job)),
                             Ok(None) => (),

@@ -197,8 +197,10 @@ fn variables<'a>(
             ValueType::Matrix => BaseType::Matrix,
             _ => BaseType::Float,
         };
-        let comes_anyway = matches!(&**name, "P" | "C" | "opacity");
-        let Some(values) = grid.variables.get(from..from + width * n).filter(|_| !comes_anyway) else {
+        // Elements of arrays have names that a declaration cannot have.
+        let comes_anyway = matches!(&**name, "P" | "C" | "opacity") || name.contains('[');
+        let Some(values) = grid.shades[0].variables.get(from..from + width * n).filter(|_| !comes_anyway)
+        else {
             continue;
         };
         let mut values = values.to_vec();
@@ -281,10 +283,13 @@ fn patch(grid: &ShadedGrid, part: &Part, p: &[Vec3], variables: &[Variable<'_>])
             .as_slice()
             .into()
     };
-    let mut params = vec![param("vertex point P", triples(p)), param("vertex color C", triples(&grid.color))];
-    params.push(match grid.opacity.is_empty() {
+    // As it was shaded first.
+    let shade = &grid.shades[0];
+    let mut params =
+        vec![param("vertex point P", triples(p)), param("vertex color C", triples(&shade.color))];
+    params.push(match shade.opacity.is_empty() {
         true => param("color opacity", &[1.0_f32; 3][..]),
-        false => param("vertex color opacity", triples(&grid.opacity)),
+        false => param("vertex color opacity", triples(&shade.opacity)),
     });
     for variable in variables {
         let values: Vec<f32> = points
@@ -318,7 +323,7 @@ pub(crate) fn is_identity(to_camera: &Transform, world_to_camera: &Transform) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hider::ViewedGrid;
+    use crate::hider::{Shade, ViewedGrid};
     use granita_base::Reporter;
 
     fn camera() -> CameraView {
@@ -340,11 +345,13 @@ mod tests {
             nv,
             primitive: 7,
             views: [view].into(),
-            color,
-            opacity: Vec::new(),
+            shades: vec![Shade {
+                color,
+                variables: (0..nu * nv).map(|i| i as f32).collect(),
+                ..Shade::default()
+            }],
             opaque: true,
             holdout: Holdout::None,
-            variables: (0..nu * nv).map(|i| i as f32).collect(),
             kept,
             sides: [true; 4],
         }

@@ -14,7 +14,7 @@ mod visible;
 
 pub(crate) use composite::{CompositeSettings, Wanted, WantedVariable};
 pub(crate) use samples::{SampleGrid, SamplePattern, Tables};
-pub(crate) use visible::{Holdout, NOWHERE, Projector, ShadedGrid, ViewedGrid, pixels_of};
+pub(crate) use visible::{Holdout, NOWHERE, Projector, Shade, ShadedGrid, ViewedGrid, pixels_of};
 
 use granita_base::Vec2;
 use raster::{Hit, Raster, Sink};
@@ -194,7 +194,7 @@ impl<'a> Surfaces<'a> {
         let opacity = if grid.opaque {
             granita_base::Color::ONE
         } else {
-            grid.opacity_at(fragment.at, fragment.u, fragment.v)
+            grid.opacity_at(fragment.at, [fragment.u, fragment.v], self.time_for(grid, sample))
         };
         let hides =
             grid.opaque || grid.holdout != Holdout::None || opacity.cmpge(granita_base::Color::ONE).all();
@@ -222,6 +222,11 @@ impl<'a> Surfaces<'a> {
             self.fragments.push(Fragment { next: self.first[sample], ..fragment });
             self.first[sample] = new;
         }
+    }
+
+    /// The time of a sample, where a grid shows it.
+    fn time_for(&self, grid: &ShadedGrid, sample: usize) -> f32 {
+        if grid.varies_over_time() { self.samples.time(sample) } else { 0.0 }
     }
 
     /// Composites every sample; the result is one run of samples per channel of `wanted`, in order.

@@ -56,6 +56,8 @@ mod spaces;
 mod spread;
 mod statistics;
 mod subsurface;
+mod texts;
+mod unknown;
 mod unread;
 
 #[cfg(test)]

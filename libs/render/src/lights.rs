@@ -4,6 +4,7 @@ use crate::arealight::AreaLight;
 use crate::finite;
 use crate::object::{LinkedShaders, Linker};
 use granita_base::{Vec3, hash};
+use granita_gsl::ir::ShaderKind;
 use granita_scene::{AttributeSet, Light, ShaderUsage};
 use granita_shade::{IlluminateQuery, Lane3, Lanes3, LightInfo, LightResult};
 use std::sync::Arc;
@@ -19,12 +20,16 @@ pub(crate) struct LightState {
     pub(crate) shaders: LinkedShaders,
     /// What is known without running it.
     pub(crate) info: LightInfo,
+    /// It asks the surface or volume shader for messages.
+    pub(crate) listens: bool,
     /// Attribute state of the `Light` call.
     pub(crate) attributes: Arc<AttributeSet>,
     /// "shadow:bias" of that state.
     pub(crate) shadow_bias: f32,
     /// Where it shines from, when it has an area.
     pub(crate) area: Option<AreaLight>,
+    /// "light:nsamples": directions that it is sampled by when it is a broad solar light.
+    pub(crate) samples: u32,
 }
 
 impl LightState {
@@ -39,11 +44,13 @@ impl LightState {
         Some(Self {
             name: light.name.clone(),
             seed: hash::words(&light.name.bytes().map(u32::from).collect::<Vec<_>>()),
+            listens: [ShaderKind::Surface, ShaderKind::Volume].iter().any(|k| shaders.group.listens_to(*k)),
             shaders,
             info,
             attributes: light.attributes.clone(),
             shadow_bias: light.attributes.float("shadow:bias").max(0.0),
             area: geometry.map(|set| AreaLight::new(set, light.attributes.int("light:nsamples"))),
+            samples: crate::arealight::samples(light.attributes.int("light:nsamples")),
         })
     }
 }
@@ -87,6 +94,7 @@ struct Remembered {
     ps: Lanes3,
     ns: Lanes3,
     in_front: bool,
+    asks: bool,
     result: Arc<LightResult>,
 }
 
@@ -104,7 +112,7 @@ impl LightMemory {
     /// What was kept for this question: the same positions and axes, to the bit, on at least its lanes.
     pub(crate) fn find(&self, light: usize, query: &IlluminateQuery<'_>) -> Option<Arc<LightResult>> {
         let holds = |kept: &&Remembered| {
-            (kept.light, kept.in_front) == (light, query.in_front)
+            (kept.light, kept.in_front, kept.asks) == (light, query.in_front, query.asks)
                 && same_on(&kept.ps, &query.ps, query.batch.active)
                 && same_on(&kept.ns, &query.ns, query.batch.active)
                 && is_subset(query.batch.active, &kept.active)
@@ -130,6 +138,7 @@ impl LightMemory {
             ps: copy(&query.ps),
             ns: copy(&query.ns),
             in_front: query.in_front,
+            asks: query.asks,
             result: result.clone(),
         });
     }
@@ -174,7 +183,10 @@ mod tests {
                 ns: Lane3::over(&ns),
                 pl: None,
                 nl: None,
+                cone: None,
                 in_front: false,
+                asks: false,
+                messages: &[],
             },
             &result,
         );
@@ -188,7 +200,10 @@ mod tests {
                         ns: Lane3::over(ns),
                         pl: None,
                         nl: None,
+                        cone: None,
                         in_front: false,
+                        asks: false,
+                        messages: &[],
                     },
                 )
                 .is_some()

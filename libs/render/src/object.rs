@@ -171,7 +171,7 @@ pub(crate) fn usage_word(usage: ShaderUsage) -> &'static str {
 }
 
 /// The kind of shader for a usage.
-fn kind(usage: ShaderUsage) -> ShaderKind {
+pub(crate) fn kind(usage: ShaderUsage) -> ShaderKind {
     match usage {
         ShaderUsage::Surface => ShaderKind::Surface,
         ShaderUsage::Displacement => ShaderKind::Displacement,
@@ -349,7 +349,12 @@ impl ObjectState {
 
     /// Whether displacement moves points for rays (and not only their normals).
     pub(crate) fn displaces_rays(&self) -> bool {
-        self.ray_displace && self.displacement.as_ref().is_some_and(|d| d.group.writes(Global::P))
+        self.ray_displace && self.moves_points()
+    }
+
+    /// Whether a displacement shader moves points (and not only normals).
+    pub(crate) fn moves_points(&self) -> bool {
+        self.displacement.as_ref().is_some_and(|d| d.group.writes(Global::P))
     }
 }
 

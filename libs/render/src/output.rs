@@ -9,7 +9,8 @@ use granita_image::{
     CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Placement, Quantize, Request,
 };
 use granita_scene::Output;
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 /// Parameters of `Output` that the renderer itself understands; all others go to the format.
@@ -44,10 +45,35 @@ enum Data {
     Volume {
         depths: usize,
     },
+    /// Of an array one name for each element: `name[0]` and so on.
     Variable {
-        name: Arc<str>,
+        names: Vec<Arc<str>>,
         ty: ValueType,
     },
+}
+
+/// Elements of an array that an image can show.
+const MAX_ELEMENTS: u32 = 1024;
+
+/// Files of the images of a frame.
+#[derive(Debug, Default)]
+pub(crate) struct WrittenFiles(BTreeMap<PathBuf, PathBuf>);
+
+impl WrittenFiles {
+    /// The name of an earlier image that is written to the same file under another name. An image of the same name is
+    /// the other view of a stereo camera.
+    pub(crate) fn taken_by(&mut self, image: &OutputImage) -> Option<PathBuf> {
+        let path = &image.path;
+        if image.is_shown || path.metadata().is_ok_and(|m| !m.is_file()) {
+            return None;
+        }
+        let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let place = parent.canonicalize().unwrap_or_else(|_| parent.to_owned());
+        let place = place.join(path.file_name()?);
+        let other = self.0.entry(place).or_insert_with(|| path.clone());
+        // Compared as text: paths that differ in a "./" alone are equal otherwise.
+        (other.as_os_str() != path.as_os_str()).then(|| other.clone())
+    }
 }
 
 /// Everything that the outputs of one camera want from the hider.
@@ -109,10 +135,12 @@ impl OutputSet {
                         set.wanted.depths = true;
                         set.needs_second_surface |= *middle;
                     }
-                    Data::Variable { name, ty } => {
+                    Data::Variable { names, ty } => {
                         set.needs_shading = true;
-                        if !set.variables.iter().any(|(n, t)| n == name && t == ty) {
-                            set.variables.push((name.clone(), *ty));
+                        for name in names {
+                            if !set.variables.iter().any(|(n, t)| n == name && t == ty) {
+                                set.variables.push((name.clone(), *ty));
+                            }
                         }
                     }
                 }
@@ -154,17 +182,25 @@ impl OutputSet {
                 // No channels of samples: these are counted only.
                 (vec![0; names.len()], names)
             }
-            Data::Variable { name, ty } => {
-                let same = |v: &(Arc<str>, ValueType)| v.0 == *name && v.1 == *ty;
-                let index = self.variables.iter().position(same).unwrap_or(0);
-                let first = self.wanted.variable_channel(index);
+            Data::Variable { names: elements, ty } => {
                 let n = ty.components();
-                let names = match n {
-                    1 => vec![name.to_string()],
-                    3 => strings(&["R", "G", "B"]),
-                    _ => ImageSpec::default_channels(n),
+                let of = |name: &Arc<str>| {
+                    let same = |v: &(Arc<str>, ValueType)| v.0 == *name && v.1 == *ty;
+                    let index = self.variables.iter().position(same).unwrap_or(0);
+                    let first = self.wanted.variable_channel(index);
+                    first..first + n
                 };
-                ((first..first + n).collect(), names)
+                let names = match (&elements[..], n) {
+                    ([name], 1) => vec![name.to_string()],
+                    ([_], 3) => strings(&["R", "G", "B"]),
+                    ([_], _) => ImageSpec::default_channels(n),
+                    (many, 1) => many.iter().map(|name| name.to_string()).collect(),
+                    (many, 3) => {
+                        many.iter().flat_map(|e| ["R", "G", "B"].map(|c| format!("{e}.{c}"))).collect()
+                    }
+                    (many, _) => many.iter().flat_map(|e| (0..n).map(move |c| format!("{e}.{c}"))).collect(),
+                };
+                (elements.iter().flat_map(of).collect(), names)
             }
         };
         let lost = format.and_then(|f| f.leaves_out(std::path::Path::new(&*output.name), channels.len()));
@@ -278,6 +314,7 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
         );
         let _ = refuse(Severity::Warning, what);
     }
+    unknown_parameters(output, reporter);
     for name in ["gain", "gamma", "dither"] {
         let least = if name == "dither" { 0.0 } else { f32::MIN_POSITIVE };
         if let Some(v) = output.params.float(name)
@@ -320,13 +357,16 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
                         );
                     }
                 };
-                if ty.array.is_some() {
-                    return refuse(
-                        Severity::Warning,
-                        format!("data \"{other}\": an array is not supported yet"),
-                    );
-                }
-                Some(Data::Variable { name: name.into(), ty: value })
+                let names = match ty.array {
+                    None => vec![name.into()],
+                    Some(n @ 1..=MAX_ELEMENTS) => (0..n).map(|k| Arc::from(format!("{name}[{k}]"))).collect(),
+                    Some(n) => {
+                        let what =
+                            format!("data \"{other}\": {n} elements, 1 to {MAX_ELEMENTS} can be shown");
+                        return refuse(Severity::Error, what);
+                    }
+                };
+                Some(Data::Variable { names, ty: value })
             }
             Err(error) => refuse(Severity::Error, error.to_string()),
         },
@@ -417,6 +457,44 @@ fn opaque_width(output: &Output, reporter: &Reporter) -> f32 {
         format!("\"opaquewidth\" {asked} is no width; {DEFAULT} is used"),
     );
     DEFAULT
+}
+
+/// Parameters that bundled formats take.
+const FORMAT_PARAMETERS: [&str; 19] = [
+    "Artist",
+    "BitsPerSample",
+    "DateTime",
+    "DocumentName",
+    "HostComputer",
+    "ImageDescription",
+    "Make",
+    "Model",
+    "XMP",
+    "bigtiff",
+    "compression",
+    "copyright",
+    "owner",
+    "planarconfig",
+    "quality",
+    "rowsperstrip",
+    "software",
+    "textureformat",
+    "tilesize",
+];
+
+/// Warns about parameters that nobody takes and that are spelled nearly as ones that are taken. Others may be for a plugin.
+fn unknown_parameters(output: &Output, reporter: &Reporter) {
+    let known = || OWN_PARAMETERS.iter().chain(&FORMAT_PARAMETERS).copied();
+    for param in &output.params {
+        let name = &*param.name;
+        let likely = || granita_scene::attribute::suggestion(name, known());
+        if !known().any(|k| k == name)
+            && let Some(likely) = likely()
+        {
+            let what = format!("nothing takes a parameter \"{name}\"; did you mean \"{likely}\"?");
+            mistake(output, reporter, name, what);
+        }
+    }
 }
 
 /// Warns about a parameter of an output, once.
@@ -702,6 +780,65 @@ mod tests {
         let only_depth = OutputSet::new(&list[1..2], &camera(), &registry, &reporter).unwrap();
         assert!(!only_depth.needs_shading);
         assert_eq!(only_depth.images[0].filter, FilterSpec { filter: PixelFilter::Min, width: [1.0; 2] });
+    }
+
+    #[test]
+    fn arrays_are_channels_side_by_side() {
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        let (reporter, kept) = Reporter::collecting();
+        let outputs = [
+            output("a", "exr", "float[3] weights", &[]),
+            output("b", "exr", "color[2] layers", &[]),
+            output("c", "exr", "float[2000] many", &[]),
+        ];
+        let list: Vec<&Output> = outputs.iter().collect();
+        let set = OutputSet::new(&list, &camera(), &registry, &reporter).unwrap();
+        assert_eq!(set.images[0].names, ["weights[0]", "weights[1]", "weights[2]"]);
+        assert_eq!(set.images[1].names[2..4], ["layers[0].B", "layers[1].R"]);
+        assert_eq!((set.images[0].channels.clone(), set.images[1].channels.len()), (vec![4, 5, 6], 6));
+        assert!(set.images[1].is_color && !set.images[0].is_color);
+        let said = kept.lock().unwrap();
+        assert!(said.len() == 1 && said[0].text.contains("2000 elements, 1 to 1024"), "{said:?}");
+    }
+
+    #[test]
+    fn parameters_that_are_spelled_wrong_are_told() {
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        let (reporter, kept) = Reporter::collecting();
+        let param = |declaration: &str| Param::declared(declaration, 2.0).unwrap();
+        let params =
+            [param("float gama"), param("float compresion"), param("float studio:mood"), param("float gain")];
+        let output = output("a", "tiff", "rgb", &params);
+        OutputSet::new(&[&output], &camera(), &registry, &reporter).unwrap();
+        let said: Vec<String> = kept.lock().unwrap().iter().map(|m| m.text.clone()).collect();
+        assert_eq!(
+            said,
+            [
+                "output \"a\": nothing takes a parameter \"gama\"; did you mean \"gamma\"?",
+                "output \"a\": nothing takes a parameter \"compresion\"; did you mean \"compression\"?",
+            ]
+        );
+    }
+
+    #[test]
+    fn one_file_has_one_output() {
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        let outputs =
+            [at("a.tif"), at("./a.tif"), at("b.tif"), at("../b.tif")].map(|n| output(&n, "tiff", "rgb", &[]));
+        let list: Vec<&Output> = outputs.iter().collect();
+        let set = OutputSet::new(&list, &camera(), &registry, &Reporter::silent()).unwrap();
+        let mut files = WrittenFiles::default();
+        // The names differ as text only.
+        let names: Vec<String> = outputs.iter().map(|o| o.name.to_string()).collect();
+        assert_ne!(names[0], names[1]);
+        let taken: Vec<bool> = set.images.iter().map(|image| files.taken_by(image).is_some()).collect();
+        assert_eq!(taken, [false, true, false, false]);
+        let image = OutputImage { path: folder.path().join("x/../a.tif"), ..set.images[0].clone() };
+        std::fs::create_dir(folder.path().join("x")).unwrap();
+        assert_eq!(files.taken_by(&image).as_deref(), Some(&*set.images[0].path));
+        assert!(files.taken_by(&set.images[0]).is_none());
     }
 
     #[test]

@@ -34,6 +34,12 @@ impl Priority {
         self.change(|wanted| wanted.rectangle = Some(rect));
     }
 
+    /// The pixel around which the frame goes on, and the pixels that come first.
+    pub fn current(&self) -> (Option<[i32; 2]>, Option<PixelRect>) {
+        let wanted = self.wanted();
+        (wanted.center, wanted.rectangle)
+    }
+
     /// The order that the scene asks for.
     pub(crate) fn reset(&self) {
         self.change(|wanted| *wanted = Wanted::default());
@@ -103,9 +109,15 @@ impl Turns {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bucket::BucketOrder;
 
     fn buckets() -> Buckets {
-        Buckets::new(&PixelRect { x0: 0, y0: 0, x1: 80, y1: 60 }, [20, 20], "horizontal", 1)
+        Buckets::new(
+            &PixelRect { x0: 0, y0: 0, x1: 80, y1: 60 },
+            [20, 20],
+            BucketOrder::plain("horizontal"),
+            1,
+        )
     }
 
     fn drain(turns: &mut Turns, buckets: &Buckets, priority: &Priority) -> Vec<usize> {

@@ -8,10 +8,11 @@ mod build;
 
 pub(crate) use build::{FLATNESS_PX, Flat, Level, Member, Solid, prepare};
 
+use crate::dicing::SmoothFace;
 use crate::finite;
 use crate::object::ObjectState;
 use granita_base::{Vec3, hash};
-use granita_shade::{Grid, Primvar, PrimvarData, RayKind, Topology};
+use granita_shade::{Grid, Lanes3, Primvar, PrimvarData, RayKind, Topology};
 use std::sync::Arc;
 
 /// A square of two triangles.
@@ -66,6 +67,8 @@ pub(crate) struct RayMesh {
     string_set: Vec<u32>,
     /// Of each combination: the number of its strings.
     string_keys: Vec<u64>,
+    /// Its squares are flat faces with normals of their own, perhaps those of a smooth surface.
+    flat_faces: bool,
 }
 
 /// A place where a ray met a mesh.
@@ -196,6 +199,12 @@ impl RayMesh {
         }
     }
 
+    /// From a place to about where the smooth surface lies, on either side.
+    fn lifts(&self, place: &Place, p: Vec3) -> [Vec3; 2] {
+        let face = SmoothFace { p: place.corners.map(|v| self.p[v]), n: place.corners.map(|v| self.n[v]) };
+        face.lifts(p, place.weights)
+    }
+
     fn mix(&self, place: &Place, values: &[Vec3]) -> Vec3 {
         (0..4).map(|k| values[place.corners[k]] * place.weights[k]).fold(Vec3::ZERO, |s, v| s + v)
     }
@@ -230,6 +239,8 @@ pub(crate) fn grid_of(hits: &[(&RayMesh, MeshHit)], object: &ObjectState, how: H
 
     // Where each lane is: centres, then the neighbours along u, then along v.
     let mut places: Vec<(&RayMesh, Place, u32)> = Vec::with_capacity(lanes);
+    let smooth = hits.iter().any(|(mesh, _)| mesh.flat_faces);
+    let mut lifts: Option<[Lanes3; 2]> = smooth.then(|| [Lanes3::zeros(lanes), Lanes3::zeros(lanes)]);
     for turn in 0..lanes / n.max(1) {
         for (k, (mesh, hit)) in hits.iter().enumerate() {
             let (quad, a, b) = mesh.local(hit);
@@ -249,6 +260,11 @@ pub(crate) fn grid_of(hits: &[(&RayMesh, MeshHit)], object: &ObjectState, how: H
             grid.p.set(lane, hit.p + moved);
             grid.i.set(lane, hit.i + moved);
             grid.n.set(lane, mesh.mix(&place, &mesh.n));
+            if let Some(lifts) = lifts.as_mut().filter(|_| mesh.flat_faces) {
+                for (lanes, lift) in lifts.iter_mut().zip(mesh.lifts(&place, hit.p + moved)) {
+                    lanes.set(lane, lift);
+                }
+            }
             grid.ng.set(lane, mesh.mix(&place, &mesh.ng));
             grid.dpdu.set(lane, mesh.mix(&place, &mesh.dpdu));
             grid.dpdv.set(lane, mesh.mix(&place, &mesh.dpdv));
@@ -258,6 +274,7 @@ pub(crate) fn grid_of(hits: &[(&RayMesh, MeshHit)], object: &ObjectState, how: H
             places.push((mesh, place, quad.piece));
         }
     }
+    grid.lift = lifts.map(Arc::new);
     fill_primvars(&mut grid, &places);
     set_surface_color(&mut grid, object);
     grid

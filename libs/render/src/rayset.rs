@@ -18,11 +18,11 @@ use crate::arealight::{AreaTable, area};
 use crate::object::ObjectState;
 use crate::raycache::{Key, Tessellation};
 use crate::raymesh::{self, Flat, Level, Member, MeshHit, RayMesh, Solid};
-use crate::raytrace::RayRequest;
+use crate::raytrace::{Leaving, RayRequest};
 use crate::shading::{ShaderThread, ShadingContext};
 use granita_base::{Bound, Vec3};
 use granita_trace::{BoxRoom, BoxTree, Hit, Ray, RayRoom, Tracer, TracerBuilder};
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -49,6 +49,8 @@ pub(crate) struct RayScene {
     boxes: BoxTree,
     /// Nothing in it lets light through.
     pub(crate) opaque_to_shadows: bool,
+    /// Addresses of the states of objects that are tessellated: these are not quite where rays leave them.
+    rough: FxHashSet<usize>,
     /// Some of its shaders ask the shaders whose rays meet them.
     pub(crate) asks_parents: bool,
     /// Made when the first light shines from it.
@@ -238,6 +240,10 @@ impl RayScene {
             set,
             opaque_to_shadows: objects().all(|object| object.opaque_to_shadows),
             asks_parents: objects().any(|object| crate::raytrace::asks_parent(object)),
+            rough: solids
+                .iter()
+                .map(|solid| std::ptr::from_ref::<ObjectState>(&solid.object).addr())
+                .collect(),
             boxes: BoxTree::new(&bounds),
             tracer,
             flats,
@@ -258,9 +264,11 @@ impl RayScene {
         (triangles as u64, (self.tracer.bytes() + self.boxes.bytes() + parts + solids + residents) as u64)
     }
 
-    /// Whether everything in it is as flat as it is drawn: no tessellation stands for a curved surface.
-    pub(crate) fn is_flat(&self) -> bool {
-        self.solids.is_empty()
+    /// Whether rays meet an object about where it is only: a tessellation stands for its curved surface, or it is displaced for the
+    /// camera but not for rays.
+    pub(crate) fn is_rough(&self, object: &ObjectState) -> bool {
+        self.rough.contains(&std::ptr::from_ref(object).addr())
+            || object.displacement.is_some() && !object.displaces_rays() && !self.solids.is_empty()
     }
 
     /// Whether nothing is tessellated on demand: it does not matter how wide rays are.
@@ -366,10 +374,34 @@ impl RayScene {
 
     /// The closest hit of each ray.
     pub(crate) fn closest(&self, thread: &mut ShaderThread<'_>, requests: &[RayRequest]) -> Vec<SetHit> {
-        let rays: Vec<Ray> = requests.iter().map(|r| r.ray).collect();
+        let rays: Vec<Ray> = requests.iter().map(|r| beyond(&r.ray, r.leaving)).collect();
         let mut hits: Vec<SetHit> = self.closest_of_settled(&rays).iter().map(SetHit::of).collect();
-        self.closest_of_parts(thread, &rays, &|k| requests[k].widths(), &mut hits);
+        let widths = |k: usize| requests[k].widths();
+        self.closest_of_parts(thread, &rays, &widths, &mut hits);
+        for (request, hit) in requests.iter().zip(&mut hits) {
+            let near = self.near(thread, &request.ray, request.leaving, request.widths());
+            if near.is_hit() {
+                *hit = near;
+            }
+        }
         hits
+    }
+
+    /// The closest hit of a ray before the margin of what it leaves, which is of something else.
+    fn near(
+        &self,
+        thread: &mut ShaderThread<'_>,
+        ray: &Ray,
+        leaving: Leaving,
+        [width, spread]: [f32; 2],
+    ) -> SetHit {
+        let margin = leaving.margin();
+        if margin <= ray.tmin {
+            return SetHit::MISS;
+        }
+        let ray = Ray { tmax: margin.min(ray.tmax), ..*ray };
+        let request = RayRequest { lane: 0, name: 0, ray, leaving, width, spread };
+        self.closest_where(thread, &request, &mut |hit| !leaving.hides(self.object(hit), hit.t))
     }
 
     fn closest_of_settled(&self, rays: &[Ray]) -> Vec<Hit> {
@@ -406,20 +438,19 @@ impl RayScene {
         }
     }
 
-    /// How far each ray goes; infinite where it meets nothing. `widths` as [`RayRequest::widths`], by number.
+    /// How far each ray goes; infinite where it meets nothing. `widths` as [`RayRequest::widths`] and what it leaves, by number.
     pub(crate) fn distances(
         &self,
         thread: &mut ShaderThread<'_>,
         rays: &[Ray],
         widths: &dyn Fn(usize) -> [f32; 2],
+        leaving: &dyn Fn(usize) -> Leaving,
     ) -> Vec<f32> {
-        let flat = self.closest_of_settled(rays);
-        if self.parts.is_empty() {
-            return flat.iter().map(|hit| hit.t).collect();
-        }
-        let mut hits: Vec<SetHit> = flat.iter().map(SetHit::of).collect();
-        self.closest_of_parts(thread, rays, widths, &mut hits);
-        hits.iter().map(|hit| hit.t).collect()
+        let far: Vec<Ray> = rays.iter().enumerate().map(|(k, ray)| beyond(ray, leaving(k))).collect();
+        let mut hits: Vec<SetHit> = self.closest_of_settled(&far).iter().map(SetHit::of).collect();
+        self.closest_of_parts(thread, &far, widths, &mut hits);
+        let each = rays.iter().zip(&hits).enumerate();
+        each.map(|(k, (ray, hit))| self.near(thread, ray, leaving(k), widths(k)).t.min(hit.t)).collect()
     }
 
     /// Whether each ray hits anything; as [`RayScene::distances`].
@@ -428,19 +459,23 @@ impl RayScene {
         thread: &mut ShaderThread<'_>,
         rays: &[Ray],
         widths: &dyn Fn(usize) -> [f32; 2],
+        leaving: &dyn Fn(usize) -> Leaving,
     ) -> Vec<bool> {
+        let far: Vec<Ray> = rays.iter().enumerate().map(|(k, ray)| beyond(ray, leaving(k))).collect();
         let mut blocked = vec![false; rays.len()];
-        self.tracer.any(rays, &mut blocked);
-        if self.parts.is_empty() {
-            return blocked;
+        self.tracer.any(&far, &mut blocked);
+        if !self.parts.is_empty() {
+            let (mut hand, mut boxes, mut room) = (AtHand::default(), BoxRoom::default(), RayRoom::default());
+            for (k, (ray, blocked)) in far.iter().zip(&mut blocked).enumerate().filter(|(_, (_, b))| !**b) {
+                let along = (ray, widths(k));
+                self.along(thread, (&mut hand, &mut boxes), along, f32::INFINITY, &mut |tracer, _, _| {
+                    *blocked = tracer.any_of_one(ray, &mut room);
+                    if *blocked { -1.0 } else { f32::INFINITY }
+                });
+            }
         }
-        let (mut hand, mut boxes, mut room) = (AtHand::default(), BoxRoom::default(), RayRoom::default());
         for (k, (ray, blocked)) in rays.iter().zip(&mut blocked).enumerate().filter(|(_, (_, b))| !**b) {
-            let along = (ray, widths(k));
-            self.along(thread, (&mut hand, &mut boxes), along, f32::INFINITY, &mut |tracer, _, _| {
-                *blocked = tracer.any_of_one(ray, &mut room);
-                if *blocked { -1.0 } else { f32::INFINITY }
-            });
+            *blocked = self.near(thread, ray, leaving(k), widths(k)).is_hit();
         }
         blocked
     }
@@ -595,6 +630,11 @@ impl RayScene {
         }
         table
     }
+}
+
+/// A ray from where all that it may hit counts.
+fn beyond(ray: &Ray, leaving: Leaving) -> Ray {
+    Ray { tmin: ray.tmin.max(leaving.margin()), ..*ray }
 }
 
 /// A hit as a place in the world.

@@ -160,6 +160,34 @@ impl RayWorld {
     }
 }
 
+/// The rough surface that a ray leaves: one that is tessellated for rays, and so not quite where the ray begins.
+///
+/// Hits of that very object nearer than a margin do not count. Those of other objects do, from the ray's own `tmin` on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(crate) struct Leaving {
+    /// Address of its state, which is one for all of the object; 0 for none.
+    object: usize,
+    /// World units, as bits.
+    margin: u32,
+}
+
+impl Leaving {
+    /// From an object, with a margin in world units.
+    pub(crate) fn new(object: &crate::object::ObjectState, margin: f32) -> Self {
+        Self { object: std::ptr::from_ref(object).addr(), margin: margin.max(0.0).to_bits() }
+    }
+
+    /// How far from the origin the object does not count, world units.
+    pub(crate) fn margin(self) -> f32 {
+        f32::from_bits(self.margin)
+    }
+
+    /// Whether a hit of an object at distance `t` does not count.
+    pub(crate) fn hides(self, object: &crate::object::ObjectState, t: f32) -> bool {
+        t < self.margin() && std::ptr::from_ref(object).addr() == self.object
+    }
+}
+
 /// A ray to be traced. The direction is of length 1, so that distances are world units.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RayRequest {
@@ -169,6 +197,8 @@ pub(crate) struct RayRequest {
     pub(crate) name: u32,
     /// Where, which way, how far.
     pub(crate) ray: Ray,
+    /// What it leaves.
+    pub(crate) leaving: Leaving,
     /// Width at the origin.
     pub(crate) width: f32,
     /// Growth of the width per unit of distance.
@@ -335,7 +365,11 @@ impl ShaderThread<'_> {
         for (k, ray) in rays.iter().enumerate() {
             let first = waiting.len();
             let wall = scene.closest_where(self, ray, &mut |hit| {
-                let opaque = scene.object(hit).opaque_to_shadows;
+                let object = scene.object(hit);
+                if ray.leaving.hides(object, hit.t) {
+                    return false;
+                }
+                let opaque = object.opaque_to_shadows;
                 if !opaque {
                     waiting.push(Pending { ray: k as u32, hit: *hit });
                 }
@@ -374,7 +408,9 @@ impl ShaderThread<'_> {
     /// The next hit behind distance `t`.
     fn next_behind(&mut self, scene: &RayScene, request: &RayRequest, t: f32) -> SetHit {
         let past = t + STEP * t.abs();
-        scene.closest_where(self, request, &mut |hit| hit.t > past)
+        scene.closest_where(self, request, &mut |hit| {
+            hit.t > past && !request.leaving.hides(scene.object(hit), hit.t)
+        })
     }
 
     /// Finds the meshes of hits, some hits at a time: `visit` gets them, and which hits they are of.
@@ -504,8 +540,8 @@ impl ShadingContext {
         );
     }
 
-    /// Distance that a tessellation for rays may be from the surface at `p`, with a margin: nearer hits are
-    /// of the very surface that a ray leaves.
+    /// Distance that a tessellation for rays may be from the surface at `p`, with a margin: nearer hits of the very object that a
+    /// ray leaves are of the very surface.
     pub(crate) fn ray_margin(&self, p: Vec3) -> f32 {
         3.0 * raymesh::FLATNESS_PX * self.pixel_world(p)
     }
@@ -573,7 +609,7 @@ mod tests {
 
     fn request(origin: Vec3, dir: Vec3, time: f32) -> RayRequest {
         let ray = Ray { origin, tmin: 0.0, dir, tmax: f32::INFINITY, time };
-        RayRequest { lane: 0, name: 0, ray, width: 0.0, spread: 0.0 }
+        RayRequest { lane: 0, name: 0, ray, leaving: Leaving::default(), width: 0.0, spread: 0.0 }
     }
 
     #[test]
@@ -658,8 +694,35 @@ mod tests {
                 request(Vec3::new(5.0, 0.0, 5.0), -Vec3::Z, 0.5),
             ];
             let rays = rays.map(|r| r.ray);
-            let hit = set.any(&mut ShaderThread::new(&frame), &rays, &|_| [0.0; 2]);
+            let hit = set.any(&mut ShaderThread::new(&frame), &rays, &|_| [0.0; 2], &|_| Leaving::default());
             assert_eq!(hit, if motion == 1 { [true, false, true] } else { [true, true, false] });
+        }
+    }
+
+    #[test]
+    fn rays_meet_primitives_while_they_exist() {
+        // Times of the motion keys; whether rays at 0.25 and 0.75 hit, without "ray:motion" and with it.
+        let cases = [
+            ([0.5, 1.0], [false, false], [false, true]),
+            ([-1.0, 0.5], [true, true], [true, false]),
+            ([0.0, 1.0], [true, true], [true, true]),
+            ([2.0, 3.0], [false, false], [false, false]),
+        ];
+        for (times, still, moving) in cases {
+            for (motion, wanted) in [(0, still), (1, moving)] {
+                let mut f = Fixture::new(&[]);
+                f.scene.cameras[0].params.set(param("float[2] shutter", &[0.0_f32, 1.0][..]));
+                let here = f.attributes("", &["set"], &[param("int ray:motion", motion)]);
+                let primitive = f.rectangle([-1.0; 2], [1.0; 2], 0.0, here);
+                let key = |time| granita_scene::ShapeKey { time, ..primitive.keys[0].clone() };
+                Arc::make_mut(&mut f.scene.primitives[0]).keys = times.map(key).to_vec();
+                let (scene, camera, environment) = f.finish();
+                let frame = ShadingContext::new(&scene, &camera, &environment);
+                let set = frame.rays.scene("set", &frame).unwrap();
+                let down = |time| request(Vec3::new(0.1, 0.2, 5.0), -Vec3::Z, time).ray;
+                let hit = set.any(&mut ShaderThread::new(&frame), &[down(0.25), down(0.75)], &|_| [0.0; 2]);
+                assert_eq!(hit, wanted, "{times:?} {motion}");
+            }
         }
     }
 
@@ -678,7 +741,7 @@ mod tests {
             .map(|i| request(Vec3::ZERO, in_cone(Vec3::Z, 3.2, Distribution::Uniform, i, 3), 0.0))
             .collect();
         let rays: Vec<Ray> = rays.iter().map(|r| r.ray).collect();
-        let blocked = set.any(&mut ShaderThread::new(&frame), &rays, &|_| [0.0; 2]);
+        let blocked = set.any(&mut ShaderThread::new(&frame), &rays, &|_| [0.0; 2], &|_| Leaving::default());
         assert!(blocked.iter().all(|b| *b));
         let (triangles, bytes) = frame.rays.size();
         assert!(triangles > 10_000, "{triangles}");

@@ -5,11 +5,10 @@ use crate::environment::RenderEnvironment;
 use crate::frame::{self, FrameOptions, FrameShader, ObjectTraits};
 use crate::griddump::GridDump;
 use crate::object::{Holdout, ObjectState};
-use crate::output::{OutputSet, is_dynamic};
-use crate::preview;
+use crate::output::{OutputSet, WrittenFiles, is_dynamic};
 use crate::shading::{ShaderThread, ShadingContext};
 use crate::spread::Spread;
-use crate::{CameraView, RenderError, ShadingStatistics, Statistics, hider};
+use crate::{CameraView, RenderError, ShadingStatistics, Statistics, hider, preview, unknown};
 use granita_base::{Location, Severity};
 use granita_gsl::ir::ValueType;
 use granita_scene::{Output, Primitive, Scene};
@@ -72,6 +71,10 @@ impl Renderer {
         let is_worker = matches!(environment.spread, Spread::For(_));
         let scene = &preview::simplified(scene, &first, reporter);
         let mut report = FrameReport { complete: true, ..FrameReport::default() };
+        let mut files = WrittenFiles::default();
+        if !is_worker {
+            unknown::report(scene, &*environment.shaders, reporter);
+        }
         let mut shown = Vec::new();
         let mut shading = None;
         for view in views.iter().filter(|v| camera.is_none_or(|name| &*v.name == name)) {
@@ -91,7 +94,7 @@ impl Renderer {
                 [_] => vec![plan],
                 _ => plan.for_eyes(reporter),
             };
-            let refused = if is_worker { Vec::new() } else { self.refused(&eyes, &outputs) };
+            let refused = if is_worker { Vec::new() } else { self.refused(&eyes, &outputs, &mut files) };
             report.complete &= refused.is_empty();
             if refused.len() == eyes.len() * outputs[0].images.len() {
                 continue;
@@ -134,7 +137,7 @@ impl Renderer {
             for k in 0..outputs[0].images.len() {
                 for (eye, set) in eyes.iter().zip(&mut outputs) {
                     let image = &mut set.images[k];
-                    if refused.contains(&image.path) {
+                    if refused.iter().any(|path| path.as_os_str() == image.path.as_os_str()) {
                         continue;
                     }
                     if image.is_shown {
@@ -154,6 +157,9 @@ impl Renderer {
                     }
                 }
             }
+        }
+        if let Some(shading) = &shading {
+            report.complete &= shading.texts.finish(&shading.files, reporter);
         }
         if is_worker {
             return Ok(report);
@@ -177,13 +183,20 @@ impl Renderer {
         Ok(report)
     }
 
-    /// Names of images that cannot be written, each reported.
-    fn refused(&self, eyes: &[CameraView], outputs: &[OutputSet]) -> Vec<PathBuf> {
+    /// Names of images that cannot be written, each reported; `files` are those of images before them.
+    fn refused(&self, eyes: &[CameraView], outputs: &[OutputSet], files: &mut WrittenFiles) -> Vec<PathBuf> {
         let Self { environment } = self;
         let mut refused = Vec::new();
         for (eye, set) in eyes.iter().zip(outputs) {
             for image in &set.images {
-                if let Err(error) = image.check(eye, &environment.registry) {
+                if let Some(other) = files.taken_by(image) {
+                    environment.reporter.error(format!(
+                        "output \"{}\": it is the file of output \"{}\" already; two outputs need two files",
+                        image.path.display(),
+                        other.display()
+                    ));
+                    refused.push(image.path.clone());
+                } else if let Err(error) = image.check(eye, &environment.registry) {
                     environment.reporter.error(format!("output \"{}\": {error}", image.path.display()));
                     refused.push(image.path.clone());
                 }
@@ -226,7 +239,8 @@ impl Renderer {
     /// The cameras, with the crop window that the environment asks for.
     pub(crate) fn views(&self, scene: &Scene) -> Vec<CameraView> {
         let reporter = &self.environment.reporter;
-        let mut views: Vec<CameraView> = scene.cameras.iter().map(|c| CameraView::new(c, reporter)).collect();
+        let view = |camera| CameraView::new(camera, reporter).at_earliest(scene);
+        let mut views: Vec<CameraView> = scene.cameras.iter().map(view).collect();
         if let Some(crop) = self.environment.crop {
             for view in &mut views {
                 view.crop = CameraView::crop_pixels(crop, view.resolution);
@@ -247,6 +261,7 @@ impl FrameShader for ShadingContext {
     fn traits(&self, object: &ObjectState) -> ObjectTraits {
         ObjectTraits {
             opaque: object.opaque,
+            opaque_in_depth: object.opaque_to_shadows,
             holdout: match object.holdout {
                 Holdout::No => hider::Holdout::None,
                 Holdout::Matte => hider::Holdout::Matte,
@@ -254,6 +269,7 @@ impl FrameShader for ShadingContext {
             },
             displaces: object.displacement.is_some(),
             max_displacement_world: object.max_displacement_world,
+            measures: object.max_displacement_world <= 0.0 && object.moves_points(),
             preshaded: object.preshaded,
             joins: object.joins,
             saves: object.saves,
@@ -268,6 +284,10 @@ impl FrameShader for ShadingContext {
         let mut thread = ShaderThread::new(self);
         thread.is_unlit = true;
         thread
+    }
+
+    fn mute(&self, thread: &mut ShaderThread<'_>, mute: bool) {
+        thread.is_mute = mute;
     }
 
     fn saves(&self) -> u64 {

@@ -1,12 +1,13 @@
 //! What running shaders ask of the frame: the renderer's side of [`Services`].
 //!
-//! A [`Run`] serves one run of one shader group over one grid. Rays are in `services/rays.rs`, indirect light and
+//! A [`Run`] serves one run of one shader group over one grid. Rays are in `services/rays.rs`, those of shadows in `services/shadow.rs`, indirect light and
 //! occlusion in `services/light.rs`, maps in `services/maps.rs`; here is the rest.
 
 mod database;
 mod light;
 pub(crate) mod maps;
 mod rays;
+mod shadow;
 mod sky;
 
 use crate::arealight::{self, AreaLight};
@@ -16,13 +17,15 @@ use crate::lights::{LightMemory, LightState, mend};
 use crate::object::{LinkedShaders, ObjectState, usage_word};
 use crate::rayset::RayScene;
 use crate::shading::{ShaderThread, ShadingContext};
+use crate::texts;
 use granita_base::{
-    BaseType, Location, MotionTransform, Param, ParamData, ParamType, Severity, Transform, Vec3, hash,
+    BaseType, Location, MotionTransform, Param, ParamData, ParamType, Severity, Transform, Vec3, hash, sample,
 };
 use granita_gsl::Func;
+use granita_gsl::ir::ShaderKind;
 use granita_scene::{AttributeSet, LightId, ShaderUsage};
 use granita_shade::{
-    Batch, DatabaseQuery, DatabaseSave, EnvironmentQuery, Grid, IlluminateQuery, Lane, Lane3, Lanes3,
+    Batch, DatabaseQuery, DatabaseSave, EnvironmentQuery, Grid, Group, IlluminateQuery, Lane, Lane3, Lanes3,
     LightInfo, LightResult, LookupResult, Primvar, RayKind, Rect, Services, Shadeop, ShadowQuery,
     SubsurfaceQuery, TextureQuery, Topology, TraceQuery, TraceResult,
 };
@@ -32,6 +35,25 @@ use std::sync::Arc;
 const AREA: u32 = 0xa9ea;
 /// The same for directions drawn by the light of maps.
 const SKY: u32 = 0x5c1e;
+
+/// Flat faces under the normals of a smooth surface.
+struct Lift {
+    p: Lanes3,
+    n: Lanes3,
+    by: Arc<[Lanes3; 2]>,
+}
+
+impl Lift {
+    /// Where the smooth surface lies beyond a point of the grid, on the side of a direction; the point itself when it is not of the grid.
+    fn above(&self, lane: usize, p: Vec3, toward: Vec3) -> Vec3 {
+        let bits = |v: Vec3| v.to_array().map(f32::to_bits);
+        if bits(self.p.get(lane)) != bits(p) {
+            return p;
+        }
+        let below = toward.dot(self.n.get(lane)) < 0.0;
+        p + self.by[usize::from(below)].get(lane)
+    }
+}
 
 /// One run of one shader group over one grid.
 pub(crate) struct Run<'r, 'f> {
@@ -43,6 +65,10 @@ pub(crate) struct Run<'r, 'f> {
     attributes: &'r AttributeSet,
     /// Attributes of the object.
     object_attributes: &'r AttributeSet,
+    /// The object.
+    object: &'r ObjectState,
+    /// Where its points are, and how far a smooth surface lies beyond them ([`Grid::lift`]).
+    lift: Option<Arc<Lift>>,
     /// How the points of the grid neighbour each other.
     topology: Topology,
     /// Of each rectangle of the grid, which sides are borders of its surface: first and last along u, first and last along v.
@@ -79,6 +105,10 @@ pub(crate) struct Run<'r, 'f> {
     gathers_in_front: bool,
     /// Directions drawn by maps, the one that was asked last at the end.
     sky: Vec<sky::Ahead>,
+    /// What it did with spatial databases.
+    databases: Vec<database::OwnDatabase>,
+    /// Texts that `fprintf` wrote so far.
+    appended: u32,
 }
 
 impl<'r, 'f> Run<'r, 'f> {
@@ -91,12 +121,15 @@ impl<'r, 'f> Run<'r, 'f> {
     ) -> Self {
         let gathers = shaders.usage != ShaderUsage::Displacement && !grid.ray.shadow && !thread.is_unlit;
         let lights: &[LightId] = if gathers { &object.lights } else { &[] };
+        let frame = thread.frame();
         Self {
-            frame: thread.frame(),
+            frame,
             thread,
             shaders,
             attributes: &object.attributes,
             object_attributes: &object.attributes,
+            object,
+            lift: grid.lift.clone().map(|by| Arc::new(Lift { p: grid.p.clone(), n: grid.n.clone(), by })),
             topology: grid.topology.clone(),
             rims: rims(grid),
             twins: twins(grid),
@@ -105,7 +138,7 @@ impl<'r, 'f> Run<'r, 'f> {
             shadow_bias: object.shadow_bias,
             ray_motion: object.ray_motion,
             lights,
-            lit: (!lights.is_empty()).then(|| without_variables(grid)),
+            lit: (!lights.is_empty()).then(|| seen_by_lights(grid, frame, lights)),
             memory: LightMemory::default(),
             time: grid.time,
             dtime: grid.dtime,
@@ -121,6 +154,8 @@ impl<'r, 'f> Run<'r, 'f> {
             said: Vec::new(),
             gathers_in_front: false,
             sky: Vec::new(),
+            databases: Vec::new(),
+            appended: 0,
         }
     }
 
@@ -137,12 +172,18 @@ impl<'r, 'f> Run<'r, 'f> {
             shaders: &light.shaders,
             attributes: &light.attributes,
             object_attributes: surface.object_attributes,
+            object: surface.object,
+            lift: surface.lift.clone(),
             topology: surface.topology.clone(),
             rims: surface.rims.clone(),
             twins: surface.twins.clone(),
             object_to_world: surface.object_to_world,
             owner: light.name.clone(),
-            shadow_bias: light.shadow_bias,
+            // The points are the object's: what it or those around it say comes before what the light says.
+            shadow_bias: match surface.object_attributes.values.get("shadow:bias").is_some() {
+                true => surface.object.shadow_bias,
+                false => light.shadow_bias,
+            },
             ray_motion: surface.ray_motion,
             lights: &[],
             lit: None,
@@ -158,6 +199,8 @@ impl<'r, 'f> Run<'r, 'f> {
             said: Vec::new(),
             gathers_in_front,
             sky: Vec::new(),
+            databases: Vec::new(),
+            appended: 0,
         }
     }
 
@@ -210,7 +253,6 @@ impl<'r, 'f> Run<'r, 'f> {
         let (call, names) = (self.calls, self.names_for(light.seed, query, 0));
         let (mut pl, mut nl) = (Lanes3::zeros(grid.len()), Lanes3::zeros(grid.len()));
         let share = 1.0 / area.samples as f32;
-        let scale = |lanes: &mut Lanes3| lanes.xyz.iter_mut().flatten().for_each(|v| *v *= share);
         for index in 0..area.samples {
             let own = self.seed;
             let seed = |lane: u32| match names.get(lane as usize) {
@@ -223,23 +265,35 @@ impl<'r, 'f> Run<'r, 'f> {
             }
             let query = IlluminateQuery { pl: Some(Lane3::over(&pl)), nl: Some(Lane3::over(&nl)), ..*query };
             let one = self.run_light(light, grid, &query, index);
-            sum.samples.extend(one.samples.into_iter().map(|mut sample| {
-                scale(&mut sample.cl);
-                sample
-            }));
-            if let Some(mut ambient) = one.ambient {
-                scale(&mut ambient);
-                match &mut sum.ambient {
-                    None => sum.ambient = Some(ambient),
-                    Some(total) => {
-                        for (t, a) in total.xyz.iter_mut().flatten().zip(ambient.xyz.iter().flatten()) {
-                            *t += a;
-                        }
-                    }
-                }
-            }
-            (sum.nondiffuse, sum.nonspecular, sum.params) = (one.nondiffuse, one.nonspecular, one.params);
+            add_share(&mut sum, one, share);
             // The next one draws other numbers; lanes with names tell them apart by their index.
+            self.calls += 1;
+        }
+        sum
+    }
+
+    /// The mean of several runs of a light that is broad, each with a direction within its spread for every lane. One run of any other.
+    fn broad_light(&mut self, light: &LightState, grid: &Grid, query: &IlluminateQuery<'_>) -> LightResult {
+        let (call, names, own) = (self.calls, self.names_for(light.seed, query, 0), self.seed);
+        let share = 1.0 / light.samples as f32;
+        let mut sum = LightResult::default();
+        let mut places = [vec![0.0; query.batch.lanes], vec![0.0; query.batch.lanes]];
+        for index in 0..light.samples {
+            for &lane in query.batch.active {
+                let seed = match names.get(lane as usize) {
+                    Some(name) => hash::words(&[*name, light.seed, AREA]),
+                    None => hash::words(&[own, call, light.seed, lane]),
+                };
+                let (x, y) = sample::square(index, seed);
+                (places[0][lane as usize], places[1][lane as usize]) = (x, y);
+            }
+            let cone = places.each_ref().map(|values| Lane { values, stride: 1 });
+            let query = IlluminateQuery { cone: Some(cone), ..*query };
+            let one = self.run_light(light, grid, &query, index);
+            if index == 0 && !one.broad {
+                return one;
+            }
+            add_share(&mut sum, one, share);
             self.calls += 1;
         }
         sum
@@ -294,6 +348,27 @@ impl<'r, 'f> Run<'r, 'f> {
     }
 }
 
+/// Adds one of several samples of a light.
+fn add_share(sum: &mut LightResult, one: LightResult, share: f32) {
+    let scale = |lanes: &mut Lanes3| lanes.xyz.iter_mut().flatten().for_each(|v| *v *= share);
+    sum.samples.extend(one.samples.into_iter().map(|mut sample| {
+        scale(&mut sample.cl);
+        sample
+    }));
+    if let Some(mut ambient) = one.ambient {
+        scale(&mut ambient);
+        match &mut sum.ambient {
+            None => sum.ambient = Some(ambient),
+            Some(total) => {
+                for (t, a) in total.xyz.iter_mut().flatten().zip(ambient.xyz.iter().flatten()) {
+                    *t += a;
+                }
+            }
+        }
+    }
+    (sum.nondiffuse, sum.nonspecular, sum.messages) = (one.nondiffuse, one.nonspecular, one.messages);
+}
+
 /// Lanes of a grid on sides that are single points (poles, tips of triangles), and the first lane of each: in increasing order, each after
 /// the lane that it lies on.
 fn twins(grid: &Grid) -> Arc<[(u32, u32)]> {
@@ -334,7 +409,22 @@ fn rims(grid: &Grid) -> Arc<[[bool; 4]]> {
     grid.topology.rects().enumerate().map(of).collect()
 }
 
-/// A copy of a grid without its variables and messages: what a light shader sees of a surface.
+/// What light shaders see of a surface: the grid, with its variables and messages where one of the lights may ask for them.
+fn seen_by_lights(grid: &Grid, frame: &ShadingContext, lights: &[LightId]) -> Grid {
+    let mut seen = without_variables(grid);
+    let asked = |of: fn(&Group) -> bool| {
+        lights.iter().filter_map(|id| frame.light(*id)).any(|light| of(&light.shaders.group))
+    };
+    if asked(Group::asks_primitive) {
+        seen.primvars = grid.primvars.clone();
+    }
+    if asked(|group| group.listens_to(ShaderKind::Displacement) || group.listens_to(ShaderKind::Surface)) {
+        seen.messages = grid.messages.clone();
+    }
+    seen
+}
+
+/// A copy of a grid without its variables and messages.
 fn without_variables(grid: &Grid) -> Grid {
     Grid {
         uneven: grid.uneven.clone(),
@@ -347,6 +437,7 @@ fn without_variables(grid: &Grid) -> Grid {
         dpdv: grid.dpdv.clone(),
         dpdtime: grid.dpdtime.clone(),
         seams: grid.seams.clone(),
+        lift: None,
         u: grid.u.clone(),
         v: grid.v.clone(),
         time: grid.time,
@@ -385,7 +476,12 @@ impl Services for Run<'_, '_> {
     }
 
     fn unit_scale(&mut self, from: &str, to: &str) -> Option<f32> {
-        self.frame.units.scale(from, to)
+        let units = &self.frame.units;
+        units.scale(from, to).or_else(|| {
+            let (factor, what) = units.assumed(from, to)?;
+            self.frame.reporter.once(what, Severity::Warning, &Location::default(), what);
+            Some(factor)
+        })
     }
 
     fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult) {
@@ -444,7 +540,7 @@ impl Services for Run<'_, '_> {
             let lanes = rays::TracingLanes::new(self, query.batch.active)
                 .without_twins(&self.twins, &|a, b| single && asked(a) == asked(b));
             let batch = Batch { active: &lanes.traced, ..query.batch };
-            rays::shadow(self, &ShadowQuery { batch, ..*query }, out);
+            shadow::shadow(self, &ShadowQuery { batch, ..*query }, out);
             lanes.copy3(out);
             return;
         }
@@ -480,16 +576,29 @@ impl Services for Run<'_, '_> {
         let Some(&id) = self.lights.get(index) else { return dark };
         let Some(light) = self.frame.light(id) else { return dark };
         // The grid is lent to the light: nobody else asks for it while the light runs.
-        let Some(grid) = self.lit.take() else { return dark };
+        let Some(mut grid) = self.lit.take() else { return dark };
+        // What the surface says now goes behind what earlier shaders left.
+        let earlier = grid.messages.len();
+        grid.messages.extend_from_slice(query.messages);
         self.calls += 1;
         let result = match &light.area {
             Some(area) => self.area_light(light, area, &grid, query),
+            None if light.samples > 1 => self.broad_light(light, &grid, query),
             None => self.run_light(light, &grid, query, 0),
         };
+        grid.messages.truncate(earlier);
         self.lit = Some(grid);
         let result = Arc::new(result);
-        self.memory.keep(index, query, &result);
+        // What the surface says may be something else next time.
+        if !light.listens {
+            self.memory.keep(index, query, &result);
+        }
         result
+    }
+
+    fn light_asks(&mut self, index: usize) -> bool {
+        let light = self.lights.get(index).and_then(|id| self.frame.light(*id));
+        light.is_some_and(|light| light.listens)
     }
 
     fn trace(&mut self, query: &TraceQuery<'_>, out: &mut TraceResult) {
@@ -534,6 +643,16 @@ impl Services for Run<'_, '_> {
                 let names: Vec<&str> = self.attributes.geometry_sets.iter().map(|s| &**s).collect();
                 return value(ParamType::of(BaseType::String), (&*names.join(",")).into());
             }
+            // No depth of field unless the camera says so.
+            "focallength" | "focaldistance" if self.camera_attribute(name).is_none() => {
+                return value(ParamType::of(BaseType::Float), 0.0_f32.into());
+            }
+            "screen" if self.camera_attribute(name).is_none() => {
+                let scene = &self.frame.scene;
+                let camera = scene.cameras.iter().find(|c| c.name == self.frame.camera.name)?;
+                return value(ParamType::array(BaseType::Float, 4), camera.screen_window()[..].into());
+            }
+            "renderer:version" | "renderer:versionstring" => return granita_scene::version_attribute(name),
             _ => (),
         }
         if let Some(own) = self.attributes.values.get(name).or_else(|| self.frame.scene.globals.get(name)) {
@@ -572,23 +691,38 @@ impl Services for Run<'_, '_> {
         self.said = values;
     }
 
+    fn append(&mut self, file: &str, text: &str) {
+        let frame = self.frame;
+        let (owner, index) = (self.owner.clone(), self.appended);
+        self.appended += 1;
+        let key = texts::Key { owner, level: self.ray.level, seed: self.seed, index };
+        frame.texts.add(file, key, text, &frame.files, &frame.reporter);
+    }
+
     fn say(&mut self, severity: Severity, text: &str) {
         let reporter = &self.frame.reporter;
         if severity == Severity::Message {
+            if self.thread.is_mute {
+                return;
+            }
             reporter.say(severity, &Location::default(), text);
             return;
         }
+        let shader = self.layer_name(self.shaders.names.len().saturating_sub(1)).to_owned();
+        self.say_of(severity, &shader, &Location::default(), text);
+    }
+
+    fn say_of(&mut self, severity: Severity, shader: &str, at: &Location, text: &str) {
         let usage = usage_word(self.shaders.usage);
-        let shader = self.layer_name(self.shaders.names.len().saturating_sub(1));
         let owner = match (self.shaders.usage, &*self.owner) {
             (ShaderUsage::Light, name) => format!("light \"{name}\": "),
             (_, "") => String::new(),
             (_, name) => format!("object \"{name}\": "),
         };
         // Once per shader and text: the second grid has nothing to add.
-        let cause = format!("{usage} {shader}: {text}");
+        let cause = format!("{at} {usage} {shader}: {text}");
         let text = format!("{owner}{usage} shader \"{shader}\": {text}");
-        reporter.once(&cause, severity, &Location::default(), text);
+        self.frame.reporter.once(&cause, severity, at, text);
     }
 
     fn is_stopped(&mut self) -> bool {

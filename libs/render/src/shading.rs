@@ -12,8 +12,9 @@ use crate::object::{Holdout, LinkedShaders, Linker, ObjectState, StateShaders};
 use crate::raytrace::RayWorld;
 use crate::services::{Run, maps};
 use crate::spaces::{Spaces, Units};
+use crate::texts::Texts;
 use crate::{CameraView, RenderEnvironment, ShaderLibrary, ShadingStatistics, finite, preshaded};
-use granita_base::{Color, Location, ParamData, Reporter, SearchPath, Severity, Vec3};
+use granita_base::{Color, Files, Location, ParamData, Reporter, SearchPath, Severity, Vec3};
 use granita_gsl::ir::{Global, ValueType};
 use granita_scene::{LightId, Primitive, Scene, ShaderGroup, ShaderUsage};
 use granita_sdb::{Attributes, Clusters, Databases, Mode, Packed};
@@ -55,6 +56,10 @@ pub(crate) struct ShadingContext {
     pub(crate) lights: Vec<Option<LightState>>,
     /// What rays meet.
     pub(crate) rays: RayWorld,
+    /// What `fprintf` writes.
+    pub(crate) texts: Texts,
+    /// Opens the files of `fprintf`.
+    pub(crate) files: Files,
     /// Indirect light and occlusion of points that grids have in common.
     pub(crate) light_cache: LightCache,
     pub(crate) library: Arc<dyn ShaderLibrary>,
@@ -127,6 +132,8 @@ impl ShadingContext {
             spaces: Spaces::new(scene, camera),
             units: Units::new(scene),
             rays: RayWorld::new(scene, threads),
+            texts: Texts::default(),
+            files: environment.registry.files().clone(),
             light_cache: LightCache::default(),
             scene: scene.clone(),
             camera: camera.clone(),
@@ -226,6 +233,13 @@ impl ShadingContext {
         let shines = |id: &LightId| self.light(*id).is_some();
         state.lights = attributes.lights.iter().filter(shines).collect();
         let groups = self.groups(&state);
+        // Parameters stay on the grid for later shaders of the object and for lights that ask for them.
+        for shaders in [state.displacement.as_ref(), Some(&state.surface)].into_iter().flatten() {
+            let kind = crate::object::kind(shaders.usage);
+            if groups.iter().any(|group| group.usage() != kind && group.listens_to(kind)) {
+                shaders.group.keep_parameters();
+            }
+        }
         let saves = |name: &str| self.database_mode(&attributes.string(name), "").write;
         let joins = !state.preshaded && groups.iter().all(|group| !group.is_gridwise());
         let saves = saves("indirect:spatialdb")
@@ -348,18 +362,33 @@ pub(crate) struct ShaderThread<'f> {
     pub(crate) builds_rays: bool,
     /// Depths are being rendered by this thread: its shaders see no lights, and nothing of dynamic shadow maps.
     pub(crate) is_unlit: bool,
+    /// Shaders print and save nothing: their grids are shaded again.
+    pub(crate) is_mute: bool,
 }
 
 impl<'f> ShaderThread<'f> {
     /// With no memory yet.
     pub(crate) fn new(frame: &'f ShadingContext) -> Self {
         let textures = frame.textures.reader();
-        Self { frame, idle: Vec::new(), textures, nested: 0, builds_rays: false, is_unlit: false }
+        Self {
+            frame,
+            idle: Vec::new(),
+            textures,
+            nested: 0,
+            builds_rays: false,
+            is_unlit: false,
+            is_mute: false,
+        }
     }
 
     /// The frame.
     pub(crate) fn frame(&self) -> &'f ShadingContext {
         self.frame
+    }
+
+    /// Whether what shaders save is kept: not of grids that are shaded again where they are seen.
+    pub(crate) fn keeps_saved(&self) -> bool {
+        !self.builds_rays && !self.is_mute
     }
 
     /// Reads texture files, but maps without files.
@@ -372,6 +401,7 @@ impl<'f> ShaderThread<'f> {
         self.idle.pop().unwrap_or_else(|| {
             let mut executor = Executor::new();
             executor.look_for_nan(self.frame.scene.int("debug:shadernan") != 0);
+            executor.seed_random(self.frame.scene.int("random:seed") as u32);
             executor
         })
     }

@@ -97,6 +97,19 @@ impl Units {
         Self { length_m, time_s, fps }
     }
 
+    /// As [`Units::scale`] where the scene does not say what a unit of "common" space is: it counts as a millimetre or a
+    /// second then. Also what to tell about it; `None` where that helps nothing.
+    pub(crate) fn assumed(&self, from: &str, to: &str) -> Option<(f32, &'static str)> {
+        const LENGTH: &str =
+            "\"units:length\" is not set: shaders take a unit of \"common\" space for a millimetre";
+        const TIME: &str = "\"units:time\" is not set: shaders take a unit of \"common\" time for a second";
+        let whole =
+            Self { length_m: self.length_m.or(Some(0.001)), time_s: self.time_s.or(Some(1.0)), ..*self };
+        let factor = whole.scale(from, to)?;
+        let is_time = [from, to].iter().any(|name| matches!(self.measure(name), Some(Measure::Time(_))));
+        Some((factor, if is_time { TIME } else { LENGTH }))
+    }
+
     fn measure(&self, name: &str) -> Option<Measure> {
         Some(match name {
             "common" => Measure::Common,
@@ -183,5 +196,9 @@ mod tests {
         let u = Units::new(&Scene::default());
         assert!(u.scale("m", "common").is_none() && u.scale("common", "s").is_none());
         assert_eq!(u.scale("m", "mm"), Some(1000.0));
+        assert_eq!(u.assumed("m", "common").map(|a| a.0), Some(1000.0));
+        assert_eq!(u.assumed("common", "s").map(|a| a.0), Some(1.0));
+        assert!(u.assumed("m", "s").is_none() && u.assumed("shader", "mm").is_none());
+        assert!(u.assumed("mm", "common").is_some_and(|a| a.1.contains("units:length")));
     }
 }

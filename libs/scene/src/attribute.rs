@@ -199,7 +199,11 @@ pub const TABLE: &[AttributeRow] = &[
         &["horizontal", "vertical", "spiral"],
         "order in which buckets are made: \"horizontal\", \"vertical\" or \"spiral\"; images of more than 256 MiB come from the top",
     ),
-    camera((INT, "limits:bucketblocksize"), Ints(&[2]), "buckets per side of a cluster").hint(),
+    camera(
+        (INT, "limits:bucketblocksize"),
+        Ints(&[2]),
+        "buckets along each side of the clusters that are done one after the other",
+    ),
     camera((INT, "limits:autopassreduction"), Ints(&[1]), "take fewer samples where nothing blurs"),
     camera((FLOAT, "preview"), Floats(&[0.0]), "shading quality of preview mode; 0 is no preview"),
     camera((INT2, "preview:spatialquality"), Ints(&[1, 1]), "spatialquality in preview mode"),
@@ -343,7 +347,7 @@ pub const TABLE: &[AttributeRow] = &[
         "4.3.4",
         (INT, "limits:trimcurvememory"),
         Ints(&[10240]),
-        "size of the trim curve cache in KB",
+        "size of the trim curve cache in KB; there is none: the curves of a patch become polygons once, when it is built",
     )
     .hint(),
     row(
@@ -372,7 +376,7 @@ pub const TABLE: &[AttributeRow] = &[
         "4.3.4",
         (INT, "limits:transparentgrids"),
         Ints(&[32]),
-        "layers of transparent grids done at once",
+        "layers of transparent grids done at once; there are no batches: each sample keeps what lies before it",
     )
     .hint(),
     row(
@@ -457,6 +461,7 @@ pub const TABLE: &[AttributeRow] = &[
     row(Global, "4.3.7", (INT, "debug:dso"), Ints(&[0]), "tell about every plugin looked at"),
     row(Global, "4.3.7", (STRING, "debug:filesread"), Text(""), "file for the names of all files read"),
     row(Global, "4.3.7", (INT, "debug:shadernan"), Ints(&[0]), "look for NaN in running shaders"),
+    row(Global, "5.8.6", (INT, "random:seed"), Ints(&[0]), "seed of random () and randomgrid () in shaders"),
     row(Global, "4.3.7", (STRING, "griddump:filename"), Text(""), "file for all shaded grids, as Pyg"),
     row(Global, "4.3.7", (INT, "griddump:binary"), Ints(&[0]), "write the grids as binary Pyg"),
     row(Global, "4.3.8", (STRING, "texture:substtexture"), Text(""), "texture that stands for all textures"),
@@ -559,7 +564,7 @@ pub const TABLE: &[AttributeRow] = &[
         Floats(&[1.0]),
         "how much coarser moving objects are diced",
     ),
-    row(Object, "4.4.5", (INT, "dice:keepcreases"), Ints(&[0]), "split at every crease"),
+    row(Object, "4.4.5", (INT, "dice:keepcreases"), Ints(&[0]), "split curves at every crease; patches and meshes always are, since each of their segments is diced by itself"),
     row(
         Object,
         "4.4.5",
@@ -739,7 +744,7 @@ pub(crate) fn lookup(set: Option<&Param>, name: &str) -> Option<Param> {
     set.cloned().or_else(|| attribute_default(name))
 }
 
-/// The candidate most like `word`, if one is near enough to be what was meant.
+/// The candidate most like `word`, if one is near enough to be what was meant; never the word itself.
 ///
 /// Near means: at most a third of the letters (at least one, at most three) inserted, removed, replaced or
 /// exchanged with their neighbour; case does not count. Of equals the first wins.
@@ -751,6 +756,7 @@ pub fn suggestion<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>)
     let allowed = (word.chars().count() / 3).clamp(1, 3);
     candidates
         .into_iter()
+        .filter(|c| *c != word)
         .map(|c| (edit_distance(word, c), c))
         .filter(|(d, _)| *d <= allowed)
         .min_by_key(|(d, _)| *d)
@@ -819,6 +825,8 @@ mod tests {
         assert_eq!(suggestion("FOV", names()), Some("fov"));
         assert_eq!(suggestion("opacty", names()), Some("opacity"));
         assert_eq!(suggestion("quite different", names()), None);
+        // A word is no hint for itself: it was not found for another reason.
+        assert_eq!(suggestion("world", ["word", "world"]), Some("word"));
         assert_eq!(suggestion("", ["a"]), Some("a"));
         assert_eq!(suggestion(&"x".repeat(10_000), names()), None);
     }

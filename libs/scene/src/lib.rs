@@ -69,5 +69,5 @@ pub use scene::{
     AttributeSet, Camera, Connection, InputCounts, Light, LightId, Output, Primitive, Scene, ShaderGroup,
     ShaderInstance, ShaderUsage, ShapeKey,
 };
-pub use state::{State, predeclared};
+pub use state::{State, predeclared, version_attribute};
 pub use values::{LightSet, Values};

@@ -28,6 +28,8 @@ pub struct ShaderInstance {
     pub params: Params,
     /// "shader" space to world.
     pub to_world: MotionTransform,
+    /// The "name" of the attribute state in which it was declared, by which `Modify` finds that state.
+    pub state: Arc<str>,
     /// Where it was declared.
     pub at: Location,
 }

@@ -54,6 +54,61 @@ pub(crate) struct CommandContext {
     pub(crate) priority: Arc<Priority>,
 }
 
+/// What `Command ("bucketpriority")` asks for, in pixels of the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PriorityRequest {
+    /// To go on around this pixel.
+    Center([i32; 2]),
+    /// These pixels first, from the first up to and with the last one: xmin, ymin, xmax, ymax.
+    Rectangle([i32; 4]),
+}
+
+impl PriorityRequest {
+    /// From the parameters of the command.
+    pub(crate) fn of(params: &Params) -> Result<Self, &'static str> {
+        let ints = |name: &str| params.get(name).and_then(|p| p.data.to_ints());
+        let (center, rectangle) = (ints("center"), ints("rectangle"));
+        match (center.as_deref(), rectangle.as_deref()) {
+            (Some([x, y]), None) => Ok(Self::Center([*x, *y])),
+            (None, Some([x0, y0, x1, y1])) => Ok(Self::Rectangle([*x0, *y0, *x1, *y1])),
+            _ => Err(
+                "Command \"bucketpriority\" needs the parameter \"int[2] center\" or \"int[4] rectangle\"",
+            ),
+        }
+    }
+
+    /// Changes the order of the buckets that wait.
+    pub(crate) fn apply(self, priority: &Priority) {
+        match self {
+            Self::Center([x, y]) => priority.center(x, y),
+            Self::Rectangle([x0, y0, x1, y1]) => {
+                let (x1, y1) = (x1.saturating_add(1), y1.saturating_add(1));
+                priority.rectangle(PixelRect { x0, y0, x1, y1 });
+            }
+        }
+    }
+
+    /// Its numbers, for a connection.
+    pub(crate) fn to_bytes(self) -> Vec<u8> {
+        let numbers = match &self {
+            Self::Center(center) => &center[..],
+            Self::Rectangle(rectangle) => &rectangle[..],
+        };
+        numbers.iter().flat_map(|n| n.to_le_bytes()).collect()
+    }
+
+    /// From what [`PriorityRequest::to_bytes`] gives.
+    pub(crate) fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let (numbers, rest) = bytes.as_chunks::<4>();
+        let numbers: Vec<i32> = numbers.iter().map(|n| i32::from_le_bytes(*n)).collect();
+        match numbers[..] {
+            [x, y] if rest.is_empty() => Some(Self::Center([x, y])),
+            [x0, y0, x1, y1] if rest.is_empty() => Some(Self::Rectangle([x0, y0, x1, y1])),
+            _ => None,
+        }
+    }
+}
+
 struct Running<'a> {
     params: &'a Params,
     at: &'a Location,
@@ -117,23 +172,10 @@ impl Running<'_> {
         }
     }
 
-    /// "bucketpriority": a pixel to go on around, or pixels from the first up to and with the last one.
     fn priority(&self) {
-        let ints = |name: &str| self.params.get(name).and_then(|p| p.data.to_ints());
-        let (center, rectangle) = (ints("center"), ints("rectangle"));
-        match (center.as_deref(), rectangle.as_deref()) {
-            (Some([x, y]), None) => self.context.priority.center(*x, *y),
-            (None, Some([x0, y0, x1, y1])) => self.context.priority.rectangle(PixelRect {
-                x0: *x0,
-                y0: *y0,
-                x1: x1.saturating_add(1),
-                y1: y1.saturating_add(1),
-            }),
-            _ => self.say(
-                Severity::Error,
-                "Command \"bucketpriority\" needs the parameter \"int[2] center\" or \"int[4] rectangle\""
-                    .to_owned(),
-            ),
+        match PriorityRequest::of(self.params) {
+            Ok(request) => request.apply(&self.context.priority),
+            Err(what) => self.say(Severity::Error, what.to_owned()),
         }
     }
 
@@ -243,6 +285,18 @@ mod tests {
         for bad in [vec![], vec![center, rectangle], vec![ints("int[3] center", &[1, 2, 3])]] {
             assert_eq!(command("bucketpriority", Params(bad), &options), (true, 1));
         }
+    }
+
+    #[test]
+    fn requests_survive_a_connection() {
+        for request in [PriorityRequest::Center([-3, i32::MAX]), PriorityRequest::Rectangle([0, -1, 2, 3])] {
+            let bytes = request.to_bytes();
+            assert_eq!(PriorityRequest::from_bytes(&bytes), Some(request));
+            for n in 0..bytes.len() {
+                assert!(PriorityRequest::from_bytes(&bytes[..n]).is_none() || n == 8, "{n}");
+            }
+        }
+        assert_eq!(PriorityRequest::from_bytes(&[0; 9]), None);
     }
 
     #[test]

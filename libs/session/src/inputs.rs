@@ -225,9 +225,20 @@ impl Inputs {
             safe: self.options.safe,
             files: self.files().clone(),
             supervisor: self.options.supervisor.clone(),
-            environment: self.options.program_environment.iter().cloned().collect(),
+            environment: self.script_environment().into_iter().collect(),
             ..PygOptions::default()
         }
+    }
+
+    /// What scripts find in their environment: also the program that `CreateRenderer` starts, which is this one where
+    /// "GELATO" names no other.
+    fn script_environment(&self) -> Vec<(String, String)> {
+        let mut environment = self.options.program_environment.clone();
+        let own = self.options.own_tools.as_ref().filter(|own| own.names.iter().any(|name| name == "gelato"));
+        if let (Some(own), None) = (own, self.options.environment.get("GELATO")) {
+            environment.push(("GELATO".to_owned(), own.program.to_string_lossy().into_owned()));
+        }
+        environment
     }
 
     /// What opens files.

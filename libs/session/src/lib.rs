@@ -28,6 +28,7 @@
 
 #![forbid(unsafe_code)]
 
+mod archive;
 mod commands;
 mod error;
 mod inputs;
@@ -42,6 +43,7 @@ mod safe;
 mod session;
 mod shaders;
 
+pub use archive::archive_calls;
 pub use error::SessionError;
 pub use inputs::{Input, InputError, Inputs};
 pub use options::{ExtraOutput, FindViewer, OwnTools, SessionOptions, Viewer};

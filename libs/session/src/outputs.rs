@@ -67,6 +67,7 @@ fn shade_plainly(scene: &mut Scene, surface: &str) {
         layer: None,
         params: granita_base::Params::new(),
         to_world: MotionTransform::default(),
+        state: "".into(),
         at: Location::default(),
     };
     let group = Arc::new(ShaderGroup { layers: vec![Arc::new(layer)], connections: Vec::new() });

@@ -3,7 +3,7 @@
 //! The program's end is [`Remote`], a receiver of calls; the renderer's is a [`Session`] that [`Session::obey`]s. Calls go as
 //! flat Pyg, in pieces. Kinds of frames (see [`granita_pyg::frames`]), from the program:
 //! - `T` calls, `A` asks for an attribute (answered by `G`), `W` waits (answered by `W`);
-//! - `X` ends the frame that is being rendered; `Z`: there will be nothing more. An end without it means that the program is
+//! - `X` ends the frame that is being rendered, `P` (a pixel or a rectangle) says which buckets of it come first; `Z`: there will be nothing more. An end without it means that the program is
 //!   gone, and its frame is of no use to anybody.
 //!
 //! From the renderer:
@@ -25,7 +25,7 @@ use granita_base::{Location, Severity};
 use granita_pyg::frames::{Frame, put_text};
 
 /// What a renderer of this version says first.
-const GREETING: &str = concat!("granita-remote ", env!("CARGO_PKG_VERSION"), "/2");
+const GREETING: &str = concat!("granita-remote ", env!("CARGO_PKG_VERSION"), "/3");
 
 /// The payload of `M`.
 fn message_bytes(message: &Message) -> Vec<u8> {

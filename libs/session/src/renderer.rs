@@ -10,7 +10,7 @@ use granita_base::{BaseType, Location, Param, ParamData, ParamType, Params, Repo
 use granita_image::{FormatRegistry, Limits};
 use granita_plugin::Plugins;
 use granita_pyg::{Writer, WriterOptions};
-use granita_render::{Progress, RenderEnvironment, RenderError, Renderer, Spread};
+use granita_render::{Priority, Progress, RenderEnvironment, RenderError, Renderer, Spread};
 use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, Stop, UnreadInput};
 use granita_sdb::Databases;
 use std::path::Path;
@@ -41,6 +41,8 @@ struct Tracked {
     inner: Arc<dyn Progress>,
     total: AtomicU64,
     done: AtomicU64,
+    /// The frame has ended, early or not: nothing is being rendered.
+    over: AtomicBool,
 }
 
 impl Progress for Tracked {
@@ -103,6 +105,7 @@ impl SessionRenderer {
                 inner: progress,
                 total: AtomicU64::new(0),
                 done: AtomicU64::new(0),
+                over: AtomicBool::new(false),
             }),
             registry,
             commands: CommandContext {
@@ -180,6 +183,10 @@ impl SessionRenderer {
 
     pub(crate) fn stop(&self) -> Arc<AtomicBool> {
         self.commands.stop.clone()
+    }
+
+    pub(crate) fn priority(&self) -> Arc<Priority> {
+        self.commands.priority.clone()
     }
 
     /// Plugins as the scene wants them found.
@@ -262,9 +269,9 @@ fn call_text(calls: Vec<Call>, binary: bool) -> std::io::Result<Vec<u8>> {
 }
 
 impl FrameRenderer for SessionRenderer {
-    /// Renders the images of all cameras: naming one in `Render` does not leave out the others (reference 2.3), and
-    /// exporters rely on that for their shadow passes.
-    fn render(&mut self, scene: Arc<Scene>, _camera: Option<&str>) -> Result<(), Stop> {
+    /// Renders the images of the camera that `Render` names alone; those of all cameras where none is named, or the named
+    /// one has none: exporters name their main camera in shadow passes too, in which only the lights' cameras have images.
+    fn render(&mut self, scene: Arc<Scene>, camera: Option<&str>) -> Result<(), Stop> {
         let begin = Instant::now();
         let supervisor = self.options.supervisor.clone();
         let _activity = supervisor.begin(format!("rendering frame {}", self.finished.0.frames().len() + 1));
@@ -273,6 +280,11 @@ impl FrameRenderer for SessionRenderer {
             return Err(Stop::Exit);
         }
         self.configure_plugins(&scene);
+        let has_images = |name: &&str| {
+            let mut own = scene.outputs.iter().filter(|o| &*o.camera == *name);
+            own.any(|o| o.params.int("dynamic").unwrap_or(0) == 0)
+        };
+        let camera = camera.filter(has_images);
         let mut scene = outputs::amended(&scene, &self.options, &self.registry, &self.reporter);
         // Workers show nothing.
         let safe = self.options.safe;
@@ -286,7 +298,8 @@ impl FrameRenderer for SessionRenderer {
             scene = outputs::displayed(&scene, viewer, safe, &self.reporter);
         }
         let renderer = Renderer::new(self.environment(&scene));
-        let report = match renderer.render(&scene, None) {
+        self.progress.over.store(false, Ordering::Relaxed);
+        let report = match renderer.render(&scene, camera) {
             Ok(report) => Some(report),
             Err(RenderError::Stopped) => {
                 self.reporter.warning(RenderError::Stopped.to_string());
@@ -297,6 +310,7 @@ impl FrameRenderer for SessionRenderer {
                 None
             }
         };
+        self.progress.over.store(true, Ordering::Relaxed);
         let record = FrameRecord::new(report, scene.inputs, begin.elapsed());
         self.success = record.complete;
         self.record(&scene, record);
@@ -364,7 +378,8 @@ impl FrameRenderer for SessionRenderer {
                 let (done, total) =
                     (self.progress.done.load(Ordering::Relaxed), self.progress.total.load(Ordering::Relaxed));
                 let part = if total == 0 { 0.0 } else { done as f32 / total as f32 };
-                (BaseType::Float, if done < total { part.min(0.999_999) } else { part }.into())
+                let over = self.progress.over.load(Ordering::Relaxed);
+                (BaseType::Float, if over { 1.0 } else { part.min(0.999_999) }.into())
             }
             "render:success" => (BaseType::Int, i32::from(self.success).into()),
             _ => return None,

@@ -7,7 +7,7 @@ use granita_base::{Files, Location, Reporter, Severity};
 use granita_plugin::Plugins;
 use granita_pyg::PygError;
 use granita_pyg::{PygOptions, PygSource, Scripts};
-use granita_render::{Progress, Silent};
+use granita_render::{Priority, Progress, Silent};
 use granita_scene::{Call, InputPaths, SceneSink, State, Stop};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -60,6 +60,7 @@ pub struct Session {
     inputs: Inputs,
     plugins: Plugins,
     stop: Arc<AtomicBool>,
+    priority: Arc<Priority>,
     /// A file that holds objects for a scene, and was read as if it were one.
     objects: Option<String>,
     finished: Finished,
@@ -109,11 +110,12 @@ impl Session {
         let finished = Finished::default();
         let renderer =
             SessionRenderer::new(options.clone(), reporter.clone(), progress.0, finished.clone(), master);
-        let (inputs, plugins, stop) = (renderer.inputs(), renderer.plugins(), renderer.stop());
+        let (inputs, plugins) = (renderer.inputs(), renderer.plugins());
+        let (stop, priority) = (renderer.stop(), renderer.priority());
         let state = State::new(Box::new(renderer), reporter.clone());
         let scripts = Scripts::default();
         let mut session =
-            Self { state, reporter, options, inputs, plugins, stop, objects: None, finished, scripts };
+            Self { state, reporter, options, inputs, plugins, stop, priority, objects: None, finished, scripts };
         session.read_startup_files();
         // Startup files are not a part of the scene.
         session.scripts = Scripts::default();
@@ -251,6 +253,11 @@ impl Session {
     /// Set from any thread, it ends the frame that is being rendered as soon as that can be.
     pub fn stop(&self) -> Arc<AtomicBool> {
         self.stop.clone()
+    }
+
+    /// What comes first of the frame that is being rendered.
+    pub(crate) fn priority(&self) -> Arc<Priority> {
+        self.priority.clone()
     }
 
     fn file(&self, path: &Path) -> Result<Input, InputError> {

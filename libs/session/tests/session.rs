@@ -59,6 +59,36 @@ fn a_scene_becomes_a_file() {
 }
 
 #[test]
+fn a_named_camera_is_rendered_alone_if_it_has_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let text = |named: &str| {
+        let output = |name: &str, camera: &str, more: &str| {
+            format!("Output (\"{}\", \"tiff\", \"rgba\", \"{camera}\"{more})\n", file(name).display())
+        };
+        let cameras = ["a", "b", "bare", "lamp"].map(|name| format!("Camera (\"{name}\")\n")).concat();
+        let outputs = output("a.tif", "a", "") + &output("b.tif", "b", "");
+        let lamp = output("lamp.tif", "lamp", ", \"int dynamic\", 1");
+        format!(
+            "Attribute (\"int[2] resolution\", (8, 8))\n{cameras}{outputs}{lamp}World ()\nTranslate (0, 0, 3)\n\
+             Sphere (1, -1, 1, 360)\nRender ({named})\n"
+        )
+    };
+    let (a, b) = (file("a.tif"), file("b.tif"));
+    for (named, wanted) in [
+        ("\"b\"", vec![b.clone()]),
+        ("\"a\"", vec![a.clone()]),
+        // Exporters name their main camera in passes in which it has no image, or none that is a file.
+        ("\"bare\"", vec![a.clone(), b.clone()]),
+        ("\"lamp\"", vec![a.clone(), b.clone()]),
+        ("", vec![a, b]),
+    ] {
+        let (outcome, said) = run(&text(named), options());
+        assert_eq!(outcome.images, wanted, "Render ({named}): {said:?}");
+    }
+}
+
+#[test]
 fn extra_outputs_and_crops() {
     let folder = tempfile::tempdir().unwrap();
     let (text, image) = scene(folder.path());

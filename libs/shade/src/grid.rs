@@ -212,6 +212,9 @@ pub struct Grid {
     /// Of each rectangle, on which sides the surface goes on smoothly although its parameters end there (a face of a smooth
     /// mesh): along u and v, first and last. Nowhere on those that are not listed.
     pub seams: Vec<[bool; 4]>,
+    /// Of flat faces under the normals of a smooth surface: from each point to about where that surface lies, on the side that the normals
+    /// point to and on the other one; zero where it lies on the wrong side of the face. None for other surfaces.
+    pub lift: Option<Arc<[Lanes3; 2]>>,
     /// Surface parameters.
     pub u: Vec<f32>,
     /// Surface parameters.
@@ -265,6 +268,7 @@ impl Grid {
             dpdv: Lanes3::zeros(n),
             dpdtime: Lanes3::zeros(n),
             seams: Vec::new(),
+            lift: None,
             u: vec![0.0; n],
             v: vec![0.0; n],
             time: 0.0,

@@ -75,6 +75,7 @@ impl Grid {
             dpdv: lanes(&|g| &g.dpdv),
             dpdtime: lanes(&|g| &g.dpdtime),
             seams: grids.iter().map(|g| g.seams.first().copied().unwrap_or_default()).collect(),
+            lift: grids.iter().any(|g| g.lift.is_some()).then(|| Arc::new(joined_lift(grids, n))),
             u: floats(&|g| &g.u),
             v: floats(&|g| &g.v),
             time: first.time,
@@ -91,6 +92,22 @@ impl Grid {
             parent: Vec::new(),
         }
     }
+}
+
+/// [`Grid::lift`] of all grids, zero for those without, for their `n` points.
+fn joined_lift(grids: &[Grid], n: usize) -> [Lanes3; 2] {
+    std::array::from_fn(|side| Lanes3 {
+        xyz: std::array::from_fn(|c| {
+            let mut all = Vec::with_capacity(n);
+            for grid in grids {
+                match &grid.lift {
+                    Some(lift) => all.extend_from_slice(&lift[side].xyz[c]),
+                    None => all.resize(all.len() + grid.len(), 0.0),
+                }
+            }
+            all
+        }),
+    })
 }
 
 /// A primitive variable of all grids, one value for each of their `n` points.

@@ -4,8 +4,8 @@
 //! lanes** of a grid; the renderer implements them, tests use doubles. Methods with a default body are
 //! those a renderer may do without; the default says so by its result.
 
-use crate::{Lanes3, Primvar};
-use granita_base::{Color, Param, Severity, Transform, Vec3};
+use crate::{Lanes3, Message, Primvar};
+use granita_base::{Color, Location, Param, Severity, Transform, Vec3};
 use granita_gsl::Func;
 use granita_gsl::ir::ValueType;
 use std::sync::Arc;
@@ -218,8 +218,15 @@ pub struct IlluminateQuery<'a> {
     pub pl: Option<Lane3<'a>>,
     /// Normals there, `Nl`.
     pub nl: Option<Lane3<'a>>,
+    /// Places in the unit square: which direction of a broad solar light (`emit` with a spread) this run stands for. `None`: the middle one,
+    /// for all.
+    pub cone: Option<[Lane<'a>; 2]>,
     /// Only light that comes from within 90 degrees of the axis counts; what else is sent is for nothing.
     pub in_front: bool,
+    /// The shader asks lights for their messages and parameters: the result must hold them.
+    pub asks: bool,
+    /// Messages and parameters of the shader that gathers, for a light that [asks](Services::light_asks) for them.
+    pub messages: &'a [Message],
 }
 
 /// Light that arrives from one sample of one light, for every lane of the grid.
@@ -248,8 +255,12 @@ pub struct LightResult {
     pub nondiffuse: Vec<f32>,
     /// Value of `__nonspecular` per lane; empty without the parameter.
     pub nonspecular: Vec<f32>,
-    /// Values of its parameters after the run, for `getmessage ("light", ...)`: uniform ones only.
-    pub params: Vec<Param>,
+    /// Some `emit` had a spread and sent light from the direction that [`IlluminateQuery::cone`] says: other places give other light.
+    pub broad: bool,
+    /// Its parameters and, behind them, its messages after the run, for `getmessage ("light", ...)`: one value per lane
+    /// of the grid or one for all. Of one name the last of the right type counts. Empty unless the query
+    /// [asks](IlluminateQuery::asks) for them.
+    pub messages: Vec<Primvar>,
 }
 
 /// Rays of a `trace` loop or of a probing function.
@@ -404,6 +415,13 @@ pub trait Services {
     /// Of light `index`.
     fn light_info(&mut self, index: usize) -> LightInfo;
 
+    /// True when the shader of light `index` asks the surface or volume shader for messages
+    /// ([`Group::listens_to`](crate::Group::listens_to)); queries bring them then.
+    fn light_asks(&mut self, index: usize) -> bool {
+        let _ = index;
+        false
+    }
+
     /// Runs light `index` for the lanes of `query`. Implementations cache: `diffuse` and `specular` of one
     /// shader ask the same question.
     fn illuminate(&mut self, index: usize, query: &IlluminateQuery<'_>) -> Arc<LightResult>;
@@ -500,6 +518,13 @@ pub trait Services {
 
     /// A message for the user: `printf` (as [`Severity::Message`]), `error`, or the executor's own.
     fn say(&mut self, severity: Severity, text: &str);
+
+    /// A message about a running shader, of the program or by `error ()`: the name of the shader, and the place in its
+    /// source where that is known. By default said with both.
+    fn say_of(&mut self, severity: Severity, shader: &str, at: &Location, text: &str) {
+        let place = if at.is_known() { format!("{at}: ") } else { String::new() };
+        self.say(severity, &format!("{place}shader \"{shader}\": {text}"));
+    }
 
     /// Said once per name of a feature that this renderer does not have yet.
     fn unsupported(&mut self, feature: &str) {

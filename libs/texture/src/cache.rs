@@ -151,8 +151,8 @@ impl TextureCache {
                 let size = [level.width as f32, level.height as f32];
                 (ParamType::array(BaseType::Float, 2), ParamData::from(&size[..]))
             }
-            "type" => (ParamType::of(BaseType::String), file.kind.type_word().into()),
-            "textureformat" => (ParamType::of(BaseType::String), file.kind.word().into()),
+            "type" => (ParamType::of(BaseType::String), file.told_kind().type_word().into()),
+            "textureformat" => (ParamType::of(BaseType::String), file.told_kind().word().into()),
             "channels" => (ParamType::of(BaseType::Float), (file.channels as f32).into()),
             "viewingmatrix" => (ParamType::of(BaseType::Matrix), matrix(&file.world_to_camera)?),
             "projectionmatrix" => (ParamType::of(BaseType::Matrix), matrix(&file.world_to_screen)?),

@@ -63,6 +63,8 @@ pub(crate) struct TextureFile {
     pub(crate) index: u32,
     pub(crate) path: PathBuf,
     pub(crate) kind: TextureKind,
+    /// It does not say what it is, and has several images of one size: slices, where it is looked up in three dimensions.
+    is_stack: bool,
     /// At least one.
     pub(crate) levels: Vec<Level>,
     pub(crate) channels: usize,
@@ -205,6 +207,10 @@ impl TextureFile {
         }
         let complete =
             !kind.is_mipmapped() || levels.len() > 1 || levels[0].face_width.max(levels[0].face_height) == 1;
+        let same_size = |other: &granita_image::ImageSpec| {
+            (other.width, other.height, other.nchannels()) == (spec.width, spec.height, spec.nchannels())
+        };
+        let is_stack = kind == TextureKind::Plain && input.spec(1, 0).is_some_and(same_size);
         let lack = match (spec.is_tiled(), complete) {
             (true, true) => None,
             (true, false) => Some(Lack::Levels),
@@ -228,11 +234,12 @@ impl TextureFile {
         let file = Self {
             index,
             kind,
+            is_stack,
             levels,
             channels: spec.nchannels(),
             swrap: wraps.0,
             twrap: wraps.1,
-            up: if openexr { Up::Y } else { Up::Z },
+            up: Up::of(spec, openexr),
             layout,
             world_to_camera: matrix("worldtocamera"),
             world_to_screen: matrix("worldtoscreen"),
@@ -251,6 +258,11 @@ impl TextureFile {
         Ok((file, lack))
     }
 
+    /// What shaders are told that the file is: one whose images are slices of one size is a volume.
+    pub(crate) fn told_kind(&self) -> TextureKind {
+        if self.is_stack { TextureKind::Volume } else { self.kind }
+    }
+
     /// A depth map whose tiles are made on demand.
     pub(crate) fn made(index: u32, name: &str, map: &MadeShadow) -> Self {
         let [width, height] = map.resolution.map(|n| n.max(1));
@@ -258,6 +270,7 @@ impl TextureFile {
             index,
             path: name.into(),
             kind: TextureKind::Shadow,
+            is_stack: false,
             levels: vec![plain_level(width, height, (map.tile.max(1), map.tile.max(1)))],
             channels: 1,
             swrap: Wrap::default(),

@@ -2,6 +2,7 @@
 
 use crate::Wrap;
 use granita_base::Vec3;
+use granita_image::ImageSpec;
 
 /// `texture ()` at one point (reference 5.8.10).
 ///
@@ -120,6 +121,36 @@ pub enum Up {
 }
 
 impl Up {
+    /// The attribute of a file that says how its panorama is meant: "y" or "z". In formats without a place for any attribute, a
+    /// word `latlongup=y` of the description.
+    pub(crate) const ATTRIBUTE: &str = "latlongup";
+
+    /// The convention of panoramas in files of a format.
+    pub(crate) fn of_format(openexr: bool) -> Self {
+        if openexr { Self::Y } else { Self::Z }
+    }
+
+    /// How the panorama of a file is meant: as it says of itself, else as is usual in its format.
+    pub(crate) fn of(spec: &ImageSpec, openexr: bool) -> Self {
+        let own = spec.string(Self::ATTRIBUTE).and_then(Self::from_word);
+        let described = || {
+            let text = spec.string("ImageDescription")?;
+            text.split_whitespace().find_map(|word| {
+                let (name, value) = word.split_once('=')?;
+                (name == Self::ATTRIBUTE).then_some(value).and_then(Self::from_word)
+            })
+        };
+        own.or_else(described).unwrap_or(Self::of_format(openexr))
+    }
+
+    /// "y" or "z".
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Self::Y => "y",
+            Self::Z => "z",
+        }
+    }
+
     /// A direction in the frame of a latitude-longitude map: x to its centre, y to the right of it, z to its upper edge.
     pub fn to_map(self, r: Vec3) -> Vec3 {
         match self {

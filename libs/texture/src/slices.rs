@@ -7,7 +7,7 @@
 
 use crate::Wrap;
 use crate::file::TextureFile;
-use crate::footprint::{Mean, Spread, mix};
+use crate::footprint::{Ellipse, Mean, Spread, mix};
 use crate::lookup::Lookup3d;
 use crate::picture::{half, taps};
 use crate::plain::by_channels;
@@ -17,6 +17,8 @@ use crate::shared::Shared;
 use granita_base::{Filter, Vec3};
 use granita_image::ImageInput;
 
+/// How many times as wide as in another direction a blur is; beyond it the other direction is blurred more.
+const MAX_BLUR_RATIO: f32 = 8.0;
 /// Most bytes that the largest level may take.
 const MAX_BYTES: u64 = 1 << 32;
 
@@ -152,20 +154,34 @@ pub(crate) fn texture3d(reader: &mut TextureReader<'_>, file: &TextureFile, q: &
         spread.add(d.dot(first), d.dot(second));
     }
     let mut ellipse = spread.ellipse();
-    let blur = sane(Vec3::new(q.sblur, q.tblur, q.tblur)) * size;
-    let blur = f64::from(blur.abs().max_element());
-    (ellipse.a, ellipse.b) = (ellipse.a.hypot(blur), ellipse.b.hypot(blur));
+    // What all directions are blurred by is in the ellipse; the more that a direction is blurred by stands beside it.
+    let blur = (sane(Vec3::new(q.sblur, q.tblur, q.tblur)) * size).abs();
+    let all = f64::from(blur.min_element().max(blur.max_element() / MAX_BLUR_RATIO));
+    (ellipse.a, ellipse.b) = (ellipse.a.hypot(all), ellipse.b.hypot(all));
     let probes = ellipse.probes(1.0);
     let step = (first * ellipse.axis[0] + second * ellipse.axis[1]) / size;
     let (level, share) = levels(probes.width.log2(), blocks.len() - 1);
+    let width = f64::from(probes.width);
+    let more: [Vec<(f32, f32)>; 3] = std::array::from_fn(|k| {
+        let more = (f64::from(blur[k]).powi(2) - all * all).max(0.0).sqrt();
+        let line = Ellipse { axis: [1.0, 0.0], a: width.hypot(more), b: width };
+        line.probes(1.0).iter().map(|(x, weight)| (x / size[k], weight)).collect()
+    });
+    let around: Vec<(Vec3, f32)> = more[2]
+        .iter()
+        .flat_map(|z| more[1].iter().map(move |y| (y, z)))
+        .flat_map(|(y, z)| more[0].iter().map(move |x| (Vec3::new(x.0, y.0, z.0), x.1 * y.1 * z.1)))
+        .collect();
     let mut count = 0;
     by_channels(file, q.first_channel, q.fill, out, |first, n| {
         if !q.p.is_finite() {
             return [0.0; 4];
         }
         let mut mean = Mean::default();
-        for (x, weight) in probes.iter() {
-            let p = q.p + step * x;
+        for ((x, weight), (beside, more)) in
+            probes.iter().flat_map(|probe| around.iter().map(move |a| (probe, a)))
+        {
+            let (p, weight) = (q.p + step * x + *beside, weight * more);
             let wrap = [swrap, twrap, twrap];
             let mut value = blocks[level].at(p, wrap, first, n);
             if share > 0.0 {
@@ -173,7 +189,7 @@ pub(crate) fn texture3d(reader: &mut TextureReader<'_>, file: &TextureFile, q: &
             }
             mean.add(value, weight);
         }
-        count += u64::from(probes.count);
+        count += u64::from(probes.count) * around.len() as u64;
         mean.value()
     });
     reader.probes += count;

@@ -360,6 +360,61 @@ fn orientation_of_latlong_maps() {
     }
 }
 
+/// A panorama means the directions of the convention of its own file, in whatever format its map is: +z up and left handed in TIFF,
+/// +y up and right handed in OpenEXR.
+#[test]
+fn maps_of_one_panorama_show_the_same_directions_in_all_formats() {
+    let folder = Folder::new();
+    let paint = |x: u32, y: u32, c: usize| [x as f32 / 64.0, y as f32 / 32.0, 0.5][c];
+    folder.picture("pano.tif", (64, 32), 3, paint);
+    folder.picture("pano.exr", (64, 32), 3, paint);
+    // Streamed and as a whole.
+    let plain = options(Mode::EnvLatLong);
+    let whole = MakeOptions { filter: granita_base::Filter::Triangle, ..plain.clone() };
+    let float = Some(granita_image::PixelType::Float);
+    for options in [plain, whole] {
+        for (from, up) in [("pano.tif", Up::Z), ("pano.exr", Up::Y)] {
+            let exr = MakeOptions { format: "OpenEXR".into(), pixel_type: float, ..options.clone() };
+            let tiff = MakeOptions { format: "tiff".into(), ..options.clone() };
+            folder.make(&[from], "a.env", &tiff).unwrap();
+            folder.make(&[from], "b.exr", &exr).unwrap();
+            // And once more from what was made.
+            folder.make(&["b.exr"], "c.env", &tiff).unwrap();
+            folder.make(&["a.env"], "d.exr", &exr).unwrap();
+            let maps = ["a.env", "b.exr", "c.env", "d.exr"].map(|name| folder.open(name));
+            for i in 0..50 {
+                let d = any_direction(i);
+                let seen = maps.each_ref().map(|(cache, id)| look(cache, *id, &toward(d)));
+                let said = look(&maps[0].0, maps[0].1, &EnvLookup { up: Some(up), ..toward(d) });
+                assert_eq!(seen[0], said, "{from} {d}");
+                assert!(
+                    seen[0].iter().zip(seen[1]).all(|(a, b)| (a - b).abs() < 1e-6),
+                    "{from} {d}: {seen:?}"
+                );
+                for other in &seen[2..] {
+                    assert!(
+                        seen[0].iter().zip(other).all(|(a, b)| (a - b).abs() < 2e-3),
+                        "{from} {d}: {seen:?}"
+                    );
+                }
+            }
+            // A cube of it as well.
+            let cube = MakeOptions { mode: Mode::EnvCube, format: "tiff".into(), ..options.clone() };
+            for map in ["a.env", "b.exr"] {
+                folder.make(&[map], "cube.env", &cube).unwrap();
+                let (cache, id) = folder.open("cube.env");
+                for i in 0..50 {
+                    // Off the seam, where colours jump.
+                    let d = any_direction(i);
+                    let (seen, own) = (look(&cache, id, &toward(d)), look(&maps[0].0, maps[0].1, &toward(d)));
+                    let at_seam = own[0] < 0.1 || own[0] > 0.9;
+                    assert!(at_seam || (seen[1] - own[1]).abs() < 0.1, "{from} {map} {d}: {seen:?} {own:?}");
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn odd_directions_are_black_and_do_no_harm() {
     let folder = Folder::new();

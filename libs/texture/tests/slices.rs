@@ -116,3 +116,36 @@ fn slices_that_do_not_fit_are_told() {
     let about: Vec<_> = folder.texts().into_iter().filter(|t| t.contains("slice 1 has 4 x 4")).collect();
     assert_eq!(about.len(), 1, "{about:?}");
 }
+
+/// Bands of eight texels across x and across y: a blur along one direction leaves the other as it is.
+#[test]
+fn blurs_of_the_directions_are_apart() {
+    let folder = Folder::new();
+    let band = |x: u32| f32::from(x / 8 % 2 == 0);
+    write(&folder, "x.tif", &[(32, 32); 32], |x, _, _| band(x));
+    write(&folder, "y.tif", &[(32, 32); 32], |_, y, _| band(y));
+    let ((across_x, x), (across_y, y)) = (folder.open("x.tif"), folder.open("y.tif"));
+    let place = || at(20.0 / 32.0, 20.0 / 32.0, 0.5);
+    let (s, t) = (Lookup3d { sblur: 0.3, ..place() }, Lookup3d { tblur: 0.3, ..place() });
+    for (cache, id, blurs, keeps) in [(&across_x, x, &s, &t), (&across_y, y, &t, &s)] {
+        let (blurred, kept) = (look(cache, id, blurs), look(cache, id, keeps));
+        assert!(kept > 0.97 && blurred < 0.85, "{blurred} {kept}");
+    }
+}
+
+#[test]
+fn a_file_of_slices_is_a_volume() {
+    let folder = Folder::new();
+    write(&folder, "volume.tif", &[(4, 3); 5], |x, _, _| x as f32);
+    write(&folder, "plain.tif", &[(4, 3)], |x, _, _| x as f32);
+    write(&folder, "pages.tif", &[(4, 3), (2, 7)], |x, _, _| x as f32);
+    for (name, kind, format) in [
+        ("volume.tif", "volume", "Volume Texture"),
+        ("plain.tif", "texture", "Plain Texture"),
+        ("pages.tif", "texture", "Plain Texture"),
+    ] {
+        let (cache, _) = folder.open(name);
+        let told = ["type", "textureformat"].map(|what| cache.info(name, what).unwrap().data);
+        assert_eq!(told, [kind.into(), format.into()], "{name}");
+    }
+}

@@ -9,8 +9,8 @@ pub struct MeshId(pub u32);
 /// Triangles, perhaps moving.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TriangleMesh {
-    /// Times of the motion keys, increasing; one for a mesh that stands still. Between keys vertices move linearly,
-    /// before the first and after the last they stand still.
+    /// Times of the motion keys, increasing; one for a mesh that stands still. Between keys vertices move linearly;
+    /// before the first and after the last the mesh does not exist.
     pub times: Vec<f32>,
     /// Vertices for each time.
     pub positions: Vec<Vec<Vec3>>,
@@ -48,7 +48,15 @@ impl TriangleMesh {
         bound.is_finite().then_some(bound)
     }
 
-    /// The vertices of a triangle at a time. The triangle exists and its vertices do.
+    /// Whether there is anything at a time.
+    pub(crate) fn exists_at(&self, time: f32) -> bool {
+        match self.times[..] {
+            [first, .., last] => (first..=last).contains(&time),
+            _ => true,
+        }
+    }
+
+    /// The vertices of a triangle at a time, or at the nearest one at which it exists. The triangle exists and its vertices do.
     pub(crate) fn triangle_at(&self, triangle: usize, time: f32) -> [Vec3; 3] {
         let next = self.times.partition_point(|t| *t <= time);
         let corners = self.triangles[triangle].map(|v| v as usize);

@@ -119,8 +119,7 @@ impl MovingTree {
     /// The tree at a time.
     pub(crate) fn at(&self, time: f32) -> MovedTree<'_> {
         let [t0, t1] = self.times;
-        let time = time.clamp(t0, t1);
-        MovedTree { tree: self, time, alpha: self.alpha(time) }
+        MovedTree { tree: self, time, alpha: self.alpha(time.clamp(t0, t1)) }
     }
 
     fn alpha(&self, time: f32) -> f32 {
@@ -202,6 +201,9 @@ impl Tree for MovedTree<'_> {
         *room = Block::EMPTY;
         for (lane, &id) in self.tree.blocks[block].iter().enumerate().filter(|(_, id)| **id != u32::MAX) {
             let (mesh, triangle) = self.tree.place(id);
+            if !self.tree.meshes[mesh].exists_at(self.time) {
+                continue;
+            }
             room.set(lane, id, &self.tree.vertices(mesh, triangle, self.time));
         }
         room

@@ -173,9 +173,16 @@ fn moving_triangles_are_hit_where_they_are() {
         triangles: vec![[0, 1, 2]],
     };
     let tracer = build(vec![mesh]);
-    for (time, z) in [(-1.0, 0.0), (0.0, 0.0), (0.25, 0.5), (0.5, 1.0), (0.75, 3.0), (1.0, 5.0), (7.0, 5.0)] {
+    for (time, z) in [(0.0, 0.0), (0.25, 0.5), (0.5, 1.0), (0.75, 3.0), (1.0, 5.0)] {
         let r = Ray { time, ..ray(Vec3::new(0.2, 0.2, 10.0), -Vec3::Z) };
         assert_eq!(closest(&tracer, r).t, 10.0 - z, "{time}");
+    }
+    // It does not exist before and after.
+    for time in [-1.0, -1e-6, 1.000_001, 7.0] {
+        assert!(
+            !closest(&tracer, Ray { time, ..ray(Vec3::new(0.2, 0.2, 10.0), -Vec3::Z) }).is_hit(),
+            "{time}"
+        );
     }
     assert!(!closest(&tracer, Ray { time: f32::NAN, ..ray(Vec3::new(0.2, 0.2, 10.0), -Vec3::Z) }).is_hit());
 }

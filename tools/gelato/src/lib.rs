@@ -2,17 +2,18 @@
 
 #![forbid(unsafe_code)]
 
-mod ending;
 mod progress;
 mod statistics;
 mod viewer;
 
 use clap::Parser;
-use ending::Ending;
-use granita_base::{Reporter, Severity};
-use granita_cli::{Bar, Fence, Status, console_reporter, environment, fence, parse, reporter_with};
+use granita_base::{Environment, Reporter, Severity};
+use granita_cli::{
+    Bar, Ending, Fence, Status, console_reporter, environment, fence, parse, reporter_with, seconds,
+};
 use granita_session::{
     ExtraOutput, Outcome, OwnTools, Session, SessionError, SessionOptions, SharedProgress, Told, Viewer,
+    archive_calls,
 };
 use progress::ShownProgress;
 use std::ffi::OsString;
@@ -98,6 +99,10 @@ struct Options {
     /// Take calls from the program that started this one: binary frames on standard input, answers on standard output
     #[arg(long, conflicts_with = "files")]
     stream: bool,
+
+    /// With -stream: write the calls as Pyg to this file ("-": into the answers), and render nothing
+    #[arg(long, hide = true, value_name = "FILE", requires = "stream")]
+    archive: Option<PathBuf>,
 
     /// Work for the program that started this one, which goes on meanwhile
     #[arg(long, hide = true, conflicts_with_all = ["files", "stream", "worker", "net"])]
@@ -235,6 +240,9 @@ fn run(options: &Options, tools: &[&str], voices: Voices, ending: &Ending) -> St
         reporter.error("no scene file was given (try -help)");
         return Status::Failed;
     }
+    if let Some(file) = &options.archive {
+        return archive(file, &variables, &answers, &reporter);
+    }
     let extra = |name: &String| ExtraOutput { name: name.clone(), format: None, data: options.data.clone() };
     let (display, layers) = (options.display.clone(), !options.safe);
     let screen = variables.get("DISPLAY").map(str::to_owned);
@@ -347,6 +355,46 @@ fn run(options: &Options, tools: &[&str], voices: Voices, ending: &Ending) -> St
     status
 }
 
+/// Writes the calls of the program that started this one to a file, or into the answers.
+fn archive(file: &Path, variables: &Environment, answers: &Answers, reporter: &Reporter) -> Status {
+    let mut input = std::io::stdin().lock();
+    let done = if file == Path::new("-") {
+        archive_calls(&mut input, &mut answers.clone(), Printed(answers.clone()), reporter).map(|_| ())
+    } else {
+        let out = match variables.files().create(file) {
+            Ok(out) => out,
+            Err(error) => {
+                reporter.error(error.to_string());
+                return Status::Failed;
+            }
+        };
+        archive_calls(&mut input, &mut answers.clone(), out, reporter)
+            .and_then(|out| out.commit().map_err(|error| SessionError::Failed(error.to_string())))
+    };
+    match done {
+        Ok(()) if reporter.errors() > 0 => Status::WithErrors,
+        Ok(()) => Status::Done,
+        Err(error) => {
+            reporter.error(error.to_string());
+            Status::Failed
+        }
+    }
+}
+
+/// Text that the other side prints.
+struct Printed(Answers);
+
+impl Write for Printed {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.print(&String::from_utf8_lossy(bytes));
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
 impl Options {
     /// Whether the user asks for a viewer. A screen alone does not: it says where -iv and the scene show pictures.
     fn is_shown(&self) -> bool {
@@ -394,6 +442,7 @@ impl Options {
             silent: _,
             verbosity: _,
             stream: _,
+            archive: _,
             remote: _,
             timeout: _,
             // A safe run has no workers.
@@ -439,14 +488,6 @@ fn quality(word: &str) -> Result<f32, String> {
     match word.parse::<f32>() {
         Ok(p) if p >= 0.0 && p.is_finite() => Ok(p),
         _ => Err("expected a number, 0 or more".to_owned()),
-    }
-}
-
-/// A time limit.
-fn seconds(word: &str) -> Result<f64, String> {
-    match word.parse::<f64>() {
-        Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
-        _ => Err("expected a number of seconds, more than 0".to_owned()),
     }
 }
 

@@ -354,7 +354,10 @@ fn light_values(
         ns: Lane3::over(&grid.n),
         pl: None,
         nl: None,
+        cone: None,
         in_front: false,
+        asks: false,
+        messages: &[],
     };
     let result = executor.run_light(group, grid, &query, around);
     let mut sum = Lanes3::zeros(n);

@@ -2,6 +2,7 @@
 //! definition, lights by name, texture files, and no rays.
 
 use granita_base::{Param, Reporter, SearchPath, Severity, Transform, hash};
+use granita_gsl::ir::ShaderKind;
 use granita_plugin::Plugins;
 use granita_render::lookups;
 use granita_shade::{
@@ -55,7 +56,7 @@ impl Services for Surroundings<'_> {
                 "s" => time(1.0),
                 "min" => time(60.0),
                 "hr" => time(3600.0),
-                "frame" => time(1.0 / 24.0),
+                "frame" | "frames" => time(1.0 / 24.0),
                 _ => None,
             }
         };
@@ -104,12 +105,19 @@ impl Services for Surroundings<'_> {
         }
     }
 
+    fn light_asks(&mut self, index: usize) -> bool {
+        [ShaderKind::Surface, ShaderKind::Volume].iter().any(|kind| self.lights[index].listens_to(*kind))
+    }
+
     fn illuminate(&mut self, index: usize, query: &IlluminateQuery<'_>) -> Arc<LightResult> {
         let lights = self.lights;
-        let Some(grid) = self.grid.take() else { return Arc::default() };
+        let Some(mut grid) = self.grid.take() else { return Arc::default() };
+        let earlier = grid.messages.len();
+        grid.messages.extend_from_slice(query.messages);
         let mut executor = std::mem::take(&mut self.executor);
         let result = executor.run_light(&lights[index], &grid, query, self);
         self.executor = executor;
+        grid.messages.truncate(earlier);
         self.grid = Some(grid);
         Arc::new(result)
     }

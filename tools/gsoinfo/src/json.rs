@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 /// The object of one shader: `type`, `name`, `metadata` and `parameters` in the order of their declaration.
 ///
 /// A parameter has `name`, `type`, `output`, `default` (absent when it is computed), `space` (of triples and
-/// matrices), `metadata`; an array also `length` and `variable` (whether an instance may give another length).
+/// matrices: a name, or a list of names where the elements of an array are in different spaces), `metadata`; an array also `length` and `variable` (whether an instance may give another length).
 /// A triple or matrix is an array of numbers, what is no finite number is a string.
 pub(crate) fn describe(args: &GsoArgs) -> Value {
     json!({
@@ -32,9 +32,16 @@ fn parameter(arg: &Arg) -> Value {
         let value =
             if arg.ty.array.is_none() && values.len() == 1 { values.remove(0) } else { values.into() };
         object.insert("default".into(), value);
-        if let Some(space) = &default.space {
-            object.insert("space".into(), json!(&**space));
-        }
+        match default.spaces.as_slice() {
+            [] => None,
+            [first, rest @ ..] if rest.iter().all(|s| s == first) => {
+                object.insert("space".into(), json!(&**first))
+            }
+            all => {
+                let names: Vec<&str> = all.iter().map(|s| &**s).collect();
+                object.insert("space".into(), json!(names))
+            }
+        };
     }
     object.insert("metadata".into(), metadata(&arg.metadata));
     Value::Object(object)

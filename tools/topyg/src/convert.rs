@@ -44,6 +44,10 @@ pub(crate) fn run(job: &Job, output: Output, reporter: &Reporter) -> Status {
             }
         }
     }
+    if job.session.supervisor.has_ended() {
+        // What was read is not all, and no file appears.
+        return Status::Failed;
+    }
     reporter.info(format!("{} calls", echo.calls));
     match echo.writer.into_inner().and_then(Output::finish) {
         Ok(()) if reporter.errors() > 0 => Status::WithErrors,

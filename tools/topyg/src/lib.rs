@@ -7,8 +7,8 @@ mod output;
 
 use clap::Parser;
 use granita_base::files::is_same_file;
-use granita_base::{Environment, Files, Reporter, Severity, Supervisor};
-use granita_cli::Status;
+use granita_base::{Environment, Files, Reporter, Severity};
+use granita_cli::{Bar, Ending, Status};
 use granita_pyg::WriterOptions;
 use granita_session::SessionOptions;
 use std::ffi::OsString;
@@ -37,6 +37,9 @@ struct Args {
     /// Write parameters as calls of their own
     #[arg(long)]
     separateparams: bool,
+    /// End the whole run after so many seconds, with what was started, and exit with status 1
+    #[arg(long, value_name = "SECONDS", value_parser = granita_cli::seconds)]
+    timeout: Option<f64>,
     /// A folder of plugins, or a library that comes before what is bundled; may be repeated
     #[arg(long, value_name = "PATH")]
     plugins: Vec<PathBuf>,
@@ -65,10 +68,10 @@ pub fn main(words: Vec<OsString>) -> Status {
     environment.set_files(files.clone());
     let reporter = stderr_reporter();
     reporter.set_verbosity(if args.verbose { 2 } else { 1 });
-    let supervisor = Supervisor::default();
-    let ending = supervisor.clone();
-    if let Err(error) = granita_cli::before_signals(move || ending.end()) {
-        reporter.warning(format!("signals are not watched: {error}"));
+    let ending = Ending::new(Bar::new(false));
+    ending.watch(false, &reporter);
+    if let Some(seconds) = args.timeout {
+        ending.limit(seconds, &reporter);
     }
     let job = convert::Job {
         inputs: args.inputs,
@@ -77,7 +80,7 @@ pub fn main(words: Vec<OsString>) -> Status {
         writer: WriterOptions { binary: args.binary, separate_params: args.separateparams, indent: 0 },
         session: SessionOptions {
             environment,
-            supervisor: supervisor.clone(),
+            supervisor: ending.supervisor().clone(),
             safe: args.safe,
             plugins: args.plugins,
             ..SessionOptions::default()
@@ -107,9 +110,13 @@ pub fn main(words: Vec<OsString>) -> Status {
             Status::Failed
         }
     };
-    if supervisor.has_ended() {
+    if ending.is_late() {
+        return Status::WithErrors;
+    }
+    if ending.supervisor().has_ended() {
         granita_cli::wait_for_end();
     }
+    ending.supervisor().release();
     status
 }
 

@@ -1,5 +1,5 @@
 //! The tool from outside.
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
+#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "what fails here fails the test, and says why")]
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -96,4 +96,101 @@ fn a_closed_pipe_is_success() {
     let out = child.wait_with_output().unwrap();
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     assert!(out.stderr.is_empty());
+}
+
+/// A generator is any program along the path; what follows its name goes to it.
+#[cfg(unix)]
+fn generator(folder: &Path, place: &str, radius: u32) {
+    use std::os::unix::fs::PermissionsExt;
+    std::fs::create_dir_all(folder.join(place)).unwrap();
+    let file = folder.join(place).join("grow");
+    std::fs::write(&file, format!("#!/bin/sh\necho \"Sphere ({radius}, -$1, $1, 360)\"\n")).unwrap();
+    std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o755)).unwrap();
+}
+
+#[cfg(unix)]
+#[test]
+fn generators_are_found_along_the_option_and_the_variable() {
+    let dir = folder(&[]);
+    generator(dir.path(), "one", 1);
+    generator(dir.path(), "two", 2);
+    let run = |args: &[&str], variable: Option<&str>| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_topyg"));
+        command.args(args).current_dir(dir.path()).env_remove("GELATO_GENERATOR_PATH").stdin(Stdio::null());
+        command.envs(variable.map(|v| ("GELATO_GENERATOR_PATH", v)));
+        let out = command.output().unwrap();
+        (out.status.code(), String::from_utf8(out.stdout).unwrap())
+    };
+    let sphere = |radius: u32| (Some(0), format!("Sphere ({radius}, -7, 7, 360)\n"));
+    assert_eq!(run(&["grow 7"], None).0, Some(2), "it is not beside the scene");
+    assert_eq!(run(&["-p", "none:one", "grow 7"], None), sphere(1));
+    assert_eq!(run(&["-p", "two:one", "grow 7"], None), sphere(2));
+    assert_eq!(run(&["grow 7"], Some("one:two")), sphere(1));
+    // The option comes first.
+    assert_eq!(run(&["-p", "two", "grow 7"], Some("one")), sphere(2));
+    // The same of an Input that is expanded.
+    std::fs::write(dir.path().join("a.pyg"), "Input (\"grow 7\")\n").unwrap();
+    assert_eq!(run(&["-r", "1", "-p", "one", "a.pyg"], None), sphere(1));
+}
+
+#[test]
+fn with_v_it_tells_what_it_reads() {
+    let dir = folder(&[("a.pyg", "World ()\nSphere (1, -1, 1, 360)\n")]);
+    let told = |args: &[&str]| String::from_utf8(topyg(dir.path(), args).stderr).unwrap();
+    assert_eq!(told(&["a.pyg"]), "");
+    assert!(told(&["-v", "a.pyg"]).contains("2 calls"), "{}", told(&["-v", "a.pyg"]));
+}
+
+/// `PYG_ALWAYS_PYGLET`, `PYG_NEVER_PYGLET`, `PYG_NEVER_CHUNK`: whether Python is needed, and how much of a file it sees at once.
+#[cfg(unix)]
+#[test]
+fn variables_choose_who_reads() {
+    let dir = folder(&[
+        ("flat.pyg", "World ()\n"),
+        ("script.pyg", "World ()\nn = 2\nScale (n, n, n)\n"),
+        ("wrong.pyg", "World ()\nn = 2\nWorld ()\nn = = 3\n"),
+    ]);
+    let run = |file: &str, variables: &[(&str, &str)]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_topyg"));
+        command.arg(file).current_dir(dir.path()).stdin(Stdio::null());
+        for name in ["PYG_ALWAYS_PYGLET", "PYG_NEVER_PYGLET", "PYG_ALWAYS_CHUNK", "PYG_NEVER_CHUNK"] {
+            command.env_remove(name);
+        }
+        let out = command.envs(variables.iter().copied()).output().unwrap();
+        (
+            out.status.code().unwrap(),
+            String::from_utf8(out.stdout).unwrap(),
+            String::from_utf8(out.stderr).unwrap(),
+        )
+    };
+    // Where there is no Python, flat files are read all the same, unless Python is to read them.
+    let nowhere = dir.path().join("none");
+    let path = ("PATH", nowhere.to_str().unwrap());
+    assert_eq!(run("flat.pyg", &[path]).0, 0);
+    let (status, _, said) = run("flat.pyg", &[path, ("PYG_NEVER_PYGLET", "1")]);
+    assert!(status == 2 && said.contains("python3"), "{said}");
+    let (status, _, said) = run("script.pyg", &[path]);
+    assert!(status == 2 && said.contains("python3"), "{said}");
+    // And where there is one, no script is read if all files are to be flat.
+    let (status, _, said) = run("script.pyg", &[("PYG_ALWAYS_PYGLET", "1")]);
+    assert!(status == 2 && said.contains("only flat scenes are to be read"), "{said}");
+    if run("script.pyg", &[]).0 != 0 {
+        return eprintln!("python3 is not installed: chunks are not tested");
+    }
+    let scene = "World ()\nScale (2, 2, 2)\n";
+    for variables in
+        [&[][..], &[("PYG_NEVER_PYGLET", "1")], &[("PYG_ALWAYS_CHUNK", "1")], &[("PYG_NEVER_CHUNK", "1")]]
+    {
+        assert_eq!(run("script.pyg", variables).1, scene, "{variables:?}");
+    }
+    // In chunks, what stands before a mistake of syntax has been done when it is found; at once, nothing of the script has.
+    let calls = |variables: &[(&str, &str)]| {
+        let out = dir.path().join("out.pyg");
+        let _ = std::fs::remove_file(&out);
+        run("wrong.pyg", variables).1.matches("World").count()
+    };
+    assert_eq!(
+        (calls(&[]), calls(&[("PYG_ALWAYS_CHUNK", "1")]), calls(&[("PYG_NEVER_CHUNK", "1")])),
+        (2, 2, 1)
+    );
 }

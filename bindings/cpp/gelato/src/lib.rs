@@ -10,7 +10,7 @@ mod live;
 mod remote;
 
 use granita_base::{Location, Param, Reporter, Severity};
-use granita_plugin::{ErrorManager, Errors, Interface, InterfaceHost, InterfaceObject, Messages};
+use granita_plugin::{Archiving, ErrorManager, Errors, Interface, InterfaceHost, InterfaceObject, Messages};
 use granita_pyg::Writer;
 use granita_scene::{Call, SceneSink, Stop};
 use std::borrow::Cow;
@@ -83,7 +83,7 @@ fn renderer(kind: &str, manager: &Messages) -> Result<*mut c_void, String> {
                 Box::new(BufWriter::new(File::create(&file).map_err(|e| format!("{file}: {e}"))?))
             };
             let sink = Archive { writer: Some(Writer::new(out)), reporter: reporter.clone() };
-            object(Box::new(sink), Box::new(()), manager, None)
+            object(Box::new(sink), Box::new(Archiving), manager, None)
         }
         ("", None) => live::renderer(manager),
         ("remote", None) => remote::renderer(manager)?,

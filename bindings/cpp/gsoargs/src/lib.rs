@@ -101,10 +101,10 @@ impl Shader {
         if let Some(default) = &arg.default {
             p.valid = 1;
             self.values(&mut p, &default.value);
-            if let Some(space) = &default.space {
-                let space = self.text(space);
-                p.nspaces = count(arg.ty.elements());
-                self.pointers.push(vec![space; arg.ty.elements()]);
+            if !default.spaces.is_empty() {
+                let spaces = default.spaces.iter().map(|space| self.text(space)).collect();
+                p.nspaces = count(default.spaces.len());
+                self.pointers.push(spaces);
                 p.spaces = self.pointers[self.pointers.len() - 1].as_ptr();
             }
         }

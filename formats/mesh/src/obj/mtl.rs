@@ -43,10 +43,10 @@ impl Material {
     pub(super) fn emit(&self, emit: &mut Emit<'_>, line: u32) -> Result<(), Stop> {
         emit.attribute(color("C", self.kd), line)?;
         emit.attribute(color("opacity", [self.opacity; 3]), line)?;
-        // The exponent of a highlight is the inverse of its size.
+        // `specular ()` raises the cosine to 8 / roughness, OBJ files to Ns.
         let mut params = vec![
             color("specularcolor", self.ks),
-            float("roughness", 1.0 / self.ns.max(1.0)),
+            float("roughness", 8.0 / self.ns.max(1.0)),
             color("emission", self.ke),
         ];
         if let Some(map) = &self.map {

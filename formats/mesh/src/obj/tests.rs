@@ -141,7 +141,7 @@ fn materials() {
     let path = folder.path().display().to_string();
     let got = flat(&trial.pyg).replace(&path, "DIR");
     let want = "PushAttributes ()\nAttribute (\"color C\", (1, 0, 0))\nAttribute (\"color opacity\", (0.5, 0.5, 0.5))\n\
-        Shader (\"surface\", \"mtlsurface\", \"color specularcolor\", (0, 0, 0), \"float roughness\", 0.1, \
+        Shader (\"surface\", \"mtlsurface\", \"color specularcolor\", (0, 0, 0), \"float roughness\", 0.8, \
         \"color emission\", (0, 0, 0), \"string texturename\", \"DIR/wood.png\", \"string wrap\", \"periodic\", \
         \"float texturesrgb\", 1)\nMesh (";
     assert!(got.starts_with(want), "{got}");

@@ -336,6 +336,21 @@ impl Confined {
         begin().map_err(|source| FileError { path: path.to_owned(), source })
     }
 
+    pub(super) fn append(&self, path: &Path) -> Result<File, FileError> {
+        let begin = || -> io::Result<File> {
+            if self.rules.write.is_none() || self.is_granted_output(path) {
+                return File::options().append(true).create(true).open(path);
+            }
+            let (folder, last, name) = self.place(path)?;
+            self.claim(&name)?;
+            let mut options = OpenOptions::new();
+            options.append(true).create(true);
+            let file = folder.open_with(&last, &options)?.into_std();
+            if file.metadata()?.is_file() { Ok(file) } else { Err(denied("it is not a regular file")) }
+        };
+        begin().map_err(|source| FileError { path: path.to_owned(), source })
+    }
+
     pub(super) fn scratch_folder(&self, beside: &Path) -> PathBuf {
         match &self.rules.write {
             Some(write) if !self.is_granted_output(beside) => write.clone(),

@@ -189,6 +189,20 @@ impl Files {
         }
     }
 
+    /// Opens a file for writing behind what it holds; one that does not exist is made.
+    ///
+    /// # Errors
+    /// As [`Files::create`].
+    pub fn append(&self, path: &Path) -> Result<File, FileError> {
+        match &self.0 {
+            None => {
+                let opened = File::options().append(true).create(true).open(path);
+                opened.map_err(|source| FileError { path: path.to_owned(), source })
+            }
+            Some(confined) => confined.append(path),
+        }
+    }
+
     /// Finds out whether [`Files::create`] would begin the file, without leaving anything behind.
     ///
     /// # Errors

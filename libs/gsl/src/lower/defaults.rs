@@ -29,7 +29,7 @@ fn spaced(expr: &hir::Expr) -> Option<(Option<Arc<str>>, Vec<f32>)> {
     }
 }
 
-/// A default that needs no computation. Elements of an array in different spaces count as computed.
+/// A default that needs no computation. Elements of an array may be in different spaces.
 pub(super) fn default_value(init: &Init, ty: SymbolType) -> DefaultValue {
     let list = match init {
         Init::None => return DefaultValue::Unknown,
@@ -38,22 +38,23 @@ pub(super) fn default_value(init: &Init, ty: SymbolType) -> DefaultValue {
     };
     if ty.value == ValueType::String {
         return match constant_list(list) {
-            Some(value @ ConstValue::Strings(_)) => DefaultValue::Known { space: None, value },
+            Some(value @ ConstValue::Strings(_)) => DefaultValue::Known { spaces: Vec::new(), value },
             _ if list.is_empty() => {
-                DefaultValue::Known { space: None, value: ConstValue::Strings(Arc::from([])) }
+                DefaultValue::Known { spaces: Vec::new(), value: ConstValue::Strings(Arc::from([])) }
             }
             _ => DefaultValue::Unknown,
         };
     }
     let mut all = Vec::new();
-    let mut common: Option<Option<Arc<str>>> = None;
+    let mut spaces: Vec<Arc<str>> = Vec::new();
     for expr in list {
         let Some((space, numbers)) = spaced(expr) else { return DefaultValue::Unknown };
-        if common.as_ref().is_some_and(|c| *c != space) {
-            return DefaultValue::Unknown;
-        }
-        common = Some(space);
+        spaces.push(space.unwrap_or_default());
         all.extend(numbers);
     }
-    DefaultValue::Known { space: common.flatten(), value: ConstValue::Floats(all.into()) }
+    if spaces.windows(2).all(|pair| pair[0] == pair[1]) {
+        spaces.truncate(1);
+        spaces.retain(|space| !space.is_empty());
+    }
+    DefaultValue::Known { spaces, value: ConstValue::Floats(all.into()) }
 }

@@ -521,14 +521,35 @@ impl Interface<'_> {
             },
             None => generator,
         };
+        let archives = self.host.archives();
+        if archives {
+            let levels = self.sink.attribute("int limits:inputlevels");
+            let levels = levels.and_then(|p| p.data.to_ints()?.first().copied()).unwrap_or(0);
+            if self.level >= levels {
+                let within = bound.map_or_else(String::new, |b| format!(" within {b:?}"));
+                let text = format!("Input: a generator of the program is run here{within}");
+                return self.call(granita_scene::Call::Comment(text.into()));
+            }
+        }
+        // What has a bound leaves no traces in the attribute state.
+        let apart = archives && bound.is_some();
+        if apart {
+            self.call(granita_scene::Call::PushAttributes);
+        }
         let sink = crate::generator::Borrowed(&mut *self.sink);
-        let inner = Interface::new(Box::new(sink), Box::new(()), self.errors.clone(), self.at.clone());
+        let host: Box<dyn super::InterfaceHost> =
+            if archives { Box::new(super::Archiving) } else { Box::new(()) };
+        let mut inner = Interface::new(Box::new(sink), host, self.errors.clone(), self.at.clone());
+        inner.level = self.level + 1;
         let object = InterfaceObject::new(inner, None);
         let result = object.run_generator(&generator, "");
         let stopped = object.into_inner().stopped();
         self.stopped |= stopped;
         if let Err(what) = result {
             self.complain(format!("Input: the generator's {what}"));
+        }
+        if apart {
+            self.call(granita_scene::Call::PopAttributes);
         }
     }
 }

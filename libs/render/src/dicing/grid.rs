@@ -74,7 +74,10 @@ pub(crate) fn make_grid(
         }
     }
     grid.ng = geometric_normals(&grid, &p, attributes.flip_normals);
-    grid.n = match &dice.n {
+    let moves = primitive.keys.len() > 1;
+    let times: Vec<f32> = primitive.keys.iter().filter(|_| moves).map(|key| key.time).collect();
+    let (normals, variables) = dice.variables_at(&times, view.time);
+    grid.n = match &normals {
         Some(normals) => {
             let world: Vec<Vec3> = normals.iter().map(|n| to_normal.vector(*n)).collect();
             Lanes3::from_points(&world)
@@ -87,7 +90,12 @@ pub(crate) fn make_grid(
         grid.ng = negated(&grid.ng);
         grid.flip_normals = !grid.flip_normals;
     }
-    grid.seams = vec![seams(&grid, primitive, dice.n.is_some())];
+    let seams = seams(&grid, primitive, dice.n.is_some());
+    let flat = matches!(primitive.shape, ShapeDesc::Mesh { subdivide: false, .. });
+    if flat && seams.contains(&true) {
+        grid.lift = super::lift::of_face(&grid);
+    }
+    grid.seams = vec![seams];
     grid.i = match view.viewpoint {
         Viewpoint::From(eye) => {
             Lanes3::from_points(&p.iter().map(|point| *point - eye).collect::<Vec<Vec3>>())
@@ -114,7 +122,7 @@ pub(crate) fn make_grid(
         dice.u.last().map_or(0, |u| u.to_bits()),
         dice.v.last().map_or(0, |v| v.to_bits()),
     ]);
-    grid.primvars = dice.primvars.iter().map(|v| to_common(v, n, &to_world, &to_normal)).collect();
+    grid.primvars = variables.iter().map(|v| to_common(v, n, &to_world, &to_normal)).collect();
     let color = match attributes.floats("C")[..] {
         [r, g, b] => Vec3::new(r, g, b),
         _ => Vec3::ONE,

@@ -360,7 +360,7 @@ impl<'a> Measure<'a> {
             return Asked { u: u0.max(u1).max(1.0), v: v0.max(v1).max(1.0), sides: Some([u0, u1, v0, v1]) };
         }
         let [Some(Points { p_cam: lattice, rounds }), moved] =
-            self.at_ends(placement, settings, |time| self.lattice(piece, placement, time))
+            self.at_ends((piece, placement), settings, |time| self.lattice(piece, placement, time))
         else {
             return Asked { u: 1.0, v: 1.0, sides: None };
         };
@@ -436,7 +436,7 @@ impl<'a> Measure<'a> {
         if moves || !sharp || !by_raster || self.flatness_px.is_some() || piece.facets() != 1 {
             return None;
         }
-        let time = placement.times()[0];
+        let time = measuring_time(piece, placement);
         let ends = |list: &[usize]| {
             let at_key = |key: usize| {
                 let corners = piece.facet(0, key);
@@ -490,23 +490,23 @@ impl<'a> Measure<'a> {
             let points = self.seen_at(piece, placement, time, at_key, precisely);
             <[Vec3; LATTICE]>::try_from(points.p_cam).ok()
         };
-        match self.at_ends(placement, settings, at) {
+        match self.at_ends((piece, placement), settings, at) {
             [Some(points), moved] => self.line(&points, moved.as_ref(), settings).max(1.0),
             [None, _] => 1.0,
         }
     }
 
-    /// Something when the shutter opens and, where that matters, when it closes: not for what does not move, seen from the
-    /// camera.
+    /// Something when the shutter opens, or when the piece is to be measured, and, where that matters, when it closes: not for
+    /// what does not move, seen from the camera.
     fn at_ends<T>(
         &self,
-        placement: &Placement,
+        (piece, placement): (&dyn Surface, &Placement),
         settings: &DiceSettings,
         at: impl Fn(f32) -> Option<T>,
     ) -> [Option<T>; 2] {
         let times = placement.times();
         let moves = settings.motionfactor > 0.0 && times.len() > 1;
-        [at(times[0]), moves.then(|| at(times[times.len() - 1])).flatten()]
+        [at(measuring_time(piece, placement)), moves.then(|| at(times[times.len() - 1])).flatten()]
     }
 
     /// Camera space positions of the measuring lattice at a time; `None` when the piece has none.
@@ -725,6 +725,13 @@ impl<'a> Measure<'a> {
         let distance = if perspective { ((a + b) * 0.5).length().max(near) } else { 1.0 };
         (b - a).length() * self.pixels / distance
     }
+}
+
+/// When a piece is measured: as the shutter opens, unless its shape is far smaller then than at another time.
+fn measuring_time(piece: &dyn Surface, placement: &Placement) -> f32 {
+    let times = placement.times();
+    let (first, last) = (times[0], times[times.len() - 1]);
+    piece.measured_key().map_or(first, |key| piece.key_times()[key].clamp(first, last))
 }
 
 /// What a line asks for, to be rounded up later, so that straight ones get about the nearest number: points are about a pixel apart, not

@@ -319,7 +319,9 @@ fn patches_always_end_at_creases() {
             &Placement::new(&MotionTransform::default(), &[0.0], &[], [0.0; 2]),
             &[0.0],
         );
-        let ridge = leaves.iter().any(|leaf| leaf.dice(&viewer).p[0].contains(&Vec3::new(0.33, 0.0, 0.37)));
+        let ridge = leaves
+            .iter()
+            .any(|leaf| leaf.rates.dice(&*leaf.piece, &viewer).p[0].contains(&Vec3::new(0.33, 0.0, 0.37)));
         assert!(ridge && leaves.len() == 2, "{} leaves", leaves.len());
     }
 }
@@ -357,7 +359,7 @@ fn open_edges(rig: &Rig, leaves: &[Leaf]) -> Vec<[Vec3; 2]> {
     // By their ends in order: how often forward and backward.
     let mut edges: BTreeMap<[[u32; 3]; 2], i32> = BTreeMap::new();
     for leaf in leaves {
-        let dice = leaf.dice(&viewer);
+        let dice = leaf.rates.dice(&*leaf.piece, &viewer);
         let (nu, nv) = (dice.nu, dice.nv);
         let around = (0..nu)
             .chain((1..nv).map(|j| j * nu + nu - 1))

@@ -5,6 +5,7 @@
 //! they touch were made, and made again when a tile is asked for once more.
 
 use super::{Frame, FrameOptions, FrameShader, Jobs};
+use crate::bucket::BucketOrder;
 use crate::output::OutputSet;
 use crate::{CameraView, PixelRect, Silent};
 use granita_base::Reporter;
@@ -70,7 +71,7 @@ impl<O: Send + Sync> OnDemand<O> {
             spread: &crate::spread::Spread::Alone,
             priority: None,
         };
-        let size = ([self.tile; 2], "horizontal");
+        let size = ([self.tile; 2], BucketOrder::plain("horizontal"));
         let frame =
             Frame { again: true, ..Frame::new(around.scene, around.shader, options, &self.outputs, size) };
         let jobs = self.jobs.get_or_init(|| frame.jobs(around.scene, around.threads));

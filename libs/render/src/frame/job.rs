@@ -25,6 +25,12 @@ pub(super) struct Job<O> {
     /// Where each eye may see it.
     pub(super) seen: Box<[Sighting]>,
     pub(super) culls_hidden: bool,
+    /// When it is split, diced and shaded.
+    pub(super) time: f32,
+    /// Further times at which its grids are shaded, since primitive variables change over the shutter.
+    pub(super) later: Vec<f32>,
+    /// The part of the shutter in which it exists, where that is not all of it.
+    pub(super) existence: Option<[f32; 2]>,
     budget: Budget,
     /// Until it is split.
     pieces: Mutex<Vec<Piece>>,
@@ -165,8 +171,21 @@ const LEAST_BLUR_PX: f32 = 0.01;
 
 impl<S: FrameShader> Frame<'_, S> {
     /// Builds a primitive for its bound; `None` when there is nothing to see.
-    pub(super) fn job(&self, primitive: &Arc<Primitive>) -> Option<Job<S::Object>> {
+    ///
+    /// `measuring` is the thread that measures displacements, made when the first one is measured.
+    pub(super) fn job<'t>(
+        &'t self,
+        primitive: &Arc<Primitive>,
+        measuring: &mut Option<S::Thread<'t>>,
+    ) -> Option<Job<S::Object>> {
         let attributes = &primitive.attributes;
+        let camera = self.options.camera;
+        let shutter = if self.pattern.blur { camera.shutter } else { [camera.shutter[0]; 2] };
+        let Some(alive) = camera.existence(primitive, shutter) else {
+            add(&self.counters.primitives_off_screen, 1);
+            return None;
+        };
+        let existence = (alive != shutter).then_some(alive);
         let keys: Vec<ShapeKey<'_>> =
             primitive.keys.iter().map(|k| ShapeKey { time: k.time, params: &k.params }).collect();
         let reporter = self.options.reporter;
@@ -198,9 +217,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let shape_times = pieces.first().map_or(&[][..], |p| p.key_times());
         // The eyes move with their camera.
         let cameras = [&self.options.camera.world_to_camera, &self.options.dicing_camera.world_to_camera];
-        let shutter =
-            if self.pattern.blur { self.options.camera.shutter } else { [self.options.camera.shutter[0]; 2] };
-        let mut placement = Placement::new(&attributes.to_world, shape_times, &cameras, shutter);
+        let mut placement = Placement::new(&attributes.to_world, shape_times, &cameras, alive);
         let eyes = self.eyes.iter().map(|eye| eye.camera).chain([self.options.dicing_camera]);
         placement.look_from(eyes, largest_coordinates(pieces.iter().map(|p| &**p)));
         if let Some(what) = self.unplaceable(&pieces, &placement) {
@@ -214,35 +231,48 @@ impl<S: FrameShader> Frame<'_, S> {
                 format!("\"shadingquality\" {quality:e} is more than {MAX_QUALITY}, which is used"),
             );
         }
-        let sighting = |eye: &Eye<'_>| {
-            let (mut bound_px, mut z_min, mut blurs) = (NOWHERE, f32::INFINITY, false);
-            for piece in &pieces {
-                let seen = self.seen(eye, &**piece, &placement, &traits);
-                bound_px = union(bound_px, seen.bound_px);
-                z_min = z_min.min(seen.z_min);
-                blurs |= seen.blurs;
-            }
-            Sighting { rect: pixels_of(bound_px, &self.region), z_min, blurs }
-        };
-        let seen: Box<[Sighting]> = self.eyes.iter().map(sighting).collect();
         self.check_precision(primitive, &pieces, &placement);
-        if seen.iter().all(|s| s.rect.is_empty()) {
-            add(&self.counters.primitives_off_screen, 1);
-            return None;
-        }
-        Some(Job {
+        let later = match granita_geom::variables_move(&keys) && !traits.preshaded {
+            true => later_times(&placement, &keys),
+            false => Vec::new(),
+        };
+        traits.joins &= later.is_empty();
+        let mut job = Job {
+            time: existence.map_or(self.options.dicing_camera.shading_time(), |[from, _]| from),
+            later,
+            existence,
             settings: DiceSettings::new(attributes, &self.dicing, self.options.dicing_camera),
             culls_hidden: attributes.int("cull:occlusion") != 0,
             primitive: primitive.clone(),
             object,
             traits,
             placement,
-            seen,
+            seen: Box::default(),
             budget: Budget::new(self.dicing.most_points()),
-            pieces: Mutex::new(pieces),
+            pieces: Mutex::default(),
             split: OnceLock::new(),
             passed: Mutex::new(Some(Vec::new())),
-        })
+        };
+        if traits.measures {
+            job.traits.max_displacement_world = self.measured_displacement(&job, &pieces, measuring);
+        }
+        let sighting = |eye: &Eye<'_>| {
+            let (mut bound_px, mut z_min, mut blurs) = (NOWHERE, f32::INFINITY, false);
+            for piece in &pieces {
+                let seen = self.seen(eye, &**piece, &job, &self.region);
+                bound_px = union(bound_px, seen.bound_px);
+                z_min = z_min.min(seen.z_min);
+                blurs |= seen.blurs;
+            }
+            Sighting { rect: pixels_of(bound_px, &self.region), z_min, blurs }
+        };
+        job.seen = self.eyes.iter().map(sighting).collect();
+        if job.seen.iter().all(|s| s.rect.is_empty()) {
+            add(&self.counters.primitives_off_screen, 1);
+            return None;
+        }
+        job.pieces = Mutex::new(pieces);
+        Some(job)
     }
 
     /// Says when an object lies so far from the origin that the numbers of its points leave gaps which can be seen.
@@ -377,28 +407,15 @@ impl<S: FrameShader> Frame<'_, S> {
 
     /// Looks at a piece; appends its parts, itself as a leaf, or nothing where nothing is to be seen.
     fn step(&self, job: &Job<S::Object>, piece: Piece, depth: u32, out: &mut Vec<Node>) {
-        let sighting = |eye: &Eye<'_>| {
-            let seen = self.seen(eye, &*piece, &job.placement, &job.traits);
-            let rect = pixels_of(seen.bound_px, &self.region);
-            Sighting { rect, z_min: seen.z_min, blurs: seen.blurs }
-        };
         if job.budget.is_spent() {
             return;
         }
-        let seen: Box<[Sighting]> = self.eyes.iter().map(sighting).collect();
+        let seen = self.sightings(job, &*piece, &self.region);
         if seen.iter().all(|s| s.rect.is_empty()) {
             add(&self.counters.pieces_culled, 1);
             return;
         }
-        let plan = match piece.lattice() {
-            Some([nu, nv]) if nu * nv <= preshaded::MOST_POINTS => {
-                Plan::Dice(Rates { nu, nv, ..Rates::default() })
-            }
-            Some([nu, nv]) if nu > nv => Plan::Split(SplitDirection::U, [None; 4]),
-            Some(_) => Plan::Split(SplitDirection::V, [None; 4]),
-            None => self.measure.plan(&*piece, &job.placement, &job.settings, depth),
-        };
-        match plan {
+        match self.plan(job, &*piece, depth) {
             Plan::Split(direction, settled) => {
                 // Groups are as many as the scene has parts.
                 job.budget.spend(if piece.is_group() { 0 } else { POINTS_OF_A_SPLIT });
@@ -412,6 +429,32 @@ impl<S: FrameShader> Frame<'_, S> {
         }
     }
 
+    /// Where each eye may see a piece in the pixels of `region`.
+    pub(super) fn sightings(
+        &self,
+        job: &Job<S::Object>,
+        piece: &dyn Surface,
+        region: &PixelRect,
+    ) -> Box<[Sighting]> {
+        let sighting = |eye: &Eye<'_>| {
+            let seen = self.seen(eye, piece, job, region);
+            Sighting { rect: pixels_of(seen.bound_px, region), z_min: seen.z_min, blurs: seen.blurs }
+        };
+        self.eyes.iter().map(sighting).collect()
+    }
+
+    /// Whether a piece that `depth` splits led to is diced, or how it is split.
+    pub(super) fn plan(&self, job: &Job<S::Object>, piece: &dyn Surface, depth: u32) -> Plan {
+        match piece.lattice() {
+            Some([nu, nv]) if nu * nv <= preshaded::MOST_POINTS => {
+                Plan::Dice(Rates { nu, nv, ..Rates::default() })
+            }
+            Some([nu, nv]) if nu > nv => Plan::Split(SplitDirection::U, [None; 4]),
+            Some(_) => Plan::Split(SplitDirection::V, [None; 4]),
+            None => self.measure.plan(piece, &job.placement, &job.settings, depth),
+        }
+    }
+
     /// An eye needs nothing of a primitive in a bucket: one that nobody needs is never split.
     pub(super) fn pass(&self, job: &Job<S::Object>, eye: usize, bucket: u32) {
         if let Some(passed) = &mut *job.passed.lock().unwrap_or_else(PoisonError::into_inner) {
@@ -421,8 +464,10 @@ impl<S: FrameShader> Frame<'_, S> {
         self.split(job).release(eye, bucket);
     }
 
-    /// Bounds a piece as an eye sees it over the whole shutter and lens, displacement included.
-    fn seen(&self, eye: &Eye<'_>, piece: &dyn Surface, placement: &Placement, traits: &ObjectTraits) -> Seen {
+    /// Bounds a piece as an eye sees it over the whole shutter and lens, displacement included; what lies beyond the
+    /// pixels of `region` may be left out.
+    fn seen(&self, eye: &Eye<'_>, piece: &dyn Surface, job: &Job<S::Object>, region: &PixelRect) -> Seen {
+        let (placement, traits) = (&job.placement, &job.traits);
         let world_to_camera = &eye.camera.world_to_camera;
         let mut boxes: Vec<Bound> = Vec::with_capacity(placement.times().len());
         for &time in placement.times() {
@@ -437,7 +482,7 @@ impl<S: FrameShader> Frame<'_, S> {
         }
         let mut hull = boxes.iter().copied().fold(Bound::EMPTY, Bound::union);
         if self.is_loose(eye, piece, placement, &hull) {
-            match self.precise_boxes(eye, piece, placement, traits) {
+            match self.precise_boxes(eye, piece, job, region) {
                 Some(precise) => boxes = precise,
                 None => return Seen { bound_px: NOWHERE, z_min: f32::INFINITY, blurs: false },
             }
@@ -454,7 +499,7 @@ impl<S: FrameShader> Frame<'_, S> {
         };
         // What faces the camera is bounded by how wide it is, however little of it a piece covers: of what is larger than the
         // picture the bound must shrink with the pieces.
-        let [width, height] = [self.region.width() as f32, self.region.height() as f32];
+        let [width, height] = [region.width() as f32, region.height() as f32];
         let wide = piece
             .raster_width()
             .max(bound_px[2] - bound_px[0] - width)
@@ -480,27 +525,23 @@ impl<S: FrameShader> Frame<'_, S> {
             if hull.is_finite() && !hull.is_empty() {
                 let [x0, y0, x1, y1] = eye.projector.raster_box(&hull);
                 let bound_px = [x0 - 0.3, y0 - 0.3, x1 + 0.3, y1 + 0.3];
-                let blurs = self.blurs(eye, piece, placement, traits, &hull);
+                let blurs = self.blurs(eye, piece, job, &hull);
                 return Seen { bound_px, z_min: hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6, blurs };
             }
         }
         // A little room for rounding, for widened rims, and for widths given in pixels.
         let room = 0.3 + piece.raster_width() * 0.5;
         let bound_px = [bound_px[0] - room, bound_px[1] - room, bound_px[2] + room, bound_px[3] + room];
-        let blurs = self.blurs(eye, piece, placement, traits, &hull);
+        let blurs = self.blurs(eye, piece, job, &hull);
         Seen { bound_px, z_min: hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6, blurs }
     }
 
     /// Whether a piece inside of `hull` (camera space, over the whole shutter) may be blurred.
-    fn blurs(
-        &self,
-        eye: &Eye<'_>,
-        piece: &dyn Surface,
-        placement: &Placement,
-        traits: &ObjectTraits,
-        hull: &Bound,
-    ) -> bool {
-        let camera = eye.camera;
+    fn blurs(&self, eye: &Eye<'_>, piece: &dyn Surface, job: &Job<S::Object>, hull: &Bound) -> bool {
+        let (camera, placement) = (eye.camera, &job.placement);
+        if job.existence.is_some() || !job.later.is_empty() {
+            return true;
+        }
         let moves = placement.times().len() > 1;
         if !moves && !self.pattern.defocus {
             return false;
@@ -520,7 +561,7 @@ impl<S: FrameShader> Frame<'_, S> {
         if moves {
             // Of points that deform or are displaced a box says nothing, nor does one that is rounded.
             if piece.key_times().len() > 1
-                || traits.displaces
+                || job.traits.displaces
                 || self.is_coarse(camera, piece, placement, hull.min.z)
             {
                 return true;
@@ -569,6 +610,13 @@ impl<S: FrameShader> Frame<'_, S> {
         let b = at(next);
         Bound { min: a.min.lerp(b.min, alpha), max: a.max.lerp(b.max, alpha) }
     }
+}
+
+/// The times after the first one between which the primitive variables of a primitive change linearly.
+fn later_times(placement: &Placement, keys: &[ShapeKey<'_>]) -> Vec<f32> {
+    let [first, .., last] = *placement.times() else { return Vec::new() };
+    let inner = keys.iter().map(|key| key.time).filter(|t| (first..last).contains(t) && *t > first);
+    inner.chain([last]).collect()
 }
 
 /// The box around two raster boxes.

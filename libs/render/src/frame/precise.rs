@@ -2,13 +2,13 @@
 //!
 //! Their positions go from object to camera space in double precision; what shaders see is rounded once.
 
-use super::job::{Job, LeafSlot};
-use super::{Eye, Frame, FrameShader, ObjectTraits, Sighting};
-use crate::CameraView;
+use super::job::Job;
+use super::{Eye, Frame, FrameShader, Sighting};
 use crate::dicing::{
-    GridView, Leaf, Placement, Viewpoint, key_at, largest_coordinates, pixels_at, precise_point, shows,
+    GridView, Placement, Rates, Viewpoint, key_at, largest_coordinates, pixels_at, precise_point, shows,
 };
 use crate::object::longest_axis;
+use crate::{CameraView, PixelRect};
 use granita_base::{Bound, DMat4, DVec3, Vec3};
 use granita_geom::Surface;
 use granita_shade::Grid;
@@ -53,14 +53,15 @@ impl<S: FrameShader> Frame<'_, S> {
     }
 
     /// The boxes (camera space) around a piece at the times of its placement, displacement included, computed in double
-    /// precision from the vertices of its hull; `None` where the hull lies beyond one side of the view.
+    /// precision from the vertices of its hull; `None` where the hull lies beyond one side of the view of `region`.
     pub(super) fn precise_boxes(
         &self,
         eye: &Eye<'_>,
         piece: &dyn Surface,
-        placement: &Placement,
-        traits: &ObjectTraits,
+        job: &Job<S::Object>,
+        region: &PixelRect,
     ) -> Option<Vec<Bound>> {
+        let (placement, traits) = (&job.placement, &job.traits);
         let (mut boxes, mut all) = (Vec::with_capacity(placement.times().len()), Vec::new());
         let (mut hull, mut next_hull) = (Vec::new(), Vec::new());
         let mut pad = 0.0_f32;
@@ -86,20 +87,26 @@ impl<S: FrameShader> Frame<'_, S> {
             boxes.push(Bound { min: low - room - radius, max: high + room + radius });
         }
         let room_px = 1.0 + f64::from(piece.raster_width());
-        let beyond = eye.projector.is_beyond(all.iter().copied(), f64::from(pad), &self.region, room_px);
+        let beyond = eye.projector.is_beyond(all.iter().copied(), f64::from(pad), region, room_px);
         (!beyond).then_some(boxes)
     }
 
-    /// The positions of a leaf in double precision where an eye sees the difference.
-    pub(super) fn precise(&self, job: &Job<S::Object>, slot: &LeafSlot, leaf: &Leaf) -> Option<Precise> {
+    /// The positions of a piece in double precision where an eye sees the difference.
+    pub(super) fn precise(
+        &self,
+        job: &Job<S::Object>,
+        seen: &[Sighting],
+        piece: &dyn Surface,
+        rates: &Rates,
+    ) -> Option<Precise> {
         let shows = |(eye, seen): (&Eye<'_>, &Sighting)| {
-            self.is_coarse(eye.camera, &*leaf.piece, &job.placement, seen.z_min)
+            self.is_coarse(eye.camera, piece, &job.placement, seen.z_min)
         };
-        if !self.eyes.iter().zip(&slot.seen).any(shows) {
+        if !self.eyes.iter().zip(seen).any(shows) {
             return None;
         }
-        let key_times = leaf.piece.key_times().to_vec();
-        let of_key = |key| leaf.piece.precise_between(key, leaf.rates.nu, leaf.rates.nv, &leaf.rates.sides);
+        let key_times = piece.key_times().to_vec();
+        let of_key = |key| piece.precise_between(key, rates.nu, rates.nv, &rates.sides);
         let p_object = (0..key_times.len()).map(of_key).collect::<Option<Vec<_>>>()?;
         Some(Precise { key_times, p_object })
     }

@@ -5,14 +5,14 @@ use super::job::{Job, LeafSlot, Sighting};
 use super::precise::Precise;
 use super::{Eye, Frame, FrameShader, Holdout};
 use crate::Projection;
-use crate::dicing::{GridView, Leaf, Viewer, Viewpoint, key_at, make_grid};
+use crate::dicing::{GridView, Leaf, Rates, Viewer, Viewpoint, key_at, make_grid};
 use crate::finite;
 use crate::griddump::is_identity;
-use crate::hider::{ShadedGrid, ViewedGrid};
+use crate::hider::{Shade, ShadedGrid, ViewedGrid};
 use crate::preshaded::GridTraits;
 use crate::statistics::{add, add_time};
 use granita_base::{Color, Severity, Vec3};
-use granita_geom::Dice;
+use granita_geom::{Dice, Surface};
 use granita_shade::{Grid, Lanes3, RayKind};
 use std::ops::Range;
 use std::time::Instant;
@@ -100,13 +100,8 @@ impl<S: FrameShader> Frame<'_, S> {
         }
         let matte = job.traits.holdout == Holdout::Matte;
         let wants_colors = self.outputs.needs_shading || self.options.dump.is_some();
-        let must_shade = !matte && (wants_colors || !job.traits.opaque);
-        let variables = must_shade.then(|| {
-            let wanted = &self.outputs.variables;
-            let mut found = self.shader.shade(thread, &job.object, &mut grid, wanted).into_iter();
-            let one = |ty: usize| (found.next().flatten().filter(|v| v.len() == ty * grid.len()), ty);
-            wanted.iter().map(|(_, ty)| ty.components()).map(one).collect()
-        });
+        let must_shade = !matte && (wants_colors || !job.traits.opaque_in_depth);
+        let variables = must_shade.then(|| self.run_surface(job, &mut grid, thread));
         if must_shade {
             add(&self.counters.grids_shaded, diced.len());
             add(&self.counters.points_shaded, diced.iter().map(|diced| diced.lanes.len()).sum());
@@ -115,36 +110,96 @@ impl<S: FrameShader> Frame<'_, S> {
         }
         let shaded = Shaded { grid: &grid, before: before.as_ref(), variables };
         for diced in diced {
-            let index = diced.index;
-            out[index] = Some(self.finished(job, diced, &shaded));
+            let (index, later) = (
+                diced.index,
+                match must_shade {
+                    true => self.later_shades(job, &diced, thread),
+                    false => Vec::new(),
+                },
+            );
+            out[index] = Some(self.finished(job, diced, &shaded, later));
         }
+    }
+
+    /// Runs the surface shaders on a grid; the wanted variables.
+    fn run_surface(
+        &self,
+        job: &Job<S::Object>,
+        grid: &mut Grid,
+        thread: &mut S::Thread<'_>,
+    ) -> Vec<(Option<Vec<f32>>, usize)> {
+        let wanted = &self.outputs.variables;
+        let mut found = self.shader.shade(thread, &job.object, grid, wanted).into_iter();
+        let n = grid.len();
+        let one = |ty: usize| (found.next().flatten().filter(|v| v.len() == ty * n), ty);
+        wanted.iter().map(|(_, ty)| ty.components()).map(one).collect()
+    }
+
+    /// A leaf as it is shaded at the later times of its primitive, whose variables change: with them, and where it is then.
+    /// What its shaders print and save, they did the first time.
+    fn later_shades(
+        &self,
+        job: &Job<S::Object>,
+        diced: &Diced<'_>,
+        thread: &mut S::Thread<'_>,
+    ) -> Vec<Shade> {
+        let (piece, rates) = (&*diced.leaf.piece, &*diced.leaf.rates);
+        self.shader.mute(thread, true);
+        let mut shades = Vec::with_capacity(job.later.len());
+        for &time in &job.later {
+            let Some((_, mut grid, _)) = self.grid(job, &diced.slot.seen, (piece, rates), time) else {
+                break;
+            };
+            if job.traits.displaces {
+                self.shader.displace(thread, &job.object, &mut grid);
+            }
+            let variables = self.run_surface(job, &mut grid, thread);
+            let lanes = 0..grid.len();
+            let shaded = Shaded { grid: &grid, before: None, variables: Some(variables) };
+            shades.push(Shade { time, ..self.shade_of(job, &shaded, &lanes) });
+        }
+        self.shader.mute(thread, false);
+        shades
+    }
+
+    /// Colours, opacities and variables of some points of what was shaded.
+    fn shade_of(&self, job: &Job<S::Object>, shaded: &Shaded<'_>, lanes: &Range<usize>) -> Shade {
+        let mut shade = Shade::default();
+        let Some(found) = &shaded.variables else { return shade };
+        let n = shaded.grid.len();
+        shade.color = self.colors(&shaded.grid.c, lanes, job, "colour");
+        shade.opacity = self.colors(&shaded.grid.opacity, lanes, job, "opacity");
+        // More than all of what is behind cannot be hidden, nor less than nothing.
+        shade.opacity.iter_mut().for_each(|o| *o = o.clamp(Color::ZERO, Color::ONE));
+        let variables = &mut shade.variables;
+        for (values, components) in found {
+            match values {
+                Some(values) => {
+                    values.chunks_exact(n).for_each(|c| variables.extend_from_slice(&c[lanes.clone()]));
+                    let own = variables.len() - components * lanes.len();
+                    if !finite::all_usable(&variables[own..]) {
+                        self.report_unusable("variable", job);
+                        let unusable = |v: &&mut f32| !finite::all_usable(&[**v]);
+                        variables[own..].iter_mut().filter(unusable).for_each(|v| *v = 0.0);
+                    }
+                }
+                // A shader without the variable shows 0 (reference 7.3.6).
+                None => variables.resize(variables.len() + components * lanes.len(), 0.0),
+            }
+        }
+        shade
     }
 
     /// Dices leaves, but those that are known to be unseen; a grid of each.
     fn dice<'l>(&self, job: &Job<S::Object>, leaves: &[(&'l LeafSlot, &'l Leaf)]) -> Vec<(Diced<'l>, Grid)> {
-        let (primitive, placement) = (&*job.primitive, &job.placement);
-        let dicing_camera = self.options.dicing_camera;
-        let view = GridView {
-            viewpoint: match dicing_camera.projection {
-                Projection::Perspective { .. } => Viewpoint::From(dicing_camera.position_world()),
-                Projection::Orthographic => Viewpoint::Along(dicing_camera.direction_world()),
-            },
-            time: dicing_camera.shading_time(),
-            dtime: self.options.camera.shutter[1] - self.options.camera.shutter[0],
-            ray: RayKind::default(),
-        };
         let mut all = Vec::with_capacity(leaves.len());
         for (index, &(slot, leaf)) in leaves.iter().enumerate() {
-            let key_times = leaf.piece.key_times();
-            let dice = leaf.dice(&Viewer::new(dicing_camera, placement, key_times));
-            if dice.nu < 2 || dice.nv < 2 || dice.p.is_empty() {
+            let Some((dice, grid, precise)) =
+                self.grid(job, &slot.seen, (&*leaf.piece, &leaf.rates), job.time)
+            else {
                 continue;
-            }
-            let mut grid = make_grid(&dice, key_times, primitive, placement, &view);
-            let precise = self.precise(job, slot, leaf);
-            if let Some(precise) = &precise {
-                precise.place(&mut grid, job, &view, dicing_camera);
-            }
+            };
+            let key_times = leaf.piece.key_times();
             let mut one =
                 Diced { index, slot, leaf, dice, key_times, lanes: 0..grid.len(), kept: None, precise };
             // What is displaced is looked at when it is where it will be.
@@ -155,35 +210,51 @@ impl<S: FrameShader> Frame<'_, S> {
         all
     }
 
+    /// The grid of a piece at a time before it is displaced, seen by each eye as `seen` says; `None` for one without an
+    /// area.
+    pub(super) fn grid(
+        &self,
+        job: &Job<S::Object>,
+        seen: &[Sighting],
+        (piece, rates): (&dyn Surface, &Rates),
+        time: f32,
+    ) -> Option<(Dice, Grid, Option<Precise>)> {
+        let (primitive, placement) = (&*job.primitive, &job.placement);
+        let dicing_camera = self.options.dicing_camera;
+        let view = GridView {
+            viewpoint: match dicing_camera.projection {
+                Projection::Perspective { .. } => Viewpoint::From(dicing_camera.position_world()),
+                Projection::Orthographic => Viewpoint::Along(dicing_camera.direction_world()),
+            },
+            time,
+            dtime: self.options.camera.shutter[1] - self.options.camera.shutter[0],
+            ray: RayKind::default(),
+        };
+        let key_times = piece.key_times();
+        let dice = rates.dice(piece, &Viewer::new(dicing_camera, placement, key_times));
+        if dice.nu < 2 || dice.nv < 2 || dice.p.is_empty() {
+            return None;
+        }
+        let mut grid = make_grid(&dice, key_times, primitive, placement, &view);
+        let precise = self.precise(job, seen, piece, rates);
+        if let Some(precise) = &precise {
+            precise.place(&mut grid, job, &view, dicing_camera);
+        }
+        Some((dice, grid, precise))
+    }
+
     /// A leaf of what was shaded, ready to be hidden.
-    fn finished(&self, job: &Job<S::Object>, diced: Diced<'_>, shaded: &Shaded<'_>) -> ShadedGrid {
-        let (n, lanes) = (shaded.grid.len(), &diced.lanes);
-        let (mut color, mut opacity, mut variables) = (Vec::new(), Vec::new(), Vec::new());
-        if let Some(found) = &shaded.variables {
-            color = self.colors(&shaded.grid.c, lanes, job, "colour");
-            opacity = self.colors(&shaded.grid.opacity, lanes, job, "opacity");
-            // More than all of what is behind cannot be hidden, nor less than nothing.
-            opacity.iter_mut().for_each(|o| *o = o.clamp(Color::ZERO, Color::ONE));
-            for (values, components) in found {
-                match values {
-                    Some(values) => {
-                        values.chunks_exact(n).for_each(|c| variables.extend_from_slice(&c[lanes.clone()]));
-                        let own = variables.len() - components * lanes.len();
-                        if !finite::all_usable(&variables[own..]) {
-                            self.report_unusable("variable", job);
-                            let unusable = |v: &&mut f32| !finite::all_usable(&[**v]);
-                            variables[own..].iter_mut().filter(unusable).for_each(|v| *v = 0.0);
-                        }
-                    }
-                    // A shader without the variable shows 0 (reference 7.3.6).
-                    None => variables.resize(variables.len() + components * lanes.len(), 0.0),
-                }
-            }
-        }
-        let opaque = opacity.iter().all(|o| o.cmpge(Color::ONE).all());
-        if opaque {
-            opacity = Vec::new();
-        }
+    fn finished(
+        &self,
+        job: &Job<S::Object>,
+        diced: Diced<'_>,
+        shaded: &Shaded<'_>,
+        later: Vec<Shade>,
+    ) -> ShadedGrid {
+        let lanes = &diced.lanes;
+        let mut shades = vec![Shade { time: shaded.grid.time, ..self.shade_of(job, shaded, lanes) }];
+        shades.extend(later);
+        let opaque = shades.iter().flat_map(|shade| &shade.opacity).all(|o| o.cmpge(Color::ONE).all());
         let primitive = &job.primitive;
         // A grid that comes shaded may bring along what the hider knew of it.
         let given = match diced.leaf.piece.lattice() {
@@ -194,22 +265,29 @@ impl<S: FrameShader> Frame<'_, S> {
         let views = self.views(job, &diced, shaded, rim_px);
         let (nu, nv, per_side) = (diced.dice.nu, diced.dice.nv, diced.per_side());
         if per_side > 1 {
-            for colors in [&mut color, &mut opacity].into_iter().filter(|c| !c.is_empty()) {
-                *colors = finer(colors, nu, per_side);
+            for shade in &mut shades {
+                let (color, opacity, variables) =
+                    (&mut shade.color, &mut shade.opacity, &mut shade.variables);
+                for colors in [color, opacity].into_iter().filter(|c| !c.is_empty()) {
+                    *colors = finer(colors, nu, per_side);
+                }
+                *variables = variables
+                    .chunks_exact(lanes.len())
+                    .flat_map(|values| finer(values, nu, per_side))
+                    .collect();
             }
-            variables =
-                variables.chunks_exact(lanes.len()).flat_map(|values| finer(values, nu, per_side)).collect();
+        }
+        if opaque {
+            shades.iter_mut().for_each(|shade| shade.opacity = Vec::new());
         }
         let grid = ShadedGrid {
             nu: (nu - 1) * per_side + 1,
             nv: (nv - 1) * per_side + 1,
             primitive: given.primitive.unwrap_or(primitive.id),
             views,
-            color,
-            opacity,
+            shades,
             opaque,
             holdout: job.traits.holdout,
-            variables,
             kept: diced.kept.map_or_else(Vec::new, |cells| cells.kept),
             sides: given.sides,
         };
@@ -255,7 +333,7 @@ impl<S: FrameShader> Frame<'_, S> {
             let defocus = self.pattern.defocus && seen.blurs;
             let nu = (nu - 1) * per_side + 1;
             let grid = ViewedGrid::new(eye.camera, nu, times[..keys].to_vec(), p_cam, defocus);
-            ViewedGrid { rect: seen.rect, z_min: seen.z_min, rim_px, ..grid }
+            ViewedGrid { rect: seen.rect, z_min: seen.z_min, rim_px, existence: job.existence, ..grid }
         };
         self.eyes.iter().zip(&diced.slot.seen).map(view).collect()
     }
@@ -307,9 +385,14 @@ impl<S: FrameShader> Frame<'_, S> {
                 &format!("displacement bound {name}"),
                 Severity::Warning,
                 &job.primitive.at,
-                format!(
-                    "object \"{name}\": displaced farther than \"displace:maxradius\" {radius}; it is cut off"
-                ),
+                match job.traits.measures {
+                    true => format!(
+                        "object \"{name}\": displaced into the image from beyond its border; it is cut off there without \"displace:maxradius\""
+                    ),
+                    false => format!(
+                        "object \"{name}\": displaced farther than \"displace:maxradius\" {radius}; it is cut off"
+                    ),
+                },
             );
         }
     }

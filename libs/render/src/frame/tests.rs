@@ -1,9 +1,11 @@
 //! Whole frames with shaders that are Rust functions: geometry, sampling, filtering, determinism.
 
 mod cracks;
+mod displaced;
 mod endless;
 mod extremes;
 mod huge;
+mod motion;
 mod passes;
 mod seams;
 mod stereo;
@@ -57,6 +59,8 @@ impl<F: Fn(&mut Grid) + Sync> FrameShader for Painted<F> {
         let attributes = &primitive.attributes;
         Arc::new(ObjectTraits {
             opaque: attributes.floats("opacity")[..] == [1.0; 3],
+            opaque_in_depth: attributes.floats("opacity")[..] == [1.0; 3]
+                || attributes.int("ray:opaqueshadows") != 0,
             holdout: match attributes.int("holdout") {
                 0 => Holdout::None,
                 1 => Holdout::Matte,
@@ -64,6 +68,7 @@ impl<F: Fn(&mut Grid) + Sync> FrameShader for Painted<F> {
             },
             displaces: self.displace.is_some(),
             max_displacement_world: attributes.float("displace:maxradius"),
+            measures: self.displace.is_some() && attributes.float("displace:maxradius") == 0.0,
             preshaded: false,
             joins: false,
             saves: false,

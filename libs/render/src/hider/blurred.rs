@@ -415,6 +415,10 @@ impl Raster<'_> {
             slack(2, signs[1]).min(slack(3, signs[1])).min(d * signs[1]),
         ];
         let far_enough = view.near.max(view.z_min);
+        let mut alive = first_lanes(used);
+        if let Some([from, to]) = view.existence {
+            alive &= machine.not_negative(time - from) & machine.not_negative(-(time - to));
+        }
         let (mut inside, mut found) = ([0; 2], [0; 2]);
         let mut places = [(zero, zero, zero); 2];
         for (second, corner, e) in [(false, [0, 1, 2], [e[0], e[1], -d]), (true, [0, 2, 3], [d, e[2], e[3]])]
@@ -424,7 +428,7 @@ impl Raster<'_> {
             let size = sum * signs[t];
             // Neither 0 nor infinite.
             let valid = machine.positive(size) & machine.positive(Lanes::splat(f32::INFINITY) - size);
-            found[t] = machine.not_negative(slacks[t]) & valid & first_lanes(used);
+            found[t] = machine.not_negative(slacks[t]) & valid & alive;
             if found[t] == 0 {
                 continue;
             }

@@ -63,7 +63,7 @@ pub(super) fn resolve(surfaces: &Surfaces<'_>, wanted: &Wanted) -> Vec<f32> {
             continue;
         }
         sample.fill(0.0);
-        blend(surfaces, wanted, &layers, &mut sample);
+        blend(surfaces, (wanted, s), &layers, &mut sample);
         if wanted.depths {
             let [z, second] = surfaces.depths.get(s).copied().unwrap_or([f32::INFINITY; 2]);
             // Half way between infinity and anything is infinity: a single surface is none (reference 10.1.2).
@@ -135,7 +135,10 @@ pub(super) fn volumes(
                 }
                 let behind = match grid.opaque || grid.holdout != Holdout::None {
                     true => Color::ZERO,
-                    false => through * (Color::ONE - grid.opacity_at(fragment.at, fragment.u, fragment.v)),
+                    false => {
+                        let (place, time) = ([fragment.u, fragment.v], surfaces.time_for(grid, s));
+                        through * (Color::ONE - grid.opacity_at(fragment.at, place, time))
+                    }
                 };
                 if (Color::ONE - behind).cmpge(settings.opacity_threshold).all() {
                     opaque = fragment.z;
@@ -151,8 +154,13 @@ pub(super) fn volumes(
     out
 }
 
-/// Composites the layers of one sample, nearest first. Colours are premultiplied by their opacity.
-fn blend(surfaces: &Surfaces<'_>, wanted: &Wanted, layers: &[Fragment], sample: &mut [f32]) {
+/// Composites the layers of a sample, of this number, nearest first. Colours are premultiplied by their opacity.
+fn blend(
+    surfaces: &Surfaces<'_>,
+    (wanted, number): (&Wanted, usize),
+    layers: &[Fragment],
+    sample: &mut [f32],
+) {
     let settings = &surfaces.settings;
     let mut through = Color::ONE;
     let mut count = 0;
@@ -163,15 +171,16 @@ fn blend(surfaces: &Surfaces<'_>, wanted: &Wanted, layers: &[Fragment], sample: 
             continue;
         }
         count += 1;
-        let (at, u, v) = (fragment.at, fragment.u, fragment.v);
+        let (at, place) = (fragment.at, [fragment.u, fragment.v]);
+        let time = surfaces.time_for(grid, number);
         let matte = grid.holdout == Holdout::Matte;
         let opacity = match (matte, grid.opaque) {
             (true, _) => Color::ZERO,
             (_, true) => Color::ONE,
-            _ => grid.opacity_at(at, u, v),
+            _ => grid.opacity_at(at, place, time),
         };
         if !matte {
-            let color = grid.color_at(at, u, v) * through;
+            let color = grid.color_at(at, place, time) * through;
             let alpha = opacity * through;
             for c in 0..3 {
                 sample[c] += color[c];
@@ -180,7 +189,7 @@ fn blend(surfaces: &Surfaces<'_>, wanted: &Wanted, layers: &[Fragment], sample: 
             for (k, variable) in wanted.variables.iter().enumerate() {
                 let first = wanted.variable_channel(k);
                 for c in 0..variable.width {
-                    let value = grid.variable_at(variable.offset + c, at, u, v);
+                    let value = grid.variable_at(variable.offset + c, at, place, time);
                     if variable.is_color {
                         sample[first + c] += value * through[c % 3];
                     } else if !seen {

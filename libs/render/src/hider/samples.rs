@@ -302,6 +302,12 @@ impl SampleGrid {
         if self.times.is_empty() { 1 } else { self.per_pixel }
     }
 
+    /// The time of a sample.
+    pub(crate) fn time(&self, sample: usize) -> f32 {
+        let (pixel, k) = (sample / self.per_pixel, sample % self.per_pixel);
+        self.times.get(pixel).map_or(self.shutter[0], |first| self.tables.time[*first as usize + k])
+    }
+
     /// The time at which a part begins, or at which the last one ends.
     pub(crate) fn stratum_time(&self, stratum: usize) -> f32 {
         let [open, close] = self.shutter;

@@ -32,12 +32,13 @@ pub(crate) struct Projector {
 impl Projector {
     /// Of a camera; `defocus` when its lens counts.
     pub(crate) fn new(camera: &CameraView, defocus: bool) -> Self {
+        let [near, far] = camera.clip();
         Self {
             scale: camera.raster_scale(1.0),
             center: camera.raster_center(),
             perspective: matches!(camera.projection, Projection::Perspective { .. }),
-            near: camera.near,
-            far: camera.far,
+            near,
+            far,
             lens: camera.lens.filter(|_| defocus),
         }
     }
@@ -135,6 +136,8 @@ pub(crate) struct ViewedGrid {
     pub(crate) boxes: Vec<[f32; 4]>,
     /// How far (pixels) beside the grid samples look for another one on their other side.
     pub(crate) rim_px: f32,
+    /// The times between which it exists; `None` for the whole shutter.
+    pub(crate) existence: Option<[f32; 2]>,
 }
 
 impl ViewedGrid {
@@ -149,6 +152,7 @@ impl ViewedGrid {
     ) -> Self {
         let perspective = matches!(camera.projection, Projection::Perspective { .. });
         let lens = camera.lens.filter(|_| defocus);
+        let [near, far] = camera.clip();
         let mut grid = Self {
             times,
             p_cam,
@@ -156,17 +160,18 @@ impl ViewedGrid {
             scale: camera.raster_scale(1.0),
             center: camera.raster_center(),
             perspective,
-            near: camera.near,
-            far: camera.far,
+            near,
+            far,
             focus: lens.map_or(0.0, |l| l.focal_distance),
             lens_radius: lens.map_or(0.0, |l| l.radius),
             rect: PixelRect::EVERYWHERE,
             z_min: f32::NEG_INFINITY,
             boxes: Vec::new(),
             rim_px: 0.0,
+            existence: None,
         };
         let simple = grid.times.len() == 1 && lens.is_none();
-        if simple && (!perspective || grid.p_cam[0].iter().all(|p| p.z >= camera.near)) {
+        if simple && (!perspective || grid.p_cam[0].iter().all(|p| p.z >= near)) {
             let project = |p: &Vec3| {
                 let q = grid.project(*p);
                 Vec3::new(q.x, q.y, if perspective { 1.0 / p.z } else { p.z })
@@ -247,6 +252,20 @@ pub(crate) fn pixels_of(bound: [f32; 4], within: &PixelRect) -> PixelRect {
     rect.intersection(within)
 }
 
+/// What shading a grid once gave.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Shade {
+    /// The time of the primitive variables.
+    pub(crate) time: f32,
+    /// Colour of each point; empty for black (a matte).
+    pub(crate) color: Vec<Color>,
+    /// Opacity of each point; empty when it is opaque everywhere.
+    pub(crate) opacity: Vec<Color>,
+    /// Wanted variables one after the other, component by component: component `c` of point `i` of a variable
+    /// that begins at `offset` stands at `(offset + c) * nu * nv + i`.
+    pub(crate) variables: Vec<f32>,
+}
+
 /// A grid after displacement and shading, ready to be sampled.
 #[derive(Clone, Debug)]
 pub(crate) struct ShadedGrid {
@@ -258,17 +277,12 @@ pub(crate) struct ShadedGrid {
     pub(crate) primitive: u32,
     /// Where each eye of the camera sees it.
     pub(crate) views: Box<[ViewedGrid]>,
-    /// Colour of each point; empty for black (a matte).
-    pub(crate) color: Vec<Color>,
-    /// Opacity of each point; empty when it is opaque everywhere.
-    pub(crate) opacity: Vec<Color>,
+    /// What was shaded, times increasing: once, or where primitive variables change over the shutter several times.
+    pub(crate) shades: Vec<Shade>,
     /// Whether every point hides what is behind it.
     pub(crate) opaque: bool,
     /// How it treats what is behind it.
     pub(crate) holdout: Holdout,
-    /// Wanted variables one after the other, component by component: component `c` of point `i` of a variable
-    /// that begins at `offset` stands at `(offset + c) * nu * nv + i`.
-    pub(crate) variables: Vec<f32>,
     /// Per micropolygon (u fastest): whether it is there at all; empty when all are.
     pub(crate) kept: Vec<bool>,
     /// Which sides are rims that may be widened: at v = 0, u = 1, v = 1 and u = 0.
@@ -283,14 +297,34 @@ impl ShadedGrid {
         if u >= v { [1.0 - u, u - v, 0.0, v] } else { [1.0 - v, 0.0, v - u, u] }
     }
 
-    /// Opacity at a place.
-    pub(crate) fn opacity_at(&self, at: u32, u: f32, v: f32) -> Color {
-        Self::blend(&self.opacity, self.nu, at as usize, u, v, Color::ONE)
+    /// Opacity at a place and a time.
+    pub(crate) fn opacity_at(&self, at: u32, [u, v]: [f32; 2], time: f32) -> Color {
+        let of = |shade: &Shade| Self::blend(&shade.opacity, self.nu, at as usize, u, v, Color::ONE);
+        self.over_time(time, of, |a, b, alpha| a.lerp(b, alpha))
     }
 
-    /// Colour at a place.
-    pub(crate) fn color_at(&self, at: u32, u: f32, v: f32) -> Color {
-        Self::blend(&self.color, self.nu, at as usize, u, v, Color::ZERO)
+    /// Colour at a place and a time.
+    pub(crate) fn color_at(&self, at: u32, [u, v]: [f32; 2], time: f32) -> Color {
+        let of = |shade: &Shade| Self::blend(&shade.color, self.nu, at as usize, u, v, Color::ZERO);
+        self.over_time(time, of, |a, b, alpha| a.lerp(b, alpha))
+    }
+
+    /// Whether it was shaded at several times.
+    pub(crate) fn varies_over_time(&self) -> bool {
+        self.shades.len() > 1
+    }
+
+    /// A value of the two shades around a time, blended.
+    fn over_time<T>(&self, time: f32, of: impl Fn(&Shade) -> T, blend: impl Fn(T, T, f32) -> T) -> T {
+        let after = match self.varies_over_time() {
+            true => self.shades.partition_point(|shade| shade.time <= time),
+            false => 0,
+        };
+        if after == 0 || after == self.shades.len() {
+            return of(&self.shades[after.saturating_sub(1)]);
+        }
+        let (a, b) = (&self.shades[after - 1], &self.shades[after]);
+        blend(of(a), of(b), (time - a.time) / (b.time - a.time))
     }
 
     fn blend(values: &[Color], nu: usize, at: usize, u: f32, v: f32, default: Color) -> Color {
@@ -306,10 +340,15 @@ impl ShadedGrid {
         a * w[0] + b * w[1] + c * w[2] + d * w[3]
     }
 
-    /// A component of a variable at a place.
-    pub(crate) fn variable_at(&self, component: usize, at: u32, u: f32, v: f32) -> f32 {
+    /// A component of a variable at a place and a time.
+    pub(crate) fn variable_at(&self, component: usize, at: u32, place: [f32; 2], time: f32) -> f32 {
+        let of = |shade: &Shade| self.variable_of(shade, component, at, place);
+        self.over_time(time, of, |a, b, alpha| a * (1.0 - alpha) + b * alpha)
+    }
+
+    fn variable_of(&self, shade: &Shade, component: usize, at: u32, [u, v]: [f32; 2]) -> f32 {
         let n = self.nu * self.nv;
-        let Some(values) = self.variables.get(component * n..(component + 1) * n) else { return 0.0 };
+        let Some(values) = shade.variables.get(component * n..(component + 1) * n) else { return 0.0 };
         let at = at as usize;
         let w = Self::weights(u, v);
         let corners = [values[at], values[at + 1], values[at + self.nu], values[at + self.nu + 1]];

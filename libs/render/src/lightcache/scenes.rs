@@ -133,6 +133,29 @@ fn a_dome_blocks_all_and_falls_off_as_the_modes_say() {
 }
 
 #[test]
+fn occlusion_is_a_portion_of_rays_and_indirect_light_what_a_facing_light_would_be() {
+    // A disc above that is seen within 45 degrees of the axis: half of the rays that are spread by the cosine, and 1 - cos 45 degrees of the
+    // solid angle.
+    let blocked = |distribution: &str| {
+        let options = format!(", \"samples\", 4096, \"adaptive\", 0, \"maxerror\", 0{distribution}");
+        let mut f = Fixture::new(&[CONSTANT, &occlusion(&options)]);
+        let asked = floor(&mut f);
+        disc(&mut f, 1.0, 1.0, 1.0);
+        run(&f, &asked, flat_grid(&[[0.0, 0.0]])).grid.c.get(0).x
+    };
+    assert!((blocked("") - 0.5).abs() < 0.01);
+    assert!((blocked(", \"distribution\", \"cosine\"") - 0.5).abs() < 0.01);
+    assert!((blocked(", \"distribution\", \"uniform\"") - (1.0 - 0.5_f32.sqrt())).abs() < 0.01);
+    // A sky of 1 all around is a light of colour 1.
+    let mut f = Fixture::new(&[CONSTANT, &indirect(", \"samples\", 256")]);
+    let asked = floor(&mut f);
+    let sky = f.attributes("constant", &["walls"], &[]);
+    f.sphere(Vec3::ZERO, 20.0, sky);
+    let light = run(&f, &asked, flat_grid(&[[0.0, 0.0]])).grid.c.get(0);
+    assert!((light - Vec3::ONE).abs().max_element() < 1e-3, "{light}");
+}
+
+#[test]
 fn discs_exchange_light_by_their_form_factor() {
     // Two parallel discs of radii 1 and 1.5, 2 apart: X = 1 + (1 + R2^2) / R1^2 with radii over the distance.
     let (r1, r2) = (0.5_f32, 0.75_f32);
@@ -187,8 +210,8 @@ fn adaptive_sampling_spares_rays_where_they_agree() {
 
 #[test]
 fn objects_say_how_exact_they_are() {
-    let records = |values: &[(&str, f32)], options: &str| {
-        let mut f = Fixture::new(&[CONSTANT, &occlusion(&format!(", \"samples\", 16{options}"))]);
+    let of = |source: &dyn Fn(&str) -> String, values: &[(&str, f32)], options: &str| {
+        let mut f = Fixture::new(&[CONSTANT, &source(&format!(", \"samples\", 16{options}"))]);
         let values: Vec<_> = values
             .iter()
             .map(|(name, v)| match name.starts_with("int") {
@@ -201,6 +224,7 @@ fn objects_say_how_exact_they_are() {
         wall(&mut f, [[60.0, -FAR, 0.0], [60.0, FAR, 0.0], [60.0, FAR, 10.0], [60.0, -FAR, 10.0]], None);
         run(&f, &asked, even(9, 9, [-0.1, -0.1], [0.1, 0.1])).records
     };
+    let records = |values: &[(&str, f32)], options: &str| of(&occlusion, values, options);
     assert_eq!(records(&[], ""), 4);
     assert_eq!(records(&[("float occlusion:maxerror", 0.0)], ""), 81);
     assert_eq!(records(&[("float occlusion:maxerror", 0.0)], ", \"maxerror\", 0.25"), 4);
@@ -210,6 +234,14 @@ fn objects_say_how_exact_they_are() {
     assert!(records(&[("int occlusion:minsamples", 12.0)], "") >= 12);
     // Those of indirect light are others.
     assert_eq!(records(&[("float indirect:maxerror", 0.0)], ""), 4);
+    let light = |values: &[(&str, f32)], options: &str| of(&indirect, values, options);
+    assert_eq!(light(&[], ""), 4);
+    assert_eq!(light(&[("float indirect:maxerror", 0.0)], ""), 81);
+    assert_eq!(light(&[("float indirect:maxerror", 0.0)], ", \"maxerror\", 0.25"), 4);
+    assert_eq!(light(&[("float indirect:maxpixeldist", 0.0)], ""), 81);
+    assert!(light(&[("float indirect:maxpixeldist", 1.0)], "") > 4);
+    assert!(light(&[("int indirect:minsamples", 12.0)], "") >= 12);
+    assert_eq!(light(&[("float occlusion:maxerror", 0.0)], ""), 4);
 }
 
 #[test]

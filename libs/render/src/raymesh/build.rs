@@ -116,8 +116,8 @@ pub(crate) enum Member {
     Solid(Solid),
 }
 
-/// Gets a primitive ready for rays, with motion keys when `motion`. `None` for one without surface, or that cannot be
-/// built (reported).
+/// Gets a primitive ready for rays, with motion keys when `motion`. `None` for one without surface, that does not exist
+/// while the shutter is open, or that cannot be built (reported).
 pub(crate) fn prepare(
     primitive: &Arc<Primitive>,
     object: &Arc<ObjectState>,
@@ -142,10 +142,11 @@ pub(crate) fn prepare(
             return None;
         }
     };
-    let shape_times: Vec<f32> = primitive.keys.iter().map(|k| k.time).collect();
     let shutter = if motion { camera.shutter } else { [camera.shading_time(); 2] };
+    let alive = camera.existence(primitive, shutter)?;
+    let shape_times = pieces.first().map_or(&[][..], |p| p.key_times()).to_vec();
     let still: [&MotionTransform; 0] = [];
-    let mut placement = Placement::new(&attributes.to_world, &shape_times, &still, shutter);
+    let mut placement = Placement::new(&attributes.to_world, &shape_times, &still, alive);
     placement.look_from(std::iter::once(camera), dicing::largest_coordinates(pieces.iter().map(|p| &**p)));
     let displaced = object.displaces_rays();
     let (primitive, object) = (primitive.clone(), object.clone());
@@ -528,6 +529,7 @@ impl<'a> Builder<'a> {
                 primvars: Vec::new(),
                 string_set: Vec::new(),
                 string_keys: Vec::new(),
+                flat_faces: false,
             },
             triangles: TriangleMesh {
                 positions: vec![Vec::new(); times.len()],
@@ -573,6 +575,7 @@ impl<'a> Builder<'a> {
             out.extend(points.iter().enumerate().map(|(i, p)| *p + (grid.p.get(i) - before.get(i))));
         }
         let mesh = &mut self.mesh;
+        mesh.flat_faces |= grid.lift.is_some() && !displaced;
         for i in 0..count {
             mesh.p.push(grid.p.get(i));
             // Lengths of normals mean nothing, but would weigh them in the interpolation.

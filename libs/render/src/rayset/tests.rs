@@ -2,13 +2,14 @@
 
 use super::*;
 use crate::fixture::{Fixture, param, shader};
+use crate::raytrace::Leaving;
 use crate::sampling::{Distribution, in_cone};
 use granita_base::{CurveBasis, MotionTransform, Params, ShapeDesc, Transform, hash};
 use granita_scene::{AttributeSet, Primitive};
 
 fn any(set: &RayScene, thread: &mut ShaderThread<'_>, requests: &[RayRequest]) -> Vec<bool> {
     let rays: Vec<Ray> = requests.iter().map(|r| r.ray).collect();
-    set.any(thread, &rays, &|k| requests[k].widths())
+    set.any(thread, &rays, &|k| requests[k].widths(), &|k| requests[k].leaving)
 }
 
 const BUMPS: &str = "displacement bumps (float size = 0.3) {
@@ -24,7 +25,7 @@ fn point(seed: u32, i: u32) -> Vec3 {
 fn request(origin: Vec3, to: Vec3, width: f32, spread: f32) -> RayRequest {
     let dir = (to - origin).normalize();
     let ray = Ray { origin, tmin: 0.0, dir, tmax: f32::INFINITY, time: 0.0 };
-    RayRequest { lane: 0, name: 0, ray, width, spread }
+    RayRequest { lane: 0, name: 0, ray, leaving: Leaving::default(), width, spread }
 }
 
 fn bumpy(f: &Fixture, radius: f32) -> AttributeSet {

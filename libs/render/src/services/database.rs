@@ -6,6 +6,7 @@ use granita_base::Severity;
 use granita_gsl::ir::ValueType;
 use granita_sdb::{Between, Density, Key, Mode, Packed, PictureOptions, Probe, Schema, Value};
 use granita_shade::{DatabaseKey, DatabaseQuery, DatabaseSave, Lanes3, SubsurfaceQuery};
+use std::sync::Arc;
 
 /// What records of these keys and values are; `None` for values that databases do not hold.
 fn schema_of(key: &DatabaseKey<'_>, value: ValueType) -> Option<Schema> {
@@ -36,13 +37,76 @@ fn probe_of(key: &DatabaseKey<'_>, lane: usize) -> Probe {
     }
 }
 
+/// What one run of a shader over one grid did with a database so far: what its later calls see of it, whoever else runs.
+#[derive(Default)]
+pub(super) struct OwnDatabase {
+    name: String,
+    /// The last mode that a call gave.
+    mode: Option<Mode>,
+    /// What was saved at the points of each rectangle of the grid, by the rectangle's number, and of which kind it is.
+    saved: Vec<(usize, Vec<f32>)>,
+    schema: Option<Schema>,
+    /// The same, to be searched.
+    packed: Vec<(usize, Arc<Packed>)>,
+}
+
+impl OwnDatabase {
+    /// That of a name; made when there is none.
+    fn of<'d>(list: &'d mut Vec<Self>, name: &str) -> &'d mut Self {
+        let at = list.iter().position(|own| own.name == name).unwrap_or_else(|| {
+            list.push(Self { name: name.to_owned(), ..Self::default() });
+            list.len() - 1
+        });
+        &mut list[at]
+    }
+
+    /// Keeps a record that was saved at a point of a rectangle.
+    fn keep(&mut self, rect: usize, schema: Schema, record: &[f32]) {
+        if *self.schema.get_or_insert(schema) != schema {
+            return;
+        }
+        self.packed.clear();
+        match self.saved.iter_mut().find(|saved| saved.0 == rect) {
+            Some(saved) => saved.1.extend_from_slice(record),
+            None => self.saved.push((rect, record.to_vec())),
+        }
+    }
+
+    /// What was saved at the points of a rectangle.
+    fn records(&mut self, rect: usize) -> Option<Arc<Packed>> {
+        if let Some(known) = self.packed.iter().find(|packed| packed.0 == rect) {
+            return Some(known.1.clone());
+        }
+        let saved = self.saved.iter().find(|saved| saved.0 == rect)?;
+        let packed = Arc::new(Packed::new(self.schema?, &saved.1));
+        self.packed.push((rect, packed.clone()));
+        Some(packed)
+    }
+}
+
+/// The mode of a call: that of its option; the one that an earlier call of the run gave; what the attributes say.
+fn mode_of(run: &mut Run<'_, '_>, name: &str, word: &str) -> Mode {
+    let mode = run.frame.database_mode(name, word);
+    if Mode::from_word(word).is_some_and(|given| given != Mode::default()) {
+        OwnDatabase::of(&mut run.databases, name).mode = Some(mode);
+        return mode;
+    }
+    run.databases.iter().find(|own| own.name == name).and_then(|own| own.mode).unwrap_or(mode)
+}
+
+/// The number of the rectangle that a point lies in, of what is asked of all points of the grid.
+fn rect_number(run: &Run<'_, '_>, lanes: usize, lane: usize) -> Option<usize> {
+    (lanes == run.topology.points())
+        .then(|| run.topology.rects().position(|rect| rect.lanes().contains(&lane)))?
+}
+
 /// See [`granita_shade::Services::spatialdb_save`].
-pub(super) fn save(run: &Run<'_, '_>, query: &DatabaseSave<'_>) {
+pub(super) fn save(run: &mut Run<'_, '_>, query: &DatabaseSave<'_>) {
     // Shapes that are made for rays are shaded again where they are seen.
-    let Some(schema) = schema_of(&query.key, query.value_type).filter(|_| !run.thread.builds_rays) else {
+    let Some(schema) = schema_of(&query.key, query.value_type).filter(|_| run.thread.keeps_saved()) else {
         return;
     };
-    let mode = run.frame.database_mode(query.name, query.filemode);
+    let mode = mode_of(run, query.name, query.filemode);
     if mode.readonly {
         return;
     }
@@ -53,9 +117,14 @@ pub(super) fn save(run: &Run<'_, '_>, query: &DatabaseSave<'_>) {
             continue;
         }
         let probe = probe_of(&query.key, lane as usize);
+        let first = records.len();
         records.extend_from_slice(&probe.p[..schema.key.dimensions()]);
         records.extend(probe.n.into_iter().flatten());
         records.extend(query.data.iter().map(|lanes| lanes.get(lane as usize)));
+        let rect = rect_number(run, query.batch.lanes, lane as usize).filter(|_| !mode.writeonly);
+        if let Some(rect) = rect.filter(|_| records[first..].iter().all(|x| x.is_finite())) {
+            OwnDatabase::of(&mut run.databases, query.name).keep(rect, schema, &records[first..]);
+        }
     }
     let size = |x: f32| if x >= 1.0 { x.min(65536.0) as u32 } else { 1 };
     let picture = query.resolution.map(|resolution| PictureOptions {
@@ -74,9 +143,11 @@ pub(super) fn query(
     found: &mut [bool],
 ) {
     let Some(schema) = schema_of(&query.key, query.value_type) else { return };
-    let mode = run.frame.database_mode(query.name, query.filemode);
-    let Some(records) = run.frame.database(query.name, mode) else { return };
-    if !fits(run, query.name, &records, schema) {
+    let mode = mode_of(run, query.name, query.filemode);
+    let before = run.frame.database(query.name, mode);
+    let before = before.filter(|records| fits(run, query.name, records, schema));
+    let has_own = run.databases.iter().any(|own| own.name == query.name && !own.saved.is_empty());
+    if before.is_none() && !has_own {
         return;
     }
     let dense = match query.filter {
@@ -95,11 +166,20 @@ pub(super) fn query(
         let minsamples = query.minsamples.get(i);
         let minsamples = if minsamples >= 1.0 { minsamples as usize } else { 1 };
         let (maxdist, maxerror) = (query.maxdist.get(i), query.maxerror.get(i));
-        let value = if dense {
-            records.density(&probe, &Density { minsamples, maxdist, maxerror })
-        } else {
-            records.between(&probe, &Between { minsamples, maxdist, maxerror, always: mode.readonly })
+        let look = |records: &Packed| match dense {
+            true => records.density(&probe, &Density { minsamples, maxdist, maxerror }),
+            false => {
+                records.between(&probe, &Between { minsamples, maxdist, maxerror, always: mode.readonly })
+            }
         };
+        let mut value = before.as_deref().and_then(look);
+        if value.is_none()
+            && has_own
+            && let Some(rect) = rect_number(run, query.batch.lanes, i)
+        {
+            let own = OwnDatabase::of(&mut run.databases, query.name).records(rect);
+            value = own.filter(|own| fits(run, query.name, own, schema)).as_deref().and_then(look);
+        }
         if let Some(value) = value {
             found[i] = true;
             for (values, v) in values.iter_mut().zip(value) {

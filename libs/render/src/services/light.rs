@@ -7,7 +7,7 @@ use crate::lightcache::hemisphere::{Seen, Strata};
 use crate::lightcache::lattice::{Lattice, Points, Tolerance, Wanted};
 use crate::lightcache::{Kind, Record, Spot};
 use crate::rayset::RayScene;
-use crate::raytrace::{RayPurpose, RayRequest};
+use crate::raytrace::{Leaving, RayPurpose, RayRequest};
 use granita_base::{Color, Vec3, hash};
 use granita_scene::AttributeSet;
 use granita_sdb::{Between, Mode, Packed, Probe};
@@ -71,7 +71,7 @@ impl<'q> Question<'q> {
         let word = o.filemode.unwrap_or("");
         let mode = run.frame.database_mode(name, word);
         // What rays of indirect light ask for where they hit is not kept: it is many times what is seen.
-        let mode = Mode { write: mode.write && !run.thread.builds_rays && !run.ray.indirect, ..mode };
+        let mode = Mode { write: mode.write && run.thread.keeps_saved() && !run.ray.indirect, ..mode };
         let lattice = run.topology.rects().next().is_some();
         let full = !lattice || listens || maxerror.is_nan() || maxerror <= 0.0 || maxpixeldist <= 0.0;
         let mut words = vec![
@@ -91,6 +91,11 @@ impl<'q> Question<'q> {
             o.falloffmode,
         ];
         words.extend(lanes.iter().map(|l| l.map_or(f32::NAN, |l| l.get(first)).to_bits()));
+        // What its rays leave is part of what a record is of.
+        let scene = run.frame.rays.scene(query.set, run.frame);
+        let rough = scene.is_some_and(|scene| scene.is_rough(run.object));
+        let object = if rough { std::ptr::from_ref(run.object).addr() } else { 0 };
+        words.extend([object as u32, (object >> 32) as u32]);
         words.extend([
             run.shadow_bias.to_bits(),
             u32::from(run.ray_motion),
@@ -485,21 +490,24 @@ impl Gatherer<'_, '_, '_, '_> {
         let most = asks.iter().map(|ask| ask.samples as usize).sum();
         let mut rays: Vec<Ray> = Vec::with_capacity(most);
         let mut strata = Vec::with_capacity(asks.len());
+        // What each ray leaves.
+        let mut left: Vec<Leaving> = Vec::with_capacity(most);
         for ask in asks {
             let i = ask.lane as usize;
             let angle = query.angle.get(i);
             let cells = Strata::new(ask.samples, angle, query.distribution != "uniform");
             let axis = question.axis(i);
             let p = question.places[i];
-            let (bias, margin) = (self.run.bias(o.bias, i), self.run.margin(scene, p));
+            let (bias, leaving) = (self.run.bias(o.bias, i), self.run.leaving(Some(scene), p));
             let tmax = Run::reach(o.maxhitdist, i);
             if axis != Vec3::ZERO {
                 cells.directions(axis, ask.seed, &mut |index, dir| {
                     let time = self.run.ray_time(index, ask.seed);
-                    rays.push(Aim { p, dir, bias, margin, tmax, time }.ray());
+                    rays.push(Aim { p, dir, bias, tmax, time }.ray());
                 });
             }
             strata.push((cells, axis));
+            left.resize(rays.len(), leaving);
         }
         self.run.frame.light_cache.count(0, rays.len());
         // Of each ray, where it is from and its number there.
@@ -516,11 +524,12 @@ impl Gatherer<'_, '_, '_, '_> {
         let falls = |ask: &Ask| option(o.falloff, ask.lane as usize, 0.0) > 0.0;
         let found: Vec<(Color, f32)> = match kind {
             Kind::Irradiance => {
-                let request = |((ask, index), ray): ((Ask, u32), &Ray)| {
+                let request = |((ask, index), (ray, leaving)): ((Ask, u32), (&Ray, &Leaving))| {
                     let name = hash::words(&[ask.seed, index, HIT]);
-                    RayRequest { lane: ask.lane, name, ray: *ray, width: 0.0, spread: spread(&ask) }
+                    let (ray, leaving) = (*ray, *leaving);
+                    RayRequest { lane: ask.lane, name, ray, leaving, width: 0.0, spread: spread(&ask) }
                 };
-                let requests: Vec<RayRequest> = sources().zip(&rays).map(request).collect();
+                let requests: Vec<RayRequest> = sources().zip(rays.iter().zip(&left)).map(request).collect();
                 let purpose = RayPurpose { indirect: true, ..self.run.purpose() };
                 let found = self.run.thread.radiance(scene, &requests, purpose, &self.run.said);
                 found.into_iter().map(|r| (r.color, r.distance)).collect()
@@ -534,11 +543,11 @@ impl Gatherer<'_, '_, '_, '_> {
                 let widths = |k: usize| widths.get(k).copied().unwrap_or_default();
                 // Whatever is in the way, how far it is matters to derivatives and falloff alone.
                 if question.full && !asks.iter().any(falls) {
-                    let hits = scene.any(self.run.thread, &rays, &widths);
+                    let hits = scene.any(self.run.thread, &rays, &widths, &|k| left[k]);
                     let of = |hit| if hit { (Color::ONE, 0.0) } else { (Color::ZERO, f32::INFINITY) };
                     hits.into_iter().map(of).collect()
                 } else {
-                    let distances = scene.distances(self.run.thread, &rays, &widths);
+                    let distances = scene.distances(self.run.thread, &rays, &widths, &|k| left[k]);
                     let of = |t: f32| (Color::splat(f32::from(u8::from(t.is_finite()))), t);
                     distances.into_iter().map(of).collect()
                 }

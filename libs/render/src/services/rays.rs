@@ -1,18 +1,15 @@
-//! Rays that shaders ask for: reflections, shadows, `trace`, occlusion, indirect light.
+//! Rays that shaders ask for: reflections, `trace`; and what those for shadows, occlusion and indirect light share.
 
 use super::maps::{fit, prepare};
 use super::{Run, count, option};
 use crate::rayset::RayScene;
-use crate::raytrace::{RayPurpose, RayRequest};
+use crate::raytrace::{Leaving, RayPurpose, RayRequest};
 use crate::sampling::{Distribution, in_cone};
 use crate::shading::{MAX_RAY_LEVELS, MORE_NESTED};
 use granita_base::{Color, Vec3, hash, sample};
-use granita_shade::{
-    EnvironmentQuery, HitValues, Lane, Lanes3, LookupResult, ShadowQuery, TraceQuery, TraceResult,
-};
+use granita_shade::{EnvironmentQuery, HitValues, Lane, Lanes3, LookupResult, TraceQuery, TraceResult};
 use granita_trace::Ray;
 use std::f32::consts::FRAC_PI_4;
-use std::sync::atomic::Ordering;
 
 /// "hitdist" of `environment ()` when nothing is hit (reference 5.8.10).
 const NO_HIT: f32 = 1.0e38;
@@ -34,40 +31,42 @@ pub(super) struct Aim {
     /// Of length 1.
     pub(super) dir: Vec3,
     pub(super) bias: f32,
-    /// What the tessellation may be off.
-    pub(super) margin: f32,
     pub(super) tmax: f32,
     pub(super) time: f32,
 }
 
 impl Aim {
     pub(super) fn ray(self) -> Ray {
-        let tmin = self.bias.max(self.margin).max(PRECISION * self.p.abs().max_element());
+        let tmin = self.bias.max(PRECISION * self.p.abs().max_element());
         Ray { origin: self.p, tmin, dir: self.dir, tmax: self.tmax, time: self.time }
     }
 }
 
 impl Run<'_, '_> {
     /// Time of sample `index` of the `n` of a lane: spread over the shutter when the object's rays see
-    /// motion, else that of the grid.
+    /// motion, else that of the grid, or the nearest one at which the shutter is open.
     pub(super) fn ray_time(&self, index: u32, seed: u32) -> f32 {
         let [open, close] = self.frame.camera.shutter;
         if self.sees_motion() {
-            open + (close - open) * sample::line(index, hash::words(&[seed, TIME]))
+            (open + (close - open) * sample::line(index, hash::words(&[seed, TIME]))).min(close)
         } else {
-            self.time
+            // Nothing moves, or exists, at other times.
+            self.time.clamp(open, close)
         }
     }
 
     /// Whether rays are spread over the shutter.
-    fn sees_motion(&self) -> bool {
+    pub(super) fn sees_motion(&self) -> bool {
         let [open, close] = self.frame.camera.shutter;
         self.ray_motion && close > open
     }
 
-    /// What the tessellation of a set may be off at `p`.
-    pub(super) fn margin(&self, scene: &RayScene, p: Vec3) -> f32 {
-        if scene.is_flat() { 0.0 } else { self.frame.ray_margin(p) }
+    /// What a ray against a set leaves at `p`.
+    pub(super) fn leaving(&self, scene: Option<&RayScene>, p: Vec3) -> Leaving {
+        match scene {
+            Some(scene) if scene.is_rough(self.object) => Leaving::new(self.object, self.frame.ray_margin(p)),
+            _ => Leaving::default(),
+        }
     }
 
     /// "maxhitdist": none when absent or not positive.
@@ -181,7 +180,7 @@ impl TracingLanes {
 }
 
 /// A place in the footprint, from -0.5 to 0.5 in both directions; its middle for the only sample.
-fn in_footprint(index: u32, samples: u32, seed: u32) -> (f32, f32) {
+pub(super) fn in_footprint(index: u32, samples: u32, seed: u32) -> (f32, f32) {
     if samples <= 1 {
         return (0.0, 0.0);
     }
@@ -237,7 +236,6 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
                 p: query.p.get(i) + dpdx * x + dpdy * y,
                 dir,
                 bias: run.bias(o.bias, i),
-                margin: run.frame.ray_margin(query.p.get(i)),
                 tmax: Run::reach(o.maxhitdist, i),
                 time: run.ray_time(index, seed),
             };
@@ -245,6 +243,7 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
                 lane,
                 name: hash::words(&[seed, index, HIT]),
                 ray: aim.ray(),
+                leaving: run.leaving(scene, query.p.get(i)),
                 width: dpdx.length().max(dpdy.length()) * per_ray,
                 spread: (drdx.length().max(drdy.length()) + 2.0 * half_angle.max(0.0)) * per_ray,
             });
@@ -327,141 +326,11 @@ fn trace_into(
     rays.clear();
 }
 
-/// `shadow ()` with the name of a geometry set (reference 10.1.6): rays from the points to the light.
-///
-/// "blur" 1 is a light of 90 degrees, "angle" the half angle of one (that of the spread of broad solar lights, when neither is given).
-/// Several samples also spread over the footprint.
-pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut Lanes3) {
-    fit(out, query.batch.lanes);
-    let o = &query.options;
-    let traces = run.may_trace();
-    let call = run.next_call(query.batch.active);
-    let asks = traces && !query.batch.active.is_empty();
-    let scene = if asks { run.frame.rays.scene(query.name, run.frame) } else { None };
-    let is_plain = [o.samples, o.sblur, o.tblur, o.angle].iter().all(Option::is_none) && !run.sees_motion();
-    if let Some(scene) = scene.filter(|s| is_plain && s.opaque_to_shadows && s.is_settled()) {
-        return plain_shadow(run, query, scene, out);
-    }
-    let all = query.batch.active.iter().map(|lane| count(o.samples, *lane as usize) as usize);
-    let mut spread_over: Vec<Spread> = Vec::with_capacity(query.batch.active.len());
-    let mut rays: Vec<Ray> = Vec::with_capacity(if traces { all.sum() } else { 0 });
-    for &lane in query.batch.active {
-        let i = lane as usize;
-        out.set(i, Vec3::ZERO);
-        let to_light = query.to_light.get(i);
-        let Some(axis) = to_light.try_normalize().filter(|_| traces) else { continue };
-        let blur = 0.5 * (option(o.sblur, i, 0.0) + option(o.tblur, i, 0.0));
-        let half_angle = o.angle.map_or(blur * FRAC_PI_4, |a| a.get(i));
-        let width = 0.5 * (option(o.swidth, i, 1.0) + option(o.twidth, i, 1.0));
-        let samples = count(o.samples, i);
-        let per_ray = 1.0 / (samples as f32).sqrt();
-        let seed = run.lane_seed(call, lane);
-        let seed_direction = hash::words(&[seed, DIRECTION]);
-        let bias = run.bias(o.bias, i);
-        let footprint = query.dpdx.get(i).length().max(query.dpdy.get(i).length());
-        // Not on to the light's own surface.
-        let light_margin =
-            if query.light_infinite { 0.0 } else { run.frame.ray_margin(query.p.get(i) + to_light) };
-        for index in 0..samples {
-            let (x, y) = in_footprint(index, samples, seed);
-            let p = query.p.get(i) + (query.dpdx.get(i) * x + query.dpdy.get(i) * y) * width;
-            // Towards the light as seen from the moved point.
-            let (axis, distance) = if query.light_infinite {
-                (axis, f32::INFINITY)
-            } else {
-                let to = query.p.get(i) + to_light - p;
-                (to.normalize_or(axis), (to.length() - light_margin).max(0.0))
-            };
-            let dir = in_cone(axis, half_angle, Distribution::Uniform, index, seed_direction);
-            let margin = scene.map_or(0.0, |scene| run.margin(scene, p));
-            let time = run.ray_time(index, seed);
-            rays.push(Aim { p, dir, bias, margin, tmax: distance, time }.ray());
-        }
-        let widths = [footprint * per_ray, 2.0 * half_angle.max(0.0) * per_ray];
-        spread_over.push(Spread { lane, samples, seed, widths });
-    }
-    let Some(scene) = scene.filter(|_| !rays.is_empty()) else { return };
-    if scene.opaque_to_shadows {
-        let of_rays = || spread_over.iter().flat_map(|s| std::iter::repeat_n(s.widths, s.samples as usize));
-        let widths: Vec<[f32; 2]> = if scene.is_settled() { Vec::new() } else { of_rays().collect() };
-        let widths = |k: usize| widths.get(k).copied().unwrap_or_default();
-        run.frame.rays.counts.shadow_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
-        let blocked = scene.any(run.thread, &rays, &widths);
-        let mut rest = &blocked[..];
-        for Spread { lane, samples, .. } in spread_over {
-            let (own, others) = rest.split_at(samples as usize);
-            rest = others;
-            let open = own.iter().filter(|blocked| !**blocked).count();
-            out.set(lane as usize, Color::splat(1.0 - open as f32 / samples as f32));
-        }
-        return;
-    }
-    let named = |s: &Spread| {
-        let Spread { lane, samples, seed, widths: [width, spread] } = *s;
-        (0..samples).map(move |index| (lane, hash::words(&[seed, index, HIT]), width, spread))
-    };
-    let requests: Vec<RayRequest> = spread_over
-        .iter()
-        .flat_map(named)
-        .zip(rays)
-        .map(|((lane, name, width, spread), ray)| RayRequest { lane, name, ray, width, spread })
-        .collect();
-    let purpose = run.purpose();
-    let passed = run.thread.transmission(scene, &requests, purpose, &run.said);
-    let mut rest = &passed[..];
-    for Spread { lane, samples, .. } in spread_over {
-        let (own, others) = rest.split_at(samples as usize);
-        rest = others;
-        let mean = own.iter().fold(Color::ZERO, |sum, t| sum + *t) / samples as f32;
-        out.set(lane as usize, Color::ONE - mean);
-    }
-}
-
-/// Of one ray each that anything stops, however wide it is: nothing about it is random.
-fn plain_shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, scene: &RayScene, out: &mut Lanes3) {
-    let mut rays = Vec::with_capacity(query.batch.active.len());
-    let mut lanes = Vec::with_capacity(query.batch.active.len());
-    for &lane in query.batch.active {
-        let i = lane as usize;
-        out.set(i, Vec3::ZERO);
-        let (p, to_light) = (query.p.get(i), query.to_light.get(i));
-        let length = to_light.length();
-        let dir = to_light / length;
-        if !dir.is_finite() || length == 0.0 {
-            continue;
-        }
-        let distance = if query.light_infinite {
-            f32::INFINITY
-        } else {
-            (length - run.frame.ray_margin(p + to_light)).max(0.0)
-        };
-        let (bias, margin) = (run.bias(query.options.bias, i), run.margin(scene, p));
-        rays.push(Aim { p, dir, bias, margin, tmax: distance, time: run.time }.ray());
-        lanes.push(lane);
-    }
-    if rays.is_empty() {
-        return;
-    }
-    run.frame.rays.counts.shadow_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
-    let blocked = scene.any(run.thread, &rays, &|_| [0.0; 2]);
-    for (lane, _) in lanes.iter().zip(blocked).filter(|(_, blocked)| *blocked) {
-        out.set(*lane as usize, Vec3::ONE);
-    }
-}
-
-/// Rays of a lane.
-struct Spread {
-    lane: u32,
-    samples: u32,
-    seed: u32,
-    /// As [`RayRequest::widths`].
-    widths: [f32; 2],
-}
-
 /// Rays of one sample of each active lane of a `trace` loop or a probe, and their lanes.
 fn probe(
     run: &mut Run<'_, '_>,
     query: &TraceQuery<'_>,
+    scene: Option<&RayScene>,
     call: u32,
     index: u32,
 ) -> (Vec<u32>, Vec<RayRequest>) {
@@ -478,14 +347,14 @@ fn probe(
             p: query.p.get(i),
             dir: in_cone(axis, angle, distribution, index, hash::words(&[seed, DIRECTION])),
             bias: run.bias(query.options.bias, i),
-            margin: run.frame.ray_margin(query.p.get(i)),
             tmax: Run::reach(query.options.maxhitdist, i),
             time: run.ray_time(index, seed),
         };
         lanes.push(lane);
         let spread = 2.0 * angle.max(0.0) / (samples as f32).sqrt();
         let name = hash::words(&[seed, index, HIT]);
-        rays.push(RayRequest { lane, name, ray: aim.ray(), width: 0.0, spread });
+        let leaving = run.leaving(scene, query.p.get(i));
+        rays.push(RayRequest { lane, name, ray: aim.ray(), leaving, width: 0.0, spread });
     }
     (lanes, rays)
 }
@@ -513,18 +382,17 @@ pub(super) fn trace(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut Tra
         run.next_call(query.batch.active);
     }
     let call = run.calls;
-    let (lanes, rays) = probe(run, query, call, query.sample);
+    let is_set = run.frame.rays.is_set(query.set);
+    let scene = if traces && is_set { run.frame.rays.scene(query.set, run.frame) } else { None };
+    let (lanes, rays) = probe(run, query, scene, call, query.sample);
     for (lane, request) in lanes.iter().zip(&rays) {
         out.l.set(*lane as usize, request.ray.dir);
     }
-    if !run.frame.rays.is_set(query.set) {
+    if !is_set {
         unknown_set(run, query.set);
         return;
     }
-    let Some(scene) = run.frame.rays.scene(query.set, run.frame).filter(|_| traces && !rays.is_empty())
-    else {
-        return;
-    };
+    let Some(scene) = scene.filter(|_| !rays.is_empty()) else { return };
     let wants = query.options.shade.is_none_or(|s| lanes.iter().any(|l| s.get(*l as usize) != 0.0));
     let too_deep = run.is_too_deep();
     let purpose = RayPurpose { shade: wants && !too_deep, ..run.purpose() };

@@ -171,11 +171,18 @@ impl State {
         match row.name {
             "geometryset" => {
                 let change = string(&param).unwrap_or("").to_owned();
+                let before = self.current.set.geometry_sets.clone();
                 self.edit_sets(|set| {
                     set.geometry_sets = changed_sets(&set.geometry_sets, &change);
                     let list = set.geometry_sets.join(",");
                     store(set, known, &Param { data: list.as_str().into(), ..param.clone() });
                 });
+                let after = &self.current.set.geometry_sets;
+                for camera in self.cameras.iter().filter(|camera| before.contains(&camera.name)) {
+                    if !after.contains(&camera.name) && !self.lost_sets.contains_key(&camera.name) {
+                        self.lost_sets.insert(camera.name.clone(), (change.clone(), at.clone()));
+                    }
+                }
             }
             "orientation" => self.edit_sets(|set| {
                 let word = match string(&param) {
@@ -278,8 +285,7 @@ impl State {
                 let shutter = self.cameras.first().and_then(|c| c.params.float("shutter")).unwrap_or(0.0);
                 ParamData::from(&self.current.set.to_world.at(shutter).to_rows()[..])
             }
-            "renderer:versionstring" => ParamData::from(&*version().map(|n| n.to_string()).join(".")),
-            "renderer:version" => ParamData::from(&version()[..]),
+            "renderer:versionstring" | "renderer:version" => return version_attribute(name),
             "render:progress" if self.rendered => ParamData::from(1.0),
             "render:success" if self.rendered => ParamData::from(1),
             _ => return attribute_default(name),
@@ -295,6 +301,17 @@ fn version() -> [i32; 4] {
         *n = part.parse().unwrap_or(0);
     }
     numbers
+}
+
+/// "renderer:version" or "renderer:versionstring".
+pub fn version_attribute(name: &str) -> Option<Param> {
+    let row = attribute_row(name)?;
+    let data = match row.name {
+        "renderer:versionstring" => ParamData::from(&*version().map(|n| n.to_string()).join(".")),
+        "renderer:version" => ParamData::from(&version()[..]),
+        _ => return None,
+    };
+    Some(Param { name: row.name.into(), ty: row.ty, data })
 }
 
 /// Puts a value into the set, or takes the entry out when it is the default.

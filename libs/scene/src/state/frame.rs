@@ -207,6 +207,7 @@ impl State {
         let rerender = self.is_rerender();
         self.read_needed(rerender)?;
         let scene = Arc::new(self.freeze(rerender));
+        self.check_sets(&scene);
         self.forget_inputs();
         let result = self.renderer.render(scene, wanted);
         self.rendered = true;
@@ -230,6 +231,29 @@ impl State {
         self.light_ids = Arc::default();
         self.saved = Arc::default();
         self.inputs.clear();
+        self.lost_sets.clear();
+    }
+
+    /// Warns about cameras with images that show no object since "geometryset" took them off the list (reference 4.4.3).
+    fn check_sets(&self, scene: &Scene) {
+        if scene.primitives.is_empty() || scene.inputs.unread > 0 {
+            return;
+        }
+        let dynamic = |o: &Output| o.params.int("dynamic").is_some_and(|v| v != 0);
+        for (camera, (change, at)) in &self.lost_sets {
+            let shows = |set: &Arc<str>| set == camera || &**set == "camera";
+            if !scene.outputs.iter().any(|o| o.camera == *camera && !dynamic(o))
+                || scene.primitives.iter().any(|p| p.attributes.geometry_sets.iter().any(shows))
+            {
+                continue;
+            }
+            let added: Vec<String> = change.split(',').map(|set| format!("+{}", set.trim())).collect();
+            let text = format!(
+                "camera \"{camera}\" shows nothing: Attribute (\"geometryset\", \"{change}\") takes \"{camera}\" off the list; \"{}\" keeps it",
+                added.join(",")
+            );
+            self.report(Severity::Warning, at, "geometryset", text);
+        }
     }
 
     /// The finished scene. Unless `keep`, the primitives move into it.

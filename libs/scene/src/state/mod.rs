@@ -16,6 +16,7 @@ mod shaders;
 mod shapes;
 mod transforms;
 
+pub use attributes::version_attribute;
 pub use shapes::predeclared;
 
 use crate::{Call, Camera, FrameRenderer, Light, LightId, Output, Primitive, SceneSink, Stop};
@@ -88,6 +89,8 @@ pub struct State {
     modify: Option<ModifyMode>,
     inputs: Inputs,
     rendered: bool,
+    /// Cameras whose geometry sets a "geometryset" took off the list: the first such value, and where it was set.
+    lost_sets: BTreeMap<Arc<str>, (String, Location)>,
     /// Ends and beginnings of blocks that were found alone.
     imbalances: usize,
 }
@@ -117,6 +120,7 @@ impl State {
             modify: None,
             inputs: Inputs::default(),
             rendered: false,
+            lost_sets: BTreeMap::new(),
             imbalances: 0,
         }
     }

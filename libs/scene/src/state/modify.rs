@@ -1,9 +1,9 @@
 //! Modify mode (reference 2.1.4, 2.4): changes reach attribute states that objects already refer to.
 
-use super::State;
 use super::current::flips_normals;
-use crate::AttributeSet;
-use granita_base::{Location, Severity};
+use super::{Saved1, State};
+use crate::{AttributeSet, ShaderGroup, ShaderInstance};
+use granita_base::{Location, MotionTransform, Severity};
 use regex::Regex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -16,6 +16,9 @@ pub(super) struct ModifyMode {
     depth: usize,
     /// Each state found, as it was and as it is to become.
     targets: Vec<(Arc<AttributeSet>, AttributeSet)>,
+    /// Shaders that were declared in states that match, and their "shader" spaces as they are to become: the only part of
+    /// those states that shaders keep.
+    shaders: Vec<(Arc<ShaderInstance>, MotionTransform)>,
     /// Names of saved states that are changed.
     saved: Vec<Arc<str>>,
 }
@@ -44,12 +47,13 @@ impl State {
             .map(|(n, _)| n.clone())
             .collect();
         let targets: Vec<_> = targets.into_values().map(|s| (s.clone(), (*s).clone())).collect();
+        let shaders = self.shaders_of_states(&regex);
         self.reporter.say(
             Severity::Info,
             at,
             format!("Modify \"{pattern}\" changes {} attribute states", targets.len() + saved.len()),
         );
-        self.modify = Some(ModifyMode { pattern: regex, depth: self.stack.len(), targets, saved });
+        self.modify = Some(ModifyMode { pattern: regex, depth: self.stack.len(), targets, shaders, saved });
     }
 
     /// Applies a change to the current state and, in modify mode, to the states being modified.
@@ -61,6 +65,11 @@ impl State {
             change(self.current.edit());
         }
         mode.targets.iter_mut().for_each(|(_, set)| change(set));
+        for (_, to_world) in &mut mode.shaders {
+            let mut state = AttributeSet { to_world: std::mem::take(to_world), ..AttributeSet::default() };
+            change(&mut state);
+            *to_world = state.to_world;
+        }
         for name in &mode.saved {
             if let Some(saved) = Arc::make_mut(&mut self.saved).get_mut(name) {
                 change(&mut saved.set);
@@ -77,6 +86,44 @@ impl State {
         }
     }
 
+    /// A shader declared in modify mode goes on being modified if the name of its state matches.
+    pub(super) fn modify_shader_also(&mut self, shader: &Arc<ShaderInstance>) {
+        let Some(mode) = &mut self.modify else { return };
+        if mode.pattern.is_match(&shader.state) {
+            mode.shaders.push((shader.clone(), shader.to_world.clone()));
+        }
+    }
+
+    /// The shaders that objects, lights and states refer to and that were declared in states with such names.
+    fn shaders_of_states(&self, pattern: &Regex) -> Vec<(Arc<ShaderInstance>, MotionTransform)> {
+        let mut found: BTreeMap<usize, Arc<ShaderInstance>> = BTreeMap::new();
+        let mut take = |group: &ShaderGroup| {
+            for layer in group.layers.iter().filter(|layer| pattern.is_match(&layer.state)) {
+                found.insert(Arc::as_ptr(layer) as usize, layer.clone());
+            }
+        };
+        let mut take_set = |set: &AttributeSet| {
+            [&set.surface, &set.displacement, &set.volume].into_iter().flatten().for_each(|g| take(g));
+        };
+        let mut last = std::ptr::null();
+        for primitive in &self.primitives {
+            if !std::ptr::eq(last, Arc::as_ptr(&primitive.attributes)) {
+                last = Arc::as_ptr(&primitive.attributes);
+                take_set(&primitive.attributes);
+            }
+        }
+        self.saved.values().for_each(|saved| take_set(&saved.set));
+        take_set(&self.current.set);
+        let world = self.world.iter().map(|(current, _)| &current.set);
+        let pushed = self.stack.iter().filter_map(|push| match &push.what {
+            Saved1::Attributes(current) => Some(&current.set),
+            Saved1::Transform(_) => None,
+        });
+        world.chain(pushed).for_each(&mut take_set);
+        self.lights.iter().for_each(|light| take(&light.group));
+        found.into_values().map(|shader| (shader.clone(), shader.to_world.clone())).collect()
+    }
+
     /// Leaves modify mode if it was entered above this height of the stack.
     pub(super) fn leave_modify_above(&mut self, height: usize) {
         if self.modify.as_ref().is_some_and(|m| m.depth > height) {
@@ -88,29 +135,105 @@ impl State {
     pub(super) fn leave_modify(&mut self) {
         let Some(mode) = self.modify.take() else { return };
         let camera = self.shading_camera();
-        let new: BTreeMap<usize, Arc<AttributeSet>> = mode
-            .targets
-            .iter()
-            .filter(|(old, new)| **old != *new)
-            .map(|(old, new)| {
-                let mut new = new.clone();
+        let mut moved = Moved::new(&mode.shaders);
+        let targets: BTreeMap<usize, &AttributeSet> =
+            mode.targets.iter().map(|(old, new)| (Arc::as_ptr(old) as usize, new)).collect();
+        // Each state once, so that objects go on sharing it.
+        let mut known: BTreeMap<usize, Option<Arc<AttributeSet>>> = BTreeMap::new();
+        let mut renewed = |old: &Arc<AttributeSet>| -> Option<Arc<AttributeSet>> {
+            let at = Arc::as_ptr(old) as usize;
+            let new = known.entry(at).or_insert_with(|| {
+                let mut new = AttributeSet::clone(targets.get(&at).copied().unwrap_or(old));
+                let moved = moved.set(&mut new);
+                if !moved && new == **old {
+                    return None;
+                }
                 new.flip_normals = flips_normals(&new, camera.as_ref());
-                (Arc::as_ptr(old) as usize, Arc::new(new))
-            })
-            .collect();
-        if new.is_empty() {
-            return;
-        }
+                Some(Arc::new(new))
+            });
+            new.clone()
+        };
         for primitive in &mut self.primitives {
-            if let Some(set) = new.get(&(Arc::as_ptr(&primitive.attributes) as usize)) {
-                Arc::make_mut(primitive).attributes = set.clone();
+            if let Some(set) = renewed(&primitive.attributes) {
+                Arc::make_mut(primitive).attributes = set;
             }
         }
         for light in &mut self.lights {
-            if let Some(set) = new.get(&(Arc::as_ptr(&light.attributes) as usize)) {
-                Arc::make_mut(light).attributes = set.clone();
+            if let Some(set) = renewed(&light.attributes) {
+                Arc::make_mut(light).attributes = set;
             }
         }
+        if moved.is_empty() {
+            return;
+        }
+        for light in &mut self.lights {
+            if let Some(group) = moved.group(&light.group) {
+                Arc::make_mut(light).group = group;
+            }
+        }
+        let saved = Arc::make_mut(&mut self.saved).values_mut();
+        saved.for_each(|saved| _ = moved.set(&mut saved.set));
+        moved.set(self.current.edit());
+        if let Some((current, _)) = &mut self.world {
+            moved.set(current.edit());
+        }
+        for push in &mut self.stack {
+            if let Saved1::Attributes(current) = &mut push.what {
+                moved.set(current.edit());
+            }
+        }
+    }
+}
+
+/// Shaders that were given other "shader" spaces.
+struct Moved {
+    /// By the place of the old one.
+    shaders: BTreeMap<usize, Arc<ShaderInstance>>,
+    /// Groups that hold them, by the place of the old group, which is kept so that the place stays its own.
+    groups: BTreeMap<usize, (Arc<ShaderGroup>, Option<Arc<ShaderGroup>>)>,
+}
+
+impl Moved {
+    fn new(shaders: &[(Arc<ShaderInstance>, MotionTransform)]) -> Self {
+        let changed = shaders.iter().filter(|(old, to_world)| old.to_world != *to_world);
+        let renew = |(old, to_world): &(Arc<ShaderInstance>, MotionTransform)| {
+            let new = ShaderInstance { to_world: to_world.clone(), ..(**old).clone() };
+            (Arc::as_ptr(old) as usize, Arc::new(new))
+        };
+        Self { shaders: changed.map(renew).collect(), groups: BTreeMap::new() }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.shaders.is_empty()
+    }
+
+    /// A group with the moved shaders; `None` when it has none of them.
+    fn group(&self, old: &ShaderGroup) -> Option<ShaderGroup> {
+        let new = |layer: &Arc<ShaderInstance>| self.shaders.get(&(Arc::as_ptr(layer) as usize)).cloned();
+        old.layers.iter().any(|layer| new(layer).is_some()).then(|| {
+            let layers = old.layers.iter().map(|layer| new(layer).unwrap_or_else(|| layer.clone()));
+            ShaderGroup { layers: layers.collect(), connections: old.connections.clone() }
+        })
+    }
+
+    /// Puts the moved shaders into a state; whether there are any.
+    fn set(&mut self, set: &mut AttributeSet) -> bool {
+        let mut any = false;
+        if self.is_empty() {
+            return any;
+        }
+        for slot in [&mut set.surface, &mut set.displacement, &mut set.volume].into_iter().flatten() {
+            let at = Arc::as_ptr(slot) as usize;
+            if !self.groups.contains_key(&at) {
+                let new = self.group(slot).map(Arc::new);
+                self.groups.insert(at, (slot.clone(), new));
+            }
+            if let Some((_, Some(new))) = self.groups.get(&at) {
+                *slot = new.clone();
+                any = true;
+            }
+        }
+        any
     }
 }
 

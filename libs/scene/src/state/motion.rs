@@ -3,7 +3,9 @@
 use super::State;
 use super::transforms::Change;
 use crate::ShapeKey;
-use granita_base::{Location, MotionTransform, Params, Severity, ShapeDesc, Transform};
+use granita_base::{
+    BaseType, Location, MotionTransform, Param, ParamType, Params, Severity, ShapeDesc, Transform,
+};
 
 /// A block whose calls are being collected.
 #[derive(Debug)]
@@ -24,6 +26,8 @@ enum Content {
     Shapes {
         shape: ShapeDesc,
         keys: Vec<ShapeKey>,
+        /// The arguments of the sphere at each key; empty for other primitives.
+        arguments: Vec<[f32; 4]>,
         at: Location,
     },
 }
@@ -96,13 +100,15 @@ impl State {
         let misfit = match &mut block.content {
             Content::Empty => {
                 let keys = vec![ShapeKey { time: block.times[0], params }];
-                block.content = Content::Shapes { shape, keys, at: at.clone() };
+                let arguments = sphere_arguments(&shape).into_iter().collect();
+                block.content = Content::Shapes { shape, keys, arguments, at: at.clone() };
                 None
             }
-            Content::Shapes { shape: first, keys, .. } => {
+            Content::Shapes { shape: first, keys, arguments, .. } => {
                 match difference(first, &keys[0].params, &shape, &params) {
                     None => {
                         keys.push(ShapeKey { time: block.times[keys.len()], params });
+                        arguments.extend(sphere_arguments(&shape));
                         None
                     }
                     Some(why) => Some((shape, params, why)),
@@ -150,7 +156,13 @@ impl State {
                     set.to_world = if appended { moving.then(&set.to_world) } else { moving.clone() };
                 });
             }
-            Content::Shapes { shape, mut keys, at } => {
+            Content::Shapes { shape, mut keys, arguments, at } => {
+                if arguments.iter().any(|list| *list != arguments[0]) {
+                    for (key, list) in keys.iter_mut().zip(&arguments) {
+                        let ty = ParamType::array(BaseType::Float, 4);
+                        key.params.set(Param { name: "__arguments".into(), ty, data: list[..].into() });
+                    }
+                }
                 keys.sort_by(|a, b| a.time.total_cmp(&b.time));
                 keys.dedup_by(|later, earlier| later.time == earlier.time);
                 self.add_primitive(shape, keys, &at);
@@ -159,12 +171,21 @@ impl State {
     }
 }
 
+/// Radius, lower and upper cut and sweep of a sphere.
+fn sphere_arguments(shape: &ShapeDesc) -> Option<[f32; 4]> {
+    match *shape {
+        ShapeDesc::Sphere { radius, zmin, zmax, thetamax_deg } => Some([radius, zmin, zmax, thetamax_deg]),
+        _ => None,
+    }
+}
+
 /// Why two primitives cannot be keys of one motion, if they cannot.
 fn difference(a: &ShapeDesc, a_params: &Params, b: &ShapeDesc, b_params: &Params) -> Option<String> {
     if std::mem::discriminant(a) != std::mem::discriminant(b) {
         return Some(format!("it began with another primitive, {}", a.call_name()));
     }
-    if a != b {
+    // A sphere's arguments change over time as its parameters do.
+    if a != b && sphere_arguments(a).is_none() {
         return Some(format!("the arguments of {} differ from those at the first time", b.call_name()));
     }
     if a_params.0.len() != b_params.0.len() {

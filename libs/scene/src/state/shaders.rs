@@ -65,7 +65,7 @@ impl State {
     }
 
     fn instance(
-        &self,
+        &mut self,
         shader: Arc<str>,
         layer: Option<Arc<str>>,
         params: &Params,
@@ -91,7 +91,11 @@ impl State {
             }
         }
         let to_world = self.current.set.to_world.clone();
-        Arc::new(ShaderInstance { shader, layer, params: good, to_world, at: at.clone() })
+        let state = self.current.set.name();
+        let instance =
+            Arc::new(ShaderInstance { shader, layer, params: good, to_world, state, at: at.clone() });
+        self.modify_shader_also(&instance);
+        instance
     }
 
     /// `ShaderGroupBegin`.

@@ -1,7 +1,7 @@
 //! Motion blocks, orientation.
 
 use crate::fixture::*;
-use granita_base::{Param, Vec3};
+use granita_base::{Param, Params, ShapeDesc, Vec3};
 use granita_scene::{Call, TransformTarget};
 
 #[test]
@@ -113,6 +113,26 @@ fn motion_blocks_of_primitives() {
     assert_eq!(keys[1].params.float("Kd"), Some(2.0));
     assert_eq!(scene.primitives[1].keys.len(), 1);
     assert!(run.messages().is_empty());
+}
+
+#[test]
+fn spheres_may_change_all_their_arguments() {
+    let ball = |radius: f32, zmin: f32, thetamax_deg: f32| Call::Shape {
+        shape: Box::new(ShapeDesc::Sphere { radius, zmin, zmax: radius, thetamax_deg }),
+        params: Params::new(),
+    };
+    let mut run = Run::new();
+    run.calls([Call::World, Call::Motion([0.0, 1.0].into()), ball(1.0, -1.0, 360.0), ball(2.0, 0.5, 90.0)]);
+    run.calls([Call::Motion([0.0, 1.0].into()), ball(3.0, -3.0, 360.0), ball(3.0, -3.0, 360.0)]);
+    let scene = run.scene();
+    let of = |primitive: usize, key: usize| {
+        scene.primitives[primitive].keys[key].params.floats("__arguments").map(|v| v.to_vec())
+    };
+    assert_eq!(of(0, 0), Some(vec![1.0, -1.0, 1.0, 360.0]));
+    assert_eq!(of(0, 1), Some(vec![2.0, 0.5, 2.0, 90.0]));
+    // What stays says so once.
+    assert_eq!((of(1, 0), of(1, 1)), (None, None));
+    assert!(run.messages().is_empty(), "{:?}", run.messages());
 }
 
 #[test]

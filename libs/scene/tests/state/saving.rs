@@ -211,3 +211,77 @@ fn modify_reaches_declared_objects() {
     assert_eq!(state(3), (1, 0.0, 0.5));
     assert!(Arc::ptr_eq(&scene.primitives[1].attributes, &scene.primitives[2].attributes));
 }
+
+#[test]
+fn modify_reaches_lights_and_shader_spaces() {
+    let mut run = Run::new();
+    run.calls([
+        Call::World,
+        Call::Translate([10.0, 0.0, 0.0]),
+        name("lamp"),
+        light("key", Some("pointlight")),
+        name("wood"),
+        shader("surface", "oak", None),
+        // Another name: the object does not match, the state of its shader does.
+        name("table"),
+        sphere(),
+        sphere(),
+        Call::PushAttributes,
+        name("clay"),
+        shader("surface", "clay", None),
+        sphere(),
+        Call::PopAttributes,
+        Call::PushAttributes,
+        Call::Modify { pattern: "^lamp$".into() },
+        Call::Translate([0.0, 5.0, 0.0]),
+        Call::Modify { pattern: "^wood$".into() },
+        Call::Translate([0.0, 0.0, 7.0]),
+        Call::Translate([0.0, 0.0, 1.0]),
+        Call::PopAttributes,
+        sphere(),
+    ]);
+    let scene = run.scene();
+    let place = |m: &granita_base::MotionTransform| m.first().point(Vec3::ZERO);
+    let light = &scene.lights[0];
+    assert_eq!(place(&light.group.layers[0].to_world), Vec3::new(10.0, 5.0, 0.0));
+    assert_eq!(place(&light.attributes.to_world), Vec3::new(10.0, 5.0, 0.0));
+    let shown = |i: usize| {
+        let set = &scene.primitives[i].attributes;
+        let layer = &set.surface.as_ref().unwrap().layers[0];
+        (layer.shader.to_string(), place(&layer.to_world), place(&set.to_world))
+    };
+    let ten = Vec3::new(10.0, 0.0, 0.0);
+    // The space of the shader moved, and the object did not.
+    assert_eq!(shown(0), ("oak".into(), Vec3::new(10.0, 0.0, 8.0), ten));
+    assert_eq!(shown(2), ("clay".into(), ten, ten));
+    // The state behind the pop has the moved shader as well.
+    assert_eq!(shown(3), shown(0));
+    assert!(Arc::ptr_eq(&scene.primitives[0].attributes, &scene.primitives[1].attributes));
+    assert!(run.messages().is_empty(), "{:?}", run.messages());
+}
+
+#[test]
+fn a_camera_that_a_geometryset_takes_off_the_list_is_warned_about() {
+    let set = |value: &str| attr("string geometryset", value);
+    let shown = |calls: Vec<Call>| {
+        let mut run = Run::new();
+        run.calls([camera("main"), Call::World]).calls(calls).calls([Call::Render { camera: None }]);
+        run.messages()
+    };
+    let said = shown(vec![set("trees, rocks"), sphere(), set("rocks"), sphere()]);
+    assert_eq!(said.len(), 1, "{said:?}");
+    assert!(said[0].contains("camera \"main\" shows nothing"), "{said:?}");
+    assert!(
+        said[0].contains("\"trees, rocks\"") && said[0].contains("\"+trees,+rocks\" keeps it"),
+        "{said:?}"
+    );
+    for fine in [
+        vec![set("+trees"), sphere()],
+        vec![sphere(), set("trees"), sphere()],
+        vec![set("camera"), sphere()],
+        vec![set("trees"), set("+main"), sphere()],
+        vec![set("trees")],
+    ] {
+        assert_eq!(shown(fine.clone()), Vec::<String>::new(), "{fine:?}");
+    }
+}

@@ -2,9 +2,10 @@
 
 use super::images::Arriving;
 use super::{GREETING, message};
+use crate::commands::PriorityRequest;
 use crate::patient::{Patience, Patient};
 use granita_base::process::Process;
-use granita_base::{BaseType, Location, Param, ParamData, ParamType, Reporter, Severity};
+use granita_base::{BaseType, Location, Param, ParamData, ParamType, Params, Reporter, Severity};
 use granita_image::FormatFinder;
 use granita_plugin::{Meanwhile, Plugins};
 use granita_pyg::frames::{Frame, receive, send};
@@ -13,7 +14,7 @@ use granita_scene::{Call, SceneSink, Stop};
 use std::io::{self, Read, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{JoinHandle, ThreadId};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Calls are sent when they are so many bytes.
 const PIECE: usize = 1 << 16;
@@ -40,7 +41,7 @@ impl std::fmt::Debug for RemoteEnds {
 }
 
 /// A renderer in another process that works while its program goes on: calls are sent to it. While it renders it takes no
-/// calls but questions for "render:progress" and the commands "return" and "wait".
+/// calls but questions for "render:progress" and the commands "return", "wait" and "bucketpriority".
 pub struct Remote {
     link: Arc<Link>,
     writer: Mutex<Writer<Pieces>>,
@@ -68,7 +69,9 @@ struct Known {
     progress: f32,
     /// Answers that came.
     value: Option<Option<ParamData>>,
-    waited: bool,
+    /// Questions for the end of everything that was sent: so many were asked, and so many answered.
+    asked: u64,
+    answered: u64,
     /// The program said that it wants no more.
     leaving: bool,
     /// Something could not be sent before that: the process is gone, which is reported even if the program leaves meanwhile.
@@ -113,7 +116,16 @@ impl Link {
     }
 
     /// Waits for an answer; `None` when there will be none.
-    fn wait<T>(&self, mut answer: impl FnMut(&mut Known) -> Option<T>) -> Option<T> {
+    fn wait<T>(&self, answer: impl FnMut(&mut Known) -> Option<T>) -> Option<T> {
+        self.wait_until(None, answer)
+    }
+
+    /// Waits for an answer until a moment; `None` when there will be none, or was none until then.
+    fn wait_until<T>(
+        &self,
+        until: Option<Instant>,
+        mut answer: impl FnMut(&mut Known) -> Option<T>,
+    ) -> Option<T> {
         let mut known = lock(&self.known);
         if known.listener == Some(std::thread::current().id()) {
             return None;
@@ -125,7 +137,15 @@ impl Link {
             if known.over {
                 return None;
             }
-            known = self.changed.wait(known).unwrap_or_else(PoisonError::into_inner);
+            let Some(until) = until else {
+                known = self.changed.wait(known).unwrap_or_else(PoisonError::into_inner);
+                continue;
+            };
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return None;
+            }
+            known = self.changed.wait_timeout(known, left).unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 
@@ -160,7 +180,7 @@ impl Link {
                 b'R' => known.progress = Frame(&payload).array().map_or(0.0, f32::from_le_bytes),
                 b'D' => (known.rendering, known.progress) = (false, 1.0),
                 b'G' => known.value = Some(Frame(&payload).data().flatten()),
-                b'W' => known.waited = true,
+                b'W' => known.answered += 1,
                 _ => {}
             }
             drop(known);
@@ -250,11 +270,19 @@ impl Remote {
         lock(&self.writer).flush().map_err(|_| Stop::Exit)
     }
 
-    fn wait(&self) -> Result<(), Stop> {
+    /// Waits until everything that was sent is done, or "float time" (seconds) has passed.
+    fn wait(&self, params: &Params) -> Result<(), Stop> {
+        // Longer than that is for ever.
+        const LONGEST: f32 = 1e9;
+        let seconds = params.float("time").filter(|t| *t < LONGEST && !t.is_nan());
+        let until = seconds.map(|t| Instant::now() + Duration::from_secs_f32(t.max(0.0)));
         self.flush()?;
-        lock(&self.link.known).waited = false;
+        let mut known = lock(&self.link.known);
+        known.asked += 1;
+        let mine = known.asked;
+        drop(known);
         if self.link.send(b'W', &[]) {
-            self.link.wait(|known| std::mem::take(&mut known.waited).then_some(()));
+            self.link.wait_until(until, |known| (known.answered >= mine).then_some(()));
         }
         if lock(&self.link.known).over { Err(Stop::Exit) } else { Ok(()) }
     }
@@ -263,12 +291,10 @@ impl Remote {
 impl SceneSink for Remote {
     fn call(&mut self, call: Call, at: &Location) -> Result<(), Stop> {
         let command = match &call {
+            Call::Command { name, params } if name.trim() == "wait" => return self.wait(params),
             Call::Command { name, .. } => Some(name.clone()),
             _ => None,
         };
-        if command.as_deref() == Some("wait") {
-            return self.wait();
-        }
         let mut known = lock(&self.link.known);
         if known.over {
             // That was said when it happened.
@@ -276,6 +302,15 @@ impl SceneSink for Remote {
         }
         if known.rendering {
             drop(known);
+            if let Call::Command { name, params } = &call
+                && name.trim() == "bucketpriority"
+            {
+                match PriorityRequest::of(params) {
+                    Ok(request) => _ = self.link.send(b'P', &request.to_bytes()),
+                    Err(what) => self.reporter.say(Severity::Error, at, what),
+                }
+                return Ok(());
+            }
             if !command.is_some_and(|name| self.link.command(&name)) {
                 let text = format!("{} is ignored while a frame is rendered", call.name());
                 self.reporter.say(Severity::Error, at, text);
@@ -313,9 +348,13 @@ impl SceneSink for Remote {
 
     fn attribute(&self, declaration: &str) -> Option<Param> {
         let name = declaration.split_whitespace().next_back()?;
-        if lock(&self.link.known).rendering {
+        let known = lock(&self.link.known);
+        // A renderer that is done with its frame and has ended is still done.
+        if known.rendering || (known.over && known.progress >= 1.0) {
+            drop(known);
             return self.link.attribute(name);
         }
+        drop(known);
         self.flush().ok()?;
         lock(&self.link.known).value = None;
         if !self.link.send(b'A', declaration.as_bytes()) {
@@ -344,7 +383,6 @@ mod tests {
     use super::*;
     use granita_base::Supervisor;
     use std::process::{Command, Stdio};
-    use std::time::Instant;
 
     fn refused(script: &str) -> String {
         let mut command = Command::new("sh");

@@ -2,12 +2,13 @@
 
 use super::images::Forwarded;
 use super::{GREETING, message_bytes};
+use crate::commands::PriorityRequest;
 use crate::patient::PULSE;
 use crate::{Outcome, Session, SharedProgress};
 use granita_base::report::VERBOSITY_INFO;
 use granita_base::{Location, Param, Reporter};
 use granita_pyg::frames::{receive, send};
-use granita_render::Progress;
+use granita_render::{Priority, Progress};
 use granita_scene::{Call, SceneSink, State, Stop};
 use std::io::{Read, Write};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
@@ -31,8 +32,16 @@ struct Inner {
     ends: AtomicBool,
     /// Set by [`Session::obey`].
     stop: Mutex<Option<Arc<AtomicBool>>>,
+    /// Set by [`Session::obey`] as well.
+    priority: Mutex<Option<Arc<Priority>>>,
+    /// What the program would have first of the frame that it asked for.
+    request: Mutex<Option<PriorityRequest>>,
     /// Images that were sent: they are told apart by their numbers.
     images: AtomicU32,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl std::fmt::Debug for Told {
@@ -50,6 +59,8 @@ impl Told {
             share: AtomicU64::new(0),
             ends: AtomicBool::new(false),
             stop: Mutex::default(),
+            priority: Mutex::default(),
+            request: Mutex::default(),
             images: AtomicU32::new(0),
         }));
         told.say(b'H', &[GREETING.as_bytes()]);
@@ -93,6 +104,19 @@ impl Told {
         self.pass_end_on();
     }
 
+    /// Changes the order of the buckets of the frame that is rendered, or that is about to be.
+    fn set_priority(&self, request: PriorityRequest) {
+        *lock(&self.0.request) = Some(request);
+        self.apply_request();
+    }
+
+    fn apply_request(&self) {
+        let request = *lock(&self.0.request);
+        if let (Some(request), Some(priority)) = (request, &*lock(&self.0.priority)) {
+            request.apply(priority);
+        }
+    }
+
     fn pass_end_on(&self) {
         let stop = self.0.stop.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(stop) = stop.as_ref().filter(|_| self.0.ends.load(Ordering::Acquire)) {
@@ -120,6 +144,8 @@ impl Progress for Told {
         self.0.total.store(total, Ordering::Relaxed);
         self.0.share.store(0, Ordering::Relaxed);
         self.pass_end_on();
+        // What was requested before the frame began was forgotten then.
+        self.apply_request();
     }
 
     fn done(&self, steps: u64) {
@@ -161,6 +187,11 @@ fn sort(mut input: Box<dyn Read + Send>, frames: &SyncSender<Vec<u8>>, told: &To
     loop {
         match receive(&mut *input) {
             Ok((b'X', _)) => told.end_frame(),
+            Ok((b'P', payload)) => {
+                if let Some(request) = PriorityRequest::from_bytes(&payload) {
+                    told.set_priority(request);
+                }
+            }
             Ok((b'Z', _)) => return,
             Ok((kind, payload)) => {
                 let mut frame = Vec::with_capacity(payload.len() + 5);
@@ -190,6 +221,7 @@ impl SceneSink for Watched<'_> {
         let done = self.state.call(call, at);
         if renders {
             self.told.0.ends.store(false, Ordering::Release);
+            *lock(&self.told.0.request) = None;
             self.told.say(b'D', &[]);
         }
         done
@@ -213,6 +245,7 @@ impl Session {
     /// reporter and progress are those of `told`.
     pub fn obey(mut self, input: Box<dyn Read + Send>, told: &Told) -> Outcome {
         *told.0.stop.lock().unwrap_or_else(PoisonError::into_inner) = Some(self.stop());
+        *lock(&told.0.priority) = Some(self.priority());
         let images = told.clone();
         self.plugins()
             .set_program_images(Arc::new(move |address| Arc::new(Forwarded::new(&images, address))));
@@ -234,5 +267,35 @@ impl Session {
             Err(error) => reporter.error(error.to_string()),
         }
         self.finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_request_counts_for_the_frame_that_was_asked_for() {
+        let told = Told::new(Box::new(std::io::sink()));
+        let priority = Arc::new(Priority::default());
+        *lock(&told.0.priority) = Some(priority.clone());
+        let (sender, frames) = sync_channel(QUEUE);
+        let mut input = Vec::new();
+        for request in [PriorityRequest::Center([7, 9]), PriorityRequest::Rectangle([1, 2, 3, 4])] {
+            send(&mut input, b'P', &[&request.to_bytes()]).unwrap();
+        }
+        send(&mut input, b'P', &[b"123"]).unwrap();
+        send(&mut input, b'W', &[]).unwrap();
+        send(&mut input, b'Z', &[]).unwrap();
+        sort(Box::new(std::io::Cursor::new(input)), &sender, &told, &AtomicBool::new(false));
+        // It does not stand in line behind calls.
+        assert_eq!(frames.try_iter().count(), 1);
+        let rectangle = granita_render::PixelRect { x0: 1, y0: 2, x1: 4, y1: 5 };
+        assert_eq!(priority.current(), (Some([7, 9]), Some(rectangle)));
+        // A frame that begins forgets what was requested before, but not what was requested for it.
+        let forgotten = Arc::new(Priority::default());
+        *lock(&told.0.priority) = Some(forgotten.clone());
+        told.begin(10);
+        assert_eq!(forgotten.current(), (None, Some(rectangle)));
     }
 }

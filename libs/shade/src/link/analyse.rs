@@ -30,8 +30,12 @@ pub(crate) struct Facts {
     pub(crate) gridwise: bool,
     /// What may make `spatialdbsave`, `indirect` and `occlusion` save.
     pub(crate) saves: Vec<Saves>,
-    /// Sources of `getmessage`, as far as they are constant.
+    /// Usages that some `getmessage` may ask: all where the source is not constant.
     pub(crate) listens: Vec<ShaderKind>,
+    /// Some `getmessage` may ask the light that a `lights` loop examines.
+    pub(crate) asks_light: bool,
+    /// Some `getmessage` may ask for a variable of the primitive.
+    pub(crate) asks_primitive: bool,
     /// Some `getmessage` may ask the shader whose ray sees the point.
     pub(crate) asks_parent: bool,
 }
@@ -284,9 +288,13 @@ impl Walk<'_> {
             Func::Indirect | Func::Occlusion => self.database(op),
             Func::GetMessage => {
                 let source = op.args.first().and_then(|&s| self.constant(s));
-                let (parent, kind) = (source.is_none_or(|s| s == "parent"), source.and_then(usage_word));
+                let may_be = |word: &str| source.is_none_or(|s| s == word);
+                let [parent, light, primitive] = ["parent", "light", "primitive"].map(may_be);
+                let usages: Vec<ShaderKind> = USAGES.into_iter().filter(|k| may_be(k.word())).collect();
                 self.facts.asks_parent |= parent;
-                self.facts.listens.extend(kind);
+                self.facts.asks_light |= light;
+                self.facts.asks_primitive |= primitive;
+                self.facts.listens.extend(usages);
             }
             _ => {}
         }
@@ -469,8 +477,11 @@ fn is_plain(func: Func) -> bool {
 
 /// The usage a source name of `getmessage` stands for.
 pub(crate) fn usage_word(word: &str) -> Option<ShaderKind> {
-    [ShaderKind::Surface, ShaderKind::Displacement, ShaderKind::Volume].into_iter().find(|k| k.word() == word)
+    USAGES.into_iter().find(|k| k.word() == word)
 }
+
+/// Usages of shaders of an object.
+const USAGES: [ShaderKind; 3] = [ShaderKind::Surface, ShaderKind::Displacement, ShaderKind::Volume];
 
 /// How many operands an operation needs at least.
 fn least_args(code: OpCode) -> usize {

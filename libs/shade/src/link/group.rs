@@ -4,14 +4,14 @@ use super::analyse::{Facts, Saves, analyse};
 use super::given::given;
 use super::optimize::{Known, is_inert, optimize};
 use super::relink::Relink;
-use super::wires::{End, Named, Tap, Wire, compatible, refuse, resolve};
+use super::wires::{End, Named, Tap, Wire, compatible, element_of, refuse, resolve};
 use crate::run::strings::Strings;
 use crate::tape::{Tape, fuse};
 use crate::{Grid, ShadeError};
 use granita_base::{Params, Severity};
 use granita_gsl::ir::{Block, ConstValue, Global, Module, ShaderKind, SymbolId, SymbolKind, ValueType};
 use std::collections::{BTreeMap, HashSet};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// More numbers than this per point are no shader but an attack on memory.
@@ -152,7 +152,7 @@ pub struct Group {
     pub(crate) strings: Strings,
     /// Globals that the code reads or writes.
     pub(crate) used: [bool; Global::ALL.len()],
-    pub(crate) keeps: bool,
+    keeps: AtomicBool,
     usage: ShaderKind,
     facts: Vec<Facts>,
     writes: [bool; Global::ALL.len()],
@@ -210,7 +210,7 @@ impl Group {
             constants: Vec::new(),
             strings: Strings::default(),
             used: [false; Global::ALL.len()],
-            keeps: false,
+            keeps: AtomicBool::new(false),
             usage,
             facts,
             writes: [false; Global::ALL.len()],
@@ -360,7 +360,7 @@ impl Group {
         })
     }
 
-    /// Whether some `getmessage` asks the object's shader of another usage.
+    /// True when some `getmessage` may ask the object's shader of this usage.
     pub fn listens_to(&self, usage: ShaderKind) -> bool {
         self.facts.iter().any(|f| f.listens.contains(&usage))
     }
@@ -373,8 +373,23 @@ impl Group {
 
     /// Leaves all parameters on the grid after a run, for a later shader of the object that
     /// [listens](Group::listens_to).
-    pub fn keep_parameters(&mut self) {
-        self.keeps = true;
+    pub fn keep_parameters(&self) {
+        self.keeps.store(true, Ordering::Relaxed);
+    }
+
+    /// True when parameters stay on the grid after a run.
+    pub(crate) fn keeps(&self) -> bool {
+        self.keeps.load(Ordering::Relaxed)
+    }
+
+    /// True when some `getmessage` may ask the light that a `lights` loop examines.
+    pub fn asks_light(&self) -> bool {
+        self.facts.iter().any(|f| f.asks_light)
+    }
+
+    /// True when some `getmessage` may ask for a variable of the primitive.
+    pub fn asks_primitive(&self) -> bool {
+        self.facts.iter().any(|f| f.asks_primitive)
     }
 
     /// Whether each layer need not run: it only computes parameters, and nobody takes one of them. From the last layer to the
@@ -382,12 +397,15 @@ impl Group {
     pub(crate) fn find_idle(&self, wanted: &[(&str, ValueType)], idle: &mut Vec<bool>) {
         idle.clear();
         idle.resize(self.layers.len(), false);
+        // What other layers or other shaders ask for by name may be any parameter.
+        if self.keeps() || self.listens_to(self.usage) {
+            return;
+        }
         for (layer, l) in self.layers.iter().enumerate().rev() {
             idle[layer] = l.inert
-                && !self.keeps
                 && !l.params.iter().zip(&l.module.params).any(|(p, decl)| {
                     // A symbol of this name may be asked for.
-                    decl.output && wanted.iter().any(|(name, _)| *name == &*p.name)
+                    decl.output && wanted.iter().any(|(name, _)| element_of(name).0 == &*p.name)
                 })
                 && l.kept.is_empty()
                 && l.feeds.iter().all(|&target| idle[target]);
@@ -750,6 +768,7 @@ fn check_usage(module: &Module, facts: &Facts, usage: ShaderKind) -> Result<(), 
         }
     }
     match usage {
+        ShaderKind::Displacement if module.reads.contains(&Global::I) => refuse("reads I"),
         ShaderKind::Surface | ShaderKind::Volume if facts.emits => refuse("emits light"),
         ShaderKind::Displacement if facts.emits => refuse("emits light"),
         ShaderKind::Displacement | ShaderKind::Light if facts.gathers => refuse("gathers light"),

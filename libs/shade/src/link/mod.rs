@@ -11,4 +11,4 @@ pub(crate) use analyse::usage_word;
 pub(crate) use group::{At, Layer, ParamPlan, Place};
 pub use group::{ConnectionSource, Group, LayerSource, LinkOptions};
 pub(crate) use optimize::{blocks_mut, occurrences};
-pub(crate) use wires::{Tap, Wire};
+pub(crate) use wires::{Tap, Wire, element_of};

@@ -104,7 +104,9 @@ impl Relink {
         let mut group =
             Group::link_lengths(&layers, &connections, self.options, &lengths, &mut |_, _| {}).ok()?;
         group.attach(own.usage()).ok()?;
-        group.keeps = own.keeps;
+        if own.keeps() {
+            group.keep_parameters();
+        }
         let group = Arc::new(group);
         let mut variants = self.variants.lock().unwrap_or_else(PoisonError::into_inner);
         if variants.len() >= MAX_VARIANTS {

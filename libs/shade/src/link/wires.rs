@@ -125,6 +125,15 @@ fn split(text: &str) -> Result<(&str, Vec<u32>), String> {
     Ok((text[..open].trim(), indexes))
 }
 
+/// Name and number of an element of an array, as in `name[2]`; a name without a number is that of a whole.
+pub(crate) fn element_of(name: &str) -> (&str, Option<u32>) {
+    let parts = name.strip_suffix(']').and_then(|n| n.split_once('['));
+    match parts.and_then(|(base, k)| Some((base, k.parse().ok()?))) {
+        Some((base, k)) => (base, Some(k)),
+        None => (name, None),
+    }
+}
+
 /// Whether the ends go together (reference 2.6): equal types; triples among each other; a float to a
 /// triple; a triple to a float by its first component. Whole arrays need the same length.
 pub(crate) fn compatible(source: &Named, target: &Named) -> Result<(), String> {

@@ -109,7 +109,7 @@ fn receive(m: &mut Machine<'_>, source: &str, name: &str, dst: SymbolId) -> bool
     match source {
         "light" => {
             let Some(light) = m.light.clone() else { return false };
-            light.params.iter().rev().any(|p| *p.name == *name && store_param(m, dst, p))
+            light.messages.iter().rev().any(|p| *p.name == *name && store_primvar(m, dst, p))
         }
         "parent" => {
             let grid = m.grid;

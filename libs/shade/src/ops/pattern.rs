@@ -6,7 +6,7 @@ use crate::run::kernel::map2;
 use crate::run::machine::Machine;
 use crate::run::noise_lanes::{NoiseKind, NoiseTask};
 use crate::run::simd;
-use granita_base::Filter;
+use granita_base::{Filter, hash};
 use granita_gsl::Func;
 use granita_gsl::ir::{Op, SymbolId, ValueType};
 use table::{drawn, hashed};
@@ -119,7 +119,13 @@ pub fn noise_at(form: NoiseForm, x: &[f32], period: Option<&[f32]>, out: &mut [f
 pub(super) fn random(m: &mut Machine<'_>, func: Func, op: &Op) {
     let Some(dst) = op.dst else { return };
     let components = m.type_of(dst).components();
-    let (seed, draw) = (m.grid.seed, m.draws);
+    // Seed 0 gives the numbers that a grid has of itself.
+    let seeded = |name: u32| if m.st.seed == 0 { name } else { hash::words(&[name, m.st.seed]) };
+    let (seed, draw) = (seeded(m.grid.seed), m.draws);
+    let names: Vec<u32> = match op.args.is_empty() && func == Func::Random && m.st.seed != 0 {
+        true => m.grid.names.iter().map(|name| seeded(*name)).collect(),
+        false => Vec::new(),
+    };
     let per_lane = op.args.is_empty() && func == Func::Random;
     let mut drawn_before = Vec::new();
     if op.args.is_empty() {
@@ -138,7 +144,7 @@ pub(super) fn random(m: &mut Machine<'_>, func: Func, op: &Op) {
                 let k = c as u32;
                 let v = if dimensions > 0 {
                     hashed(&at(&x, i)[..dimensions], k)
-                } else if let (true, Some(name)) = (per_lane, m.grid.names.get(i)) {
+                } else if let (true, Some(name)) = (per_lane, names.get(i).or(m.grid.names.get(i))) {
                     drawn(&[*name, drawn_before[i], 1], k)
                 } else if per_lane {
                     drawn(&[seed, draw, i as u32 + 1], k)

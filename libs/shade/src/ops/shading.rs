@@ -26,11 +26,14 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     }
 }
 
-/// max (0, N.H) ^ (1 / roughness), H halfway between light and viewer; all of unit length.
+/// max (0, N.H) ^ (8 / roughness), H halfway between light and viewer; all of unit length.
+///
+/// The reference names no formula. This is the one of shaders and pictures of its time: the lobe of Blinn, "Models of Light Reflection
+/// for Computer Synthesized Pictures", SIGGRAPH 1977, with the exponent 8 / roughness that BMRT and Aqsis give `specular ()`.
 pub(super) fn brdf(l: Vec3, n: Vec3, v: Vec3, roughness: f32) -> f32 {
     let h = (l + v).normalize_or_zero();
     let cos = n.dot(h).max(0.0);
-    if cos == 0.0 { 0.0 } else { lanes::pow(cos, 1.0 / roughness.max(1e-6)) }
+    if cos == 0.0 { 0.0 } else { lanes::pow(cos, 8.0 / roughness.max(1e-6)) }
 }
 
 /// The sum of all ambient lights.
@@ -50,7 +53,10 @@ fn ambient(m: &mut Machine<'_>, op: &Op) {
                 ns: ns.triple(),
                 pl: None,
                 nl: None,
+                cone: None,
                 in_front: false,
+                asks: false,
+                messages: &[],
             };
             m.services.illuminate(k, &query)
         };
@@ -130,9 +136,10 @@ mod tests {
     fn highlights() {
         let n = Vec3::Z;
         assert_eq!(brdf(n, n, n, 0.1), 1.0);
-        // H at 45 degrees: cos^2 is a half.
+        // H at 45 degrees: cos^16 is 1/256 at roughness 0.5, cos^8 is 1/16 at 1.
         let (l, v) = (Vec3::X, Vec3::Z);
-        assert!((brdf(l, n, v, 0.5) - 0.5).abs() < 1e-6);
+        assert!((brdf(l, n, v, 0.5) - 1.0 / 256.0).abs() < 1e-7);
+        assert!((brdf(l, n, v, 1.0) - 1.0 / 16.0).abs() < 1e-6);
         // Light and viewer opposite: no halfway direction.
         assert_eq!(brdf(Vec3::X, n, -Vec3::X, 0.1), 0.0);
         assert!(brdf(l, n, v, 0.0).is_finite() && brdf(n, n, n, 0.0) == 1.0);

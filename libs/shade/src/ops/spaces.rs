@@ -242,7 +242,16 @@ fn unit_factor(m: &mut Machine<'_>, from: f32, to: f32) -> Option<f32> {
     if let Some(factor) = m.services.unit_scale(&a, &b) {
         return Some(factor);
     }
-    // At least one is a coordinate system: by way of "common".
+    // At least one is a coordinate system: by way of "common", and the other is a length.
+    if m.space(from).is_none() && m.space(to).is_none() {
+        return None;
+    }
+    let mut is_length = |name: f32, word: &str| {
+        word == "common" || m.space(name).is_some() || m.services.unit_scale(word, "mm").is_some()
+    };
+    if !(is_length(from, &a) && is_length(to, &b)) {
+        return None;
+    }
     let mut to_common = |name: f32, word: &str| -> Option<f32> {
         if word == "common" {
             return Some(1.0);

@@ -38,10 +38,9 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
         Func::Error => each_lane(m, op, |m, i| {
             let text = formatted(m, &op.args, i);
             let text = text.trim_end().to_owned();
-            let module = m.code().module.name.clone();
-            let object = &m.grid.object;
-            let place = if object.is_empty() { String::new() } else { format!(" (on \"{object}\")") };
-            m.services.say(Severity::Error, &format!("shader \"{module}\": {text}{place}"));
+            let module = &m.code().module;
+            let at = module.location(op.at);
+            m.services.say_of(Severity::Error, &module.name, &at, &text);
         }),
         Func::Fprintf => each_lane(m, op, |m, i| {
             let file = m.text(m.view(op.args[0]).get(i)).clone();

@@ -236,14 +236,8 @@ impl Machine<'_> {
         let operands: Vec<String> = op.args.iter().filter(|s| !texts(s)).map(|&s| numbers(s)).collect();
         let name = module.symbols.get(dst.0 as usize).map_or("", |s| &*s.name);
         let what = if name.is_empty() { String::new() } else { format!(" (in `{name}`)") };
-        let text = format!(
-            "{place}: shader \"{}\": {word} of {} gives {}{what}, point {lane} of \"{}\"",
-            module.name,
-            operands.join(", "),
-            numbers(dst),
-            self.grid.object,
-        );
-        self.services.say(granita_base::Severity::Warning, &text);
+        let text = format!("{word} of {} gives {}{what}, point {lane}", operands.join(", "), numbers(dst));
+        self.services.say_of(granita_base::Severity::Warning, &module.name, &place, &text);
     }
 }
 

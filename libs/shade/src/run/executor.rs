@@ -1,10 +1,9 @@
 //! The public door: runs linked groups.
 
-use crate::link::At;
+use crate::link::{At, element_of};
 use crate::run::machine::{Emission, Machine, State};
 use crate::run::store::Mask;
 use crate::{Grid, Group, IlluminateQuery, LightResult, Message, Services};
-use granita_base::{Param, ParamData, ParamType};
 use granita_gsl::ir::{Global, ValueType};
 use std::sync::Arc;
 
@@ -25,16 +24,22 @@ impl Executor {
     }
 
     /// Searches every result for NaN from now on (`debug:shadernan`): an operation that makes one of numbers is
-    /// reported with shader, line, operands and result, once per place. Costs time.
+    /// reported with shader, line, operands and result, once per place. The code runs as it was compiled then, since
+    /// what is folded is not searched. Costs time.
     pub fn look_for_nan(&mut self, on: bool) {
         self.state.nan_check = on;
+    }
+
+    /// Sets the seed of `random ()` and `randomgrid ()` beside that of each grid; 0, the default, leaves that alone.
+    pub fn seed_random(&mut self, seed: u32) {
+        self.state.seed = seed;
     }
 
     /// Runs a surface, displacement or volume group over a grid.
     ///
     /// What the group writes of `P`, `N`, `C` and `opacity` is written back into the grid, and its messages
     /// are appended to it. Returns the values of `wanted` after the run, in their order: output parameters
-    /// (of the last layer that has one of that name and type) or globals, component after component over all
+    /// (of the last layer that has one of that name and type), elements of output arrays (`name[2]`) or globals, component after component over all
     /// lanes; `None` where there is none.
     pub fn run(
         &mut self,
@@ -69,15 +74,19 @@ impl Executor {
         if n == 0 {
             return vec![None; wanted.len()];
         }
+        let keeps = group.keeps();
         let fitting = group.for_grid(grid);
         let group = fitting.as_deref().unwrap_or(group);
+        if keeps {
+            group.keep_parameters();
+        }
         let mut machine = machine(group, grid, services, &mut self.state);
         machine.mask.fill(n);
         machine.base = n;
         machine.prepare(None);
         machine.layers(true, Some(wanted));
         let results = wanted.iter().map(|(name, ty)| machine.output(name, *ty, outputs)).collect();
-        let messages = machine.messages();
+        let messages = machine.messages(keeps);
         machine.finish();
         self.write_back(group, grid);
         grid.messages.extend(messages);
@@ -102,6 +111,7 @@ impl Executor {
         machine.mask.set_active(n, query.batch.active);
         machine.base = machine.mask.count();
         machine.emitted = Some(LightResult::default());
+        machine.cone = query.cone.map(|cone| cone.map(|lanes| (0..n).map(|i| lanes.get(i)).collect()));
         machine.prepare(Some(query));
         machine.layers(false, None);
         let mut result = machine.emitted.take().unwrap_or_default();
@@ -110,7 +120,9 @@ impl Executor {
         }
         result.nondiffuse = machine.param_lanes("__nondiffuse");
         result.nonspecular = machine.param_lanes("__nonspecular");
-        result.params = machine.uniform_params();
+        if query.asks {
+            result.messages = machine.messages(true).into_iter().map(|m| m.value).collect();
+        }
         machine.finish();
         result
     }
@@ -164,6 +176,7 @@ fn machine<'a>(
         draws: 0,
         lane_draws: Vec::new(),
         emission: Emission::default(),
+        cone: None,
         emitted: None,
         light: None,
         ray: None,
@@ -191,6 +204,8 @@ impl Machine<'_> {
             self.readmit(&all);
             let code = self.code();
             let body = match &code.better {
+                // What was folded is computed where NaN is looked for: the operation that makes one is told.
+                _ if self.st.nan_check => &code.plain,
                 Some(better) if !primvars || !self.replaces(&better.assumed) => &better.code,
                 _ => &code.plain,
             };
@@ -225,12 +240,25 @@ impl Machine<'_> {
 
     /// Register of a parameter, searched from the last layer; the type must fit if one is given.
     pub(crate) fn find_param(&self, name: &str, ty: Option<ValueType>, outputs: bool) -> Option<usize> {
+        self.find_element(name, None, ty, outputs)
+    }
+
+    /// As [`Machine::find_param`]; with an element, of a parameter that is an array with so many.
+    fn find_element(
+        &self,
+        name: &str,
+        element: Option<u32>,
+        ty: Option<ValueType>,
+        outputs: bool,
+    ) -> Option<usize> {
         self.group.layers.iter().rev().find_map(|layer| {
             let k = layer.params.iter().position(|p| *p.name == *name)?;
             let place = &layer.places[layer.params[k].symbol.0 as usize];
             let fits = ty.is_none_or(|t| t == place.value) && (!outputs || layer.module.params[k].output);
             match place.at {
-                At::Slot(slot) if fits && !place.array => Some(slot as usize),
+                At::Slot(slot) if fits && place.array == element.is_some() => {
+                    element.is_none_or(|k| k < place.elements).then_some(slot as usize)
+                }
                 _ => None,
             }
         })
@@ -241,8 +269,12 @@ impl Machine<'_> {
         if ty == ValueType::String {
             return None;
         }
-        if let Some(slot) = self.find_param(name, Some(ty), outputs) {
-            return Some(self.lanes_of(slot));
+        let (base, element) = element_of(name);
+        if let Some(slot) = self.find_element(base, element, Some(ty), outputs) {
+            let lanes = self.lanes_of(slot);
+            let Some(k) = element else { return Some(lanes) };
+            let size = ty.components() * self.n;
+            return lanes.get(k as usize * size..(k as usize + 1) * size).map(<[f32]>::to_vec);
         }
         let global = Global::ALL.into_iter().find(|g| g.word() == name)?;
         if global.value_type().components() != ty.components() {
@@ -254,11 +286,11 @@ impl Machine<'_> {
         Some(self.lanes_of(global as usize))
     }
 
-    /// What the run leaves for `getmessage`; parameters first, messages after them hide them.
-    fn messages(&self) -> Vec<Message> {
+    /// What the run leaves for `getmessage`: all parameters or none, and messages, which hide them, behind these.
+    pub(crate) fn messages(&self, parameters: bool) -> Vec<Message> {
         let from = self.group.usage();
         let mut list = Vec::new();
-        if self.group.keeps {
+        if parameters {
             list.extend(self.parameters().into_iter().map(|value| Message { from, value }));
         }
         for sent in &self.st.messages {
@@ -272,33 +304,6 @@ impl Machine<'_> {
     /// A float parameter per lane; empty without it.
     fn param_lanes(&self, name: &str) -> Vec<f32> {
         self.find_param(name, Some(ValueType::Float), false).map_or(Vec::new(), |slot| self.lanes_of(slot))
-    }
-
-    /// Parameters that are the same for all lanes.
-    fn uniform_params(&self) -> Vec<Param> {
-        let mut list: Vec<Param> = Vec::new();
-        for layer in &self.group.layers {
-            for plan in &layer.params {
-                let place = &layer.places[plan.symbol.0 as usize];
-                let At::Slot(slot) = place.at else { continue };
-                let slot = &self.st.slots[slot as usize];
-                if slot.varying {
-                    continue;
-                }
-                let data = if place.value == ValueType::String {
-                    ParamData::String(slot.data.iter().map(|&id| self.text(id).clone()).collect())
-                } else {
-                    ParamData::Float(slot.data.as_slice().into())
-                };
-                let ty = ParamType {
-                    base: place.value.base_type().unwrap_or(granita_base::BaseType::Float),
-                    array: place.array.then_some(place.elements),
-                    ..ParamType::default()
-                };
-                list.push(Param { name: plan.name.clone(), ty, data });
-            }
-        }
-        list
     }
 }
 

@@ -31,14 +31,29 @@ impl Machine<'_> {
     ) -> Vec<Arc<LightResult>> {
         let count = self.services.light_count();
         let mut results = Vec::with_capacity(count);
+        let asks = self.group.asks_light();
+        let mut own = None;
         for k in 0..count {
             let info = self.services.light_info(k);
             if info.ambient || !category.is_none_or(|c| category_matches(c, &info)) {
                 continue;
             }
+            let messages = match self.services.light_asks(k) {
+                true => own.get_or_insert_with(|| self.messages(true)).as_slice(),
+                false => &[],
+            };
             let batch = Batch { lanes: self.n, active: &self.mask.active, layer: self.layer };
-            let query =
-                IlluminateQuery { batch, ps: ps.triple(), ns: ns.triple(), pl: None, nl: None, in_front };
+            let query = IlluminateQuery {
+                batch,
+                ps: ps.triple(),
+                ns: ns.triple(),
+                pl: None,
+                nl: None,
+                cone: None,
+                in_front,
+                asks,
+                messages,
+            };
             results.push(self.services.illuminate(k, &query));
         }
         results
@@ -134,6 +149,7 @@ impl Machine<'_> {
         }
         let mut lit = std::mem::take(&mut self.mask);
         let mut emission = Emission { inside: true, ..Emission::default() };
+        let mut broad = false;
         {
             let ps = self.global(Global::Ps).triple();
             match *form {
@@ -162,12 +178,20 @@ impl Machine<'_> {
                 EmitForm::Distant { axis, spread } => {
                     let axis = self.view(axis).triple();
                     emission.infinite = true;
-                    emission.spread = self.view(spread).get(self.first_of(&lit));
+                    let spread = self.view(spread).lane(0);
+                    let from = |i: usize| match &self.cone {
+                        Some([x, y]) => in_spread(-axis.get(i), 0.5 * spread.get(i), [x[i], y[i]]),
+                        None => -axis.get(i),
+                    };
+                    match &self.cone {
+                        Some(_) => broad = lit.active.iter().any(|i| spread.get(*i as usize) > 0.0),
+                        None => emission.spread = lit.active.first().map_or(0.0, |i| spread.get(*i as usize)),
+                    }
                     for &i in &lit.active {
                         let i = i as usize;
-                        l.set3(i, -axis.get(i));
-                        pl.set3(i, ps.get(i) - axis.get(i));
-                        nl.set3(i, axis.get(i));
+                        l.set3(i, from(i));
+                        pl.set3(i, ps.get(i) + from(i));
+                        nl.set3(i, -from(i));
                     }
                 }
                 EmitForm::Reflection => {
@@ -206,17 +230,13 @@ impl Machine<'_> {
                     lit: on,
                 };
                 if let Some(result) = &mut self.emitted {
+                    result.broad |= broad;
                     result.samples.push(sample);
                 }
             }
         }
         self.mask.add(&outside);
         self.return_mask(outside);
-    }
-
-    /// The first lane of a mask.
-    fn first_of(&self, mask: &crate::run::store::Mask) -> usize {
-        mask.active.first().map_or(0, |&i| i as usize)
     }
 
     /// `trace`: one ray per lane and iteration. `rays`: set, position, axis, angle, samples.
@@ -339,6 +359,19 @@ impl Machine<'_> {
         out.data.copy_from_slice(&self.st.slots[global as usize].data);
         out
     }
+}
+
+/// A direction within `half_angle` (radians) of another, evenly spread over that cone as places are over the unit square; of the length of
+/// the axis.
+fn in_spread(axis: Vec3, half_angle: f32, [x, y]: [f32; 2]) -> Vec3 {
+    let length = axis.length();
+    let Some(unit) = axis.try_normalize().filter(|_| half_angle > 0.0) else { return axis };
+    // Of the sphere's caps, areas are as the heights are.
+    let cos = 1.0 - y * (1.0 - half_angle.min(std::f32::consts::PI).cos());
+    let around = (1.0 - cos * cos).max(0.0).sqrt();
+    let (sin_phi, cos_phi) = (x * std::f32::consts::TAU).sin_cos();
+    let (right, up) = unit.any_orthonormal_pair();
+    (unit * cos + (right * cos_phi + up * sin_phi) * around) * length
 }
 
 /// Whether a direction lies within `angle` of an axis; a direction of no length does.

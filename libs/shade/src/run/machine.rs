@@ -29,6 +29,8 @@ pub(crate) struct State {
     pub(crate) idle: Vec<bool>,
     /// Whether results are searched for NaN.
     pub(crate) nan_check: bool,
+    /// Seed of random numbers, beside that of each grid; 0 leaves that alone.
+    pub(crate) seed: u32,
     /// Group and lanes of the last run.
     pub(crate) last: (u64, usize),
 }
@@ -54,7 +56,7 @@ pub(crate) struct LoopFrame {
 pub(crate) struct Emission {
     pub(crate) inside: bool,
     pub(crate) infinite: bool,
-    /// Half angle of a broad distant light.
+    /// Angle across a broad distant light that shines from all of it at once; 0 for others.
     pub(crate) spread: f32,
 }
 
@@ -88,6 +90,8 @@ pub(crate) struct Machine<'a> {
     /// Calls of `random` of each lane, where lanes have names.
     pub(crate) lane_draws: Vec<u32>,
     pub(crate) emission: Emission,
+    /// As [`crate::IlluminateQuery::cone`], of all lanes.
+    pub(crate) cone: Option<[Vec<f32>; 2]>,
     /// Where samples of a running light go.
     pub(crate) emitted: Option<LightResult>,
     /// The light that the innermost `lights` loop examines.
@@ -273,16 +277,7 @@ impl<'a> Machine<'a> {
         let place = module.location(at);
         let key = format!("{}|{place}|{what}", self.layer);
         if self.group.first_time(key) {
-            let object = &self.grid.object;
-            let mut text = String::new();
-            if place.is_known() {
-                text.push_str(&format!("{place}: "));
-            }
-            text.push_str(&format!("shader \"{}\": {what}", module.name));
-            if !object.is_empty() {
-                text.push_str(&format!(" (on \"{object}\")"));
-            }
-            self.services.say(Severity::Error, &text);
+            self.services.say_of(Severity::Error, &module.name, &place, what);
         }
     }
 

@@ -69,7 +69,10 @@ fn every_shader_runs() {
                     ns: Lane3::over(&grid.n),
                     pl: None,
                     nl: None,
+                    cone: None,
                     in_front: false,
+                    asks: false,
+                    messages: &[],
                 };
                 let result = executor.run_light(&group, &grid, &query, &mut services);
                 assert!(result.samples.iter().all(|s| finite(&s.l) && finite(&s.cl)), "{name}");

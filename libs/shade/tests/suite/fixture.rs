@@ -74,6 +74,9 @@ impl Services for Double {
     }
 
     fn unit_scale(&mut self, from: &str, to: &str) -> Option<f32> {
+        if [from, to].contains(&"s") {
+            return matches!((from, to), ("s", "s" | "common") | ("common", "s")).then_some(1.0);
+        }
         // One common unit is half a centimetre.
         let mm = |unit: &str| {
             Some(match unit {
@@ -138,9 +141,14 @@ impl Services for Double {
         self.lights[index].1.clone()
     }
 
+    fn light_asks(&mut self, index: usize) -> bool {
+        self.lights[index].0.listens_to(granita_gsl::ir::ShaderKind::Surface)
+    }
+
     fn illuminate(&mut self, index: usize, query: &IlluminateQuery<'_>) -> Arc<LightResult> {
         self.in_front.push(query.in_front);
-        let grid = self.grid.clone().expect("a grid for lights");
+        let mut grid = self.grid.clone().expect("a grid for lights");
+        grid.messages.extend_from_slice(query.messages);
         let mut executor = std::mem::take(&mut self.executor);
         let lights = std::mem::take(&mut self.lights);
         let result = executor.run_light(&lights[index].0, &grid, query, self);

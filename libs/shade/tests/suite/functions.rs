@@ -137,6 +137,26 @@ fn mathematics() {
 
 const M_E: f32 = std::f32::consts::E;
 
+/// To the bit, and as numbers that functions take.
+#[test]
+fn constants_have_their_values() {
+    use std::f32::consts;
+    for (name, value) in [
+        ("M_PI", consts::PI),
+        ("PI", consts::PI),
+        ("M_PI_2", consts::FRAC_PI_2),
+        ("M_E", consts::E),
+        ("M_LN2", consts::LN_2),
+        ("M_LN10", consts::LN_10),
+        ("M_SQRT2", consts::SQRT_2),
+        ("M_SQRT1_2", consts::FRAC_1_SQRT_2),
+    ] {
+        assert_eq!(floats(&format!("r = {name};")), [value; 6], "{name}");
+    }
+    let one = floats("r = log (M_E) + cos (PI) + exp (M_LN2) - 2 * M_SQRT2 * M_SQRT1_2 + sin (M_PI_2);")[0];
+    assert!((one - 1.0).abs() < 1e-6, "{one}");
+}
+
 #[test]
 fn operators() {
     check(
@@ -466,6 +486,8 @@ fn mistakes_are_reported_once_and_have_substitutes() {
         ("color c = color (\"cmyk\", 1, 2, 3); r = c[0];", "there is no color space \"cmyk\"", 1.0),
         ("matrix m = 1 / matrix (\"flat\", 1); r = m[0][0];", "a singular matrix has no inverse", 1.0),
         ("r = transformu (\"mm\", \"seconds\", 4);", "cannot convert \"mm\" to \"seconds\"", 4.0),
+        ("r = transformu (\"m\", \"s\", 4);", "cannot convert \"m\" to \"s\"", 4.0),
+        ("r = transformu (\"s\", \"double\", 4);", "cannot convert \"s\" to \"double\"", 4.0),
         ("r = match (\"(\", \"x\");", "\"(\" is not a regular expression", 0.0),
         ("r = spline (\"cubist\", 0, 1, 2, 3, 4);", "there is no spline basis \"cubist\"", 2.0),
         ("while (1 < 2) r = 3;", "a loop does not end", 3.0),

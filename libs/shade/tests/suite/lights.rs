@@ -84,7 +84,7 @@ fn diffuse_specular_ambient() {
     near(corner(&[SUN], "color c = specular (N, -I, 0.1); r = c[1];"), 0.5);
     // H is 22.5 degrees off.
     let body = "vector V = normalize (vector (0, 1, -1)); color c = specular (N, V, 0.5); r = c[0];";
-    near(corner(&[SUN], body), (std::f32::consts::PI / 8.0).cos().powi(2));
+    near(corner(&[SUN], body), (std::f32::consts::PI / 8.0).cos().powi(16));
     near(corner(&[], "color c = specularbrdf (-I, N, -I, 0.1); r = c[0];"), 1.0);
     // Equal to what the reference's definition gives.
     let own = "color c = 0; lights (P, N, PI / 2) c += Cl * max (0, dot (normalize (L), N)); \

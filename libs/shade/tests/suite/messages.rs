@@ -36,7 +36,7 @@ fn printing() {
     );
     assert_eq!(services.printed(), ["once 3\n", "0.0", "1.0"]);
     // The same in all points where it runs: once.
-    assert_eq!(services.errors(), ["shader \"t\": bad 1"]);
+    assert_eq!(services.errors(), ["test.gsl:1: shader \"t\": bad 1"]);
     assert_eq!(services.files, [("log.txt".to_owned(), "1.000000 1.000000 1.000000".to_owned())]);
 }
 
@@ -61,7 +61,7 @@ fn messages_between_layers() {
 
 #[test]
 fn messages_between_usages_travel_with_the_grid() {
-    let mut displacement = link(
+    let displacement = link(
         &[(
             "displacement d (output float bumps = 0) { bumps = u; setmessage (\"tag\", color (1, 2, 3)); }",
             Params::new(),
@@ -128,6 +128,110 @@ fn messages_of_lights_and_primitives() {
         floats("float x = 0; r = getmessage (\"parent\", \"x\", x) + getmessage (\"volume\", \"x\", x);"),
         [0.0; 6]
     );
+}
+
+#[test]
+fn lights_tell_messages_and_parameters_that_vary() {
+    let light = "light l (output float far = 0, output color tint = 0, float list[2] = { 1, 2 }) {
+        setmessage (\"place\", 2 * Ps);
+        emit (point (0, 0, -1)) { far = Ps[0]; tint = color (Ps[1], 0, 0); Cl = 1; } }";
+    let body = "lights (P) {
+            float far = 5, list[2] = { 0, 0 }; point place = 0; color tint = 0;
+            r = getmessage (\"light\", \"far\", far) + getmessage (\"light\", \"list\", list)
+                + getmessage (\"light\", \"place\", place) + getmessage (\"light\", \"tint\", tint);
+            r = r * 1000 + list[1] * 100 + far * 10 + place[0] + tint[0];
+            float none = 0;
+            r += 10000 * (getmessage (\"light\", \"place\", none) + getmessage (\"light\", \"nothing\", none));
+        }";
+    let r = floats_with(body, &mut Double::with_lights(&[light]));
+    assert_eq!(r, [4200.0, 4206.0, 4212.0, 4201.0, 4207.0, 4213.0]);
+}
+
+#[test]
+fn lights_ask_the_surface_and_the_primitive() {
+    let light = "light l () { float k = 0, id = 0, d = 0; color tag = 0;
+        float found = getmessage (\"surface\", \"Kd\", k) + getmessage (\"surface\", \"tag\", tag)
+            + getmessage (\"primitive\", \"id\", id) + getmessage (\"displacement\", \"depth\", d)
+            + getmessage (\"volume\", \"Kd\", d);
+        emit (vector (0, 0, 1), 0) { Cl = color (found, k + tag[0], id + d); } }";
+    let source = "surface t (float Kd = 0.5, output color r = 0) {
+        setmessage (\"tag\", color (u)); lights (P) r = Cl;
+        setmessage (\"tag\", color (2)); lights (P) r += 10 * Cl; }";
+    let surface = link(&[(source, Params::new())], &[]);
+    let displacement = "displacement d (output float depth = 0) { depth = 3 * u; }";
+    let displacement = link(&[(displacement, Params::new())], &[]);
+    displacement.keep_parameters();
+    let mut grid = square(2, 1);
+    grid.primvars.push(Primvar {
+        name: "id".into(),
+        ty: ParamType::of(BaseType::Float),
+        data: PrimvarData::Floats { values: vec![7.0, 8.0], varying: true },
+    });
+    Executor::new().run(&displacement, &mut grid, &mut Double::default(), &[]);
+    let mut services = Double::with_lights(&[light]);
+    let r = output(&surface, &mut grid, &mut services, "r", ValueType::Color);
+    assert_eq!(r, [44.0, 44.0, 25.5, 26.5, 77.0, 121.0]);
+}
+
+#[test]
+fn a_layer_that_is_asked_by_name_runs() {
+    // Nothing is connected to the first layer, and all it does is to compute a parameter.
+    let layers = [
+        ("surface a (output float o = 0) { o = 2 * u; }", Params::new()),
+        (
+            "surface b (output float r = 0) { float x = 0; r = getmessage (\"surface\", \"o\", x) * 10 + x; }",
+            Params::new(),
+        ),
+    ];
+    let group = link(&layers, &[]);
+    let r = output(&group, &mut square(3, 1), &mut Double::default(), "r", ValueType::Float);
+    assert_eq!(r, [10.0, 11.0, 12.0]);
+    // A source that is not constant may be any.
+    let source = "surface t (string from = \"\", output float r = 0) { float x = 0; getmessage (from, \"a\", x); r = x; }";
+    let group = link(&[(source, Params::new())], &[]);
+    assert!(group.asks_light() && group.asks_primitive() && group.asks_parent());
+    assert!(group.listens_to(ShaderKind::Displacement) && group.listens_to(ShaderKind::Volume));
+}
+
+#[test]
+fn elements_of_output_arrays() {
+    let source = "surface t (output float list[3] = { 1, 2, 3 }, output color pair[2] = { 0, 0 }, float own[2] = { 1, 2 }) {
+        list[1] = u; pair[1] = color (u, 5, 7); C = own[0]; }";
+    let group = link(&[(source, Params::new())], &[]);
+    let run = |name: &str, ty| {
+        let mut services = Double::default();
+        Executor::new().run(&group, &mut square(2, 1), &mut services, &[(name, ty)]).remove(0)
+    };
+    assert_eq!(run("list[1]", ValueType::Float), Some(vec![0.0, 1.0]));
+    assert_eq!(run("list[2]", ValueType::Float), Some(vec![3.0, 3.0]));
+    assert_eq!(run("pair[1]", ValueType::Color), Some(vec![0.0, 1.0, 5.0, 5.0, 7.0, 7.0]));
+    for none in ["list[3]", "list", "own[0]", "pair[x]", "list[-1]"] {
+        assert_eq!(run(none, ValueType::Float), None, "{none}");
+    }
+}
+
+#[test]
+fn a_seed_changes_what_is_random_and_nothing_else() {
+    let source = "surface t (output float r = 0, output float g = 0, output float h = 0) \
+                  { r = random (); g = randomgrid (); h = random (P); }";
+    let group = link(&[(source, Params::new())], &[]);
+    let run = |seed: u32, named: bool| {
+        let mut executor = Executor::new();
+        executor.seed_random(seed);
+        let mut grid = square(3, 2);
+        if named {
+            grid.names = (10..16).collect();
+        }
+        let wanted = ["r", "g", "h"].map(|name| (name, ValueType::Float));
+        executor.run(&group, &mut grid, &mut Double::default(), &wanted)
+    };
+    for named in [false, true] {
+        let (zero, one, again) = (run(0, named), run(1, named), run(1, named));
+        assert_eq!(one, again);
+        assert_ne!(zero[0], one[0]);
+        assert_ne!(zero[1], one[1]);
+        assert_eq!(zero[2], one[2]);
+    }
 }
 
 #[test]

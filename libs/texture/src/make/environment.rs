@@ -66,7 +66,16 @@ fn texture(mut inputs: Vec<Input>, kind: TextureKind, body: Body) -> Texture {
     let pixel_type = inputs.iter().map(|i| i.pixel_type).max().unwrap_or(granita_image::PixelType::Float);
     let main = inputs.swap_remove(if inputs.len() == 6 { 4 } else { 0 });
     let (channels, attributes) = (main.channels, main.attributes);
-    Texture { kind, body, channels, pixel_type, attributes, conversion: Some(main.conversion), notes }
+    Texture {
+        kind,
+        body,
+        up: None,
+        channels,
+        pixel_type,
+        attributes,
+        conversion: Some(main.conversion),
+        notes,
+    }
 }
 
 /// Makes cubes: the options, and what the format of the texture needs.
@@ -97,19 +106,14 @@ impl Cubes<'_> {
     }
 }
 
-fn finish_latlong(inputs: Vec<Input>, mut picture: Picture, options: &MakeOptions) -> Texture {
+fn finish_latlong(inputs: Vec<Input>, mut picture: Picture, up: Up, options: &MakeOptions) -> Texture {
     let side = |n: usize| if options.resize { power_of_two(n) } else { n };
     let size = (side(picture.width), side(picture.height));
     if size != (picture.width, picture.height) {
         picture = picture.resized(size.0, size.1, Filter::CatmullRom, (Wrap::Periodic, Wrap::Clamp));
     }
     let body = Body::Flat(latlong_pyramid(picture, options.filter));
-    texture(inputs, TextureKind::LatLongEnvironment, body)
-}
-
-/// The convention of latitude-longitude maps in a file.
-fn up(exr: bool) -> Up {
-    if exr { Up::Y } else { Up::Z }
+    Texture { up: Some(up), ..texture(inputs, TextureKind::LatLongEnvironment, body) }
 }
 
 /// Whether a file says that it is a cube-face environment.
@@ -176,7 +180,7 @@ pub(crate) fn cube_of_one(input: Input, cubes: Cubes<'_>) -> Result<Texture> {
         return Err(malformed(&input, what));
     }
     let n = (p.width / 4).max(1);
-    let faces = convert::to_cube(p, up(input.exr), cubes.side(n));
+    let faces = convert::to_cube(p, Up::of(&input.spec, input.exr), cubes.side(n));
     Ok(cubes.finish(vec![input], faces, n))
 }
 
@@ -190,14 +194,16 @@ pub(crate) fn latlong_of_faces(inputs: Vec<Input>, exr: bool, options: &MakeOpti
         }
     };
     let n = faces[0].width;
-    let picture = convert::to_latlong(&faces, up(exr), (4 * n, 2 * n));
-    Ok(finish_latlong(inputs, picture, options))
+    let up = Up::of_format(exr);
+    let picture = convert::to_latlong(&faces, up, (4 * n, 2 * n));
+    Ok(finish_latlong(inputs, picture, up, options))
 }
 
-/// `-envlatl` of one picture that is needed as a whole.
+/// `-envlatl` of one picture that is needed as a whole. Its pixels stay where they are.
 pub(crate) fn latlong(mut input: Input, options: &MakeOptions) -> Texture {
     let picture = std::mem::replace(&mut input.picture, Picture::new(0, 0, 1));
-    finish_latlong(vec![input], picture, options)
+    let up = Up::of(&input.spec, input.exr);
+    finish_latlong(vec![input], picture, up, options)
 }
 
 /// One picture for each of six inputs.

@@ -5,10 +5,10 @@ use super::scan::Scan;
 use super::source::{Units, pixels};
 use super::writer::{Shelf, Writer};
 use super::{Costs, Made, MakeOptions, Progress};
-use crate::TextureKind;
 use crate::cube::{self, CubeLayout};
 use crate::error::{Result, TextureError};
 use crate::picture::{Picture, half};
+use crate::{TextureKind, Up};
 use granita_base::{BaseType, Param, ParamData, ParamType, Params};
 use granita_image::{Format, FormatRegistry, ImageSpec, PixelType, Pixels};
 use std::path::Path;
@@ -18,6 +18,8 @@ use std::sync::Arc;
 pub(crate) struct Texture {
     pub(crate) kind: TextureKind,
     pub(crate) body: Body,
+    /// How a panorama is meant; none for others.
+    pub(crate) up: Option<Up>,
     pub(crate) channels: Vec<String>,
     /// Storage of the inputs.
     pub(crate) pixel_type: PixelType,
@@ -113,9 +115,10 @@ fn nearest_type(format: &dyn Format, exr: bool, input: PixelType, asked: Option<
 }
 
 impl Plan {
-    /// For a texture of this kind of an input with these channels, this type and these attributes.
+    /// For a texture of this kind of an input with these channels, this type and these attributes; `up`: how a panorama is meant.
     pub(crate) fn new(
         kind: TextureKind,
+        up: Option<Up>,
         input: &ImageSpec,
         options: &MakeOptions,
         registry: &FormatRegistry,
@@ -165,7 +168,35 @@ impl Plan {
             }
         }
         let channels = input.channels.clone();
-        Ok(Self { exr, tile: (w, h), pixel_type, channels, attributes, notes, costs: Costs::default() })
+        let mut plan =
+            Self { exr, tile: (w, h), pixel_type, channels, attributes, notes, costs: Costs::default() };
+        // Said only where it is not what the format means anyway.
+        plan.mark(Up::ATTRIBUTE, up.filter(|up| *up != Up::of_format(exr)).map(Up::word));
+        Ok(plan)
+    }
+
+    /// Sets a text of the metadata, or removes it: an attribute where the format has a place for any, else a word of the description.
+    fn mark(&mut self, name: &str, value: Option<&str>) {
+        let description = "ImageDescription";
+        let old = self.attributes.iter().rev().find(|p| p.name.eq_ignore_ascii_case(description));
+        let old = old.and_then(|p| self.attributes.string(&p.name)).map(|s| s.to_string());
+        let old = old.unwrap_or_default();
+        // What an earlier run wrote there is no longer true.
+        let is_stale = |word: &str| word.split_once('=').is_some_and(|(own, _)| own == name);
+        let stale = old.split_whitespace().any(is_stale);
+        self.attributes.0.retain(|p| !p.name.eq_ignore_ascii_case(name));
+        let in_words = value.filter(|_| !self.exr);
+        if stale || in_words.is_some() {
+            let kept = old.split(' ').filter(|word| !word.is_empty() && !is_stale(word)).map(str::to_owned);
+            let text: Vec<String> = kept.chain(in_words.map(|value| format!("{name}={value}"))).collect();
+            self.attributes.0.retain(|p| !p.name.eq_ignore_ascii_case(description));
+            if !text.is_empty() {
+                self.attributes.set(word(description, &text.join(" ")));
+            }
+        }
+        if let Some(value) = value.filter(|_| self.exr) {
+            self.attributes.set(word(name, value));
+        }
     }
 
     /// One level: its size, that of its display window, and of its tiles.
@@ -185,22 +216,8 @@ impl Plan {
     pub(crate) fn describe_content(&mut self, scan: &Scan, options: &MakeOptions) {
         let Some((hash, mean)) = scan.content().filter(|_| options.hash) else { return };
         let mean = mean.iter().map(f32::to_string).collect::<Vec<_>>().join(",");
-        if self.exr {
-            self.attributes.set(word("oiio:SHA-1", &hash));
-            self.attributes.set(word("oiio:AverageColor", &mean));
-            return;
-        }
-        // What an earlier run wrote there is no longer true.
-        let name = "ImageDescription";
-        let old = self.attributes.iter().rev().find(|p| p.name.eq_ignore_ascii_case(name));
-        let old =
-            old.and_then(|p| self.attributes.string(&p.name)).map(|s| s.to_string()).unwrap_or_default();
-        let stale = |w: &&str| !w.starts_with("oiio:SHA-1=") && !w.starts_with("oiio:AverageColor=");
-        let mut text: Vec<String> =
-            old.split(' ').filter(stale).filter(|w| !w.is_empty()).map(str::to_owned).collect();
-        text.extend([format!("oiio:SHA-1={hash}"), format!("oiio:AverageColor={mean}")]);
-        self.attributes.0.retain(|p| !p.name.eq_ignore_ascii_case(name));
-        self.attributes.set(word(name, &text.join(" ")));
+        self.mark("oiio:SHA-1", Some(&hash));
+        self.mark("oiio:AverageColor", Some(&mean));
     }
 
     /// Tiles of a level whose picture, or face, is `width x height`: smaller levels may have smaller tiles.
@@ -296,7 +313,7 @@ pub(crate) fn write(
         attributes: texture.attributes,
         ..ImageSpec::new(1, 1, 1, texture.pixel_type)
     };
-    let mut plan = Plan::new(texture.kind, &described, options, registry)?;
+    let mut plan = Plan::new(texture.kind, texture.up, &described, options, registry)?;
     let levels = plan.levels(texture.body, path)?;
     let size = |p: &Picture| (p.width, p.height);
     let conversion = texture.conversion.filter(|_| !texture.kind.is_shadow());

@@ -28,7 +28,7 @@ fn check_matrices(input: &Input, options: &MakeOptions) -> Result<()> {
 fn texture(kind: TextureKind, body: Body, channels: Vec<String>, input: Input) -> Texture {
     let notes = super::notes_of(std::slice::from_ref(&input));
     let (pixel_type, attributes) = (PixelType::Float, input.attributes);
-    Texture { kind, body, channels, pixel_type, attributes, conversion: None, notes }
+    Texture { kind, body, up: None, channels, pixel_type, attributes, conversion: None, notes }
 }
 
 /// `-shadow`.

@@ -7,7 +7,8 @@ use super::stage::{Forecast, Measure, Resample, Stage};
 use super::writer::{Shelf, Writer};
 use super::{Costs, Made, MakeOptions, Progress, level_sizes, power_of_two};
 use crate::error::Result;
-use crate::{TextureKind, Wrap};
+use crate::file::is_openexr;
+use crate::{TextureKind, Up, Wrap};
 use granita_base::Filter;
 use granita_image::{FormatRegistry, ImageSpec};
 use std::path::Path;
@@ -53,7 +54,9 @@ impl Stream<'_> {
 
     /// Makes it.
     pub(crate) fn make(self, path: &Path) -> Result<(Made, Costs)> {
-        let mut plan = Plan::new(self.kind, &self.source.spec, self.options, self.registry)?;
+        let up = (self.kind == TextureKind::LatLongEnvironment)
+            .then(|| Up::of(&self.source.spec, is_openexr(self.source.format_name())));
+        let mut plan = Plan::new(self.kind, up, &self.source.spec, self.options, self.registry)?;
         let mut size = self.size();
         let rows = Self::rows_at_once(plan.tile.1);
         let mut constant = false;

@@ -53,7 +53,8 @@ impl Folder {
             }
         }
         let options = CreateOptions::new(&spec, 1);
-        let mut out = self.registry.create(&self.path(name), "tiff", &options).unwrap();
+        let format = if name.ends_with(".exr") { "exr" } else { "tiff" };
+        let mut out = self.registry.create(&self.path(name), format, &options).unwrap();
         out.write_rows(&Pixels::from_floats(spec.pixel_type, &values)).unwrap();
         out.close().unwrap();
     }

@@ -68,3 +68,24 @@ fn what_would_take_too_much_memory_is_not_read_ahead() {
     settle(&mut desk);
     assert!(desk.complete && desk.store.bytes().1 > 1 << 20);
 }
+
+/// "zoom" and "fullscreen" of a sender (reference 7.4.3).
+#[test]
+fn wishes_of_senders_are_shown_once() {
+    let live = Live::default();
+    live.create("render", 8, 8, &["R".to_owned()]).unwrap();
+    live.wish("render", Wishes { fullscreen: true, zoom: 3, ..Wishes::default() });
+    let formats = granita_plugin::bundled_formats(Limits::default());
+    let store = TileStore::new(StoreLimits::default());
+    let mut desk = Desk::new(formats, Vec::new(), live.clone(), Display::default(), store, || ());
+    settle(&mut desk);
+    assert_eq!(desk.view.zoom, 3.0);
+    assert!(matches!(desk.pending.take(), Some(Errand::FullScreen)));
+    // What is done to the view afterwards stays.
+    desk.act(Action::Zoom(1.0));
+    settle(&mut desk);
+    assert!(desk.view.zoom == 1.0 && desk.pending.is_none());
+    live.wish("render", Wishes { zoom: 2, ..Wishes::default() });
+    settle(&mut desk);
+    assert_eq!(desk.view.zoom, 2.0);
+}

@@ -38,9 +38,11 @@ impl<F: Fn(&mut Grid) + Sync> FrameShader for Moved<F> {
     fn object(&self, primitive: &Primitive) -> Arc<ObjectTraits> {
         Arc::new(ObjectTraits {
             opaque: true,
+            opaque_in_depth: true,
             holdout: Holdout::None,
             displaces: self.displace.is_some(),
             max_displacement_world: primitive.attributes.float("displace:maxradius"),
+            measures: false,
             preshaded: false,
             joins: false,
             saves: false,

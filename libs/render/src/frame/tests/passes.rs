@@ -85,3 +85,22 @@ fn reduced_pixels_do_not_depend_on_buckets_or_crops() {
         assert!(row == &reference[from..from + row.len()], "row {j} of the crop");
     }
 }
+
+#[test]
+fn depth_passes_take_the_scenes_word_for_what_is_opaque() {
+    let counted = |list: &[(&str, &[f32])], data: &str| {
+        let mut build = flat_camera();
+        build.square(2.0, list, at(0.0, 0.0, 5.0));
+        let shader = Painted { paint: flat, displace: None };
+        let (pixels, statistics) =
+            render_counted(&build, &build.view(&[]), 1, (data, &box_filter()), &shader);
+        (pixels[24 * 64 + 32], statistics.grids_shaded)
+    };
+    let (half, forced): (&[f32], &[f32]) = (&[0.5; 3], &[1.0]);
+    let (z, shaded) = counted(&[("color opacity", half)], "z");
+    assert!(z > 1e6 && shaded > 0, "{z} {shaded}");
+    let trusted = [("color opacity", half), ("int ray:opaqueshadows", forced)];
+    assert_eq!(counted(&trusted, "z"), (5.0, 0));
+    // Colours are another matter.
+    assert!(counted(&trusted, "rgb").1 > 0);
+}

@@ -1,7 +1,7 @@
 //! How a run ends before its time: by a signal, by `-timeout`, or because the program that it works for is gone.
 
+use crate::{Bar, Status, before_signals, leave, when_caller_is_gone};
 use granita_base::{Reporter, Supervisor};
-use granita_cli::{Bar, Status};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
@@ -9,9 +9,9 @@ use std::time::Duration;
 /// How long a run may take to end in an orderly way once its time is over.
 const GRACE: Duration = Duration::from_secs(2);
 
-/// Ends runs; clones end the same one.
+/// Ends a run and the processes that it started; clones end the same run.
 #[derive(Clone)]
-pub(crate) struct Ending {
+pub struct Ending {
     supervisor: Supervisor,
     bar: Bar,
     /// Ends the frame that is rendered, once there is a session.
@@ -21,22 +21,23 @@ pub(crate) struct Ending {
 }
 
 impl Ending {
-    pub(crate) fn new(bar: Bar) -> Self {
+    /// Ends a run whose progress `bar` shows.
+    pub fn new(bar: Bar) -> Self {
         Self { supervisor: Supervisor::default(), bar, stop: Arc::default(), late: Arc::default() }
     }
 
-    /// Knows the processes that the run started.
-    pub(crate) fn supervisor(&self) -> &Supervisor {
+    /// Returns what starts and knows the processes of the run.
+    pub fn supervisor(&self) -> &Supervisor {
         &self.supervisor
     }
 
-    /// What stops the frame that is rendered.
-    pub(crate) fn stops(&self, stop: Arc<AtomicBool>) {
+    /// Sets the flag that stops the frame that is rendered.
+    pub fn stops(&self, stop: Arc<AtomicBool>) {
         let _ = self.stop.set(stop);
     }
 
-    /// Whether the time was over.
-    pub(crate) fn is_late(&self) -> bool {
+    /// Returns true once the time of [`Ending::limit`] was over.
+    pub fn is_late(&self) -> bool {
         self.late.load(Ordering::SeqCst)
     }
 
@@ -48,23 +49,24 @@ impl Ending {
         granita_base::files::remove_unfinished();
     }
 
-    /// Watches signals, and with `caller` the program that this one works for.
-    pub(crate) fn watch(&self, caller: bool, reporter: &Reporter) {
+    /// Ends the run on signals, and with `caller` when the program that this one works for is gone.
+    pub fn watch(&self, caller: bool, reporter: &Reporter) {
         let warn = |error: std::io::Error| reporter.warning(format!("signals are not watched: {error}"));
         let ending = self.clone();
-        granita_cli::before_signals(move || ending.tidy()).unwrap_or_else(warn);
+        before_signals(move || ending.tidy()).unwrap_or_else(warn);
         if caller {
             let ending = self.clone();
             let gone = move || {
                 ending.tidy();
-                granita_cli::leave(Status::WithErrors)
+                leave(Status::WithErrors)
             };
-            granita_cli::when_caller_is_gone(gone).unwrap_or_else(warn);
+            when_caller_is_gone(gone).unwrap_or_else(warn);
         }
     }
 
-    /// Ends the run after so many seconds.
-    pub(crate) fn limit(&self, seconds: f64, reporter: &Reporter) {
+    /// Ends the run after so many seconds: reports an error that names what is running, ends the processes, stops the frame, and
+    /// leaves two seconds later with [`Status::WithErrors`].
+    pub fn limit(&self, seconds: f64, reporter: &Reporter) {
         let (ending, reporter) = (self.clone(), reporter.clone());
         std::thread::spawn(move || {
             // Longer than anything lasts when it cannot be expressed.
@@ -78,7 +80,18 @@ impl Ending {
                 stop.store(true, Ordering::SeqCst);
             }
             std::thread::sleep(GRACE);
-            granita_cli::leave(Status::WithErrors)
+            leave(Status::WithErrors)
         });
+    }
+}
+
+/// Reads the value of a `-timeout` option.
+///
+/// # Errors
+/// Anything but a finite number above 0.
+pub fn seconds(word: &str) -> Result<f64, String> {
+    match word.parse::<f64>() {
+        Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
+        _ => Err("expected a number of seconds, more than 0".to_owned()),
     }
 }

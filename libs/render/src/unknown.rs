@@ -1,0 +1,119 @@
+//! Variables of outputs that no shader of the scene gives.
+
+use crate::ShaderLibrary;
+use crate::object::DEFAULT_SURFACE;
+use granita_base::{BaseType, Location, ParamType, Reporter, Severity};
+use granita_gsl::ir::{Global, Module};
+use granita_scene::attribute::suggestion;
+use granita_scene::{Scene, ShaderGroup};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// Warns about outputs of variables that are neither globals nor output parameters of a surface or volume shader of
+/// the scene: their images will be black. Says which name is the nearest, or which type a parameter of the name has.
+///
+/// Loads the shaders of the scene, as rendering will; only when an output shows a variable.
+pub(crate) fn report(scene: &Scene, library: &dyn ShaderLibrary, reporter: &Reporter) {
+    let mut asked = Vec::new();
+    for output in &scene.outputs {
+        if matches!(&*output.data, "rgb" | "rgba" | "z" | "avgz" | "volz") || &*output.format == "null" {
+            continue;
+        }
+        if let Ok((ty, name)) = ParamType::parse(&output.data) {
+            asked.push((output, ty, name));
+        }
+    }
+    asked.retain(|(_, ty, name)| !is_global(*ty, name));
+    if asked.is_empty() || scene.primitives.is_empty() {
+        return;
+    }
+    let given = given(scene, library);
+    for (output, ty, name) in asked {
+        if given.iter().any(|g| g.name == *name && g.output && g.fits(ty)) {
+            continue;
+        }
+        let of_name = given.iter().find(|g| g.name == *name);
+        let why = match of_name {
+            Some(g) if !g.output => {
+                format!("\"{name}\" is a parameter of \"{}\", but not an output parameter", g.shader)
+            }
+            Some(g) => format!("\"{name}\" of \"{}\" is a {}", g.shader, g.ty),
+            None => {
+                let globals = Global::ALL.iter().map(|g| g.word());
+                let names = given.iter().filter(|g| g.output).map(|g| g.name.as_str()).chain(globals);
+                match suggestion(&name, names) {
+                    Some(likely) => {
+                        format!("no surface or volume shader gives it; did you mean \"{likely}\"?")
+                    }
+                    None => "no surface or volume shader gives it".to_owned(),
+                }
+            }
+        };
+        let text = format!("output \"{}\": data \"{}\": {why}; the image is black", output.name, output.data);
+        reporter.once(&text, Severity::Warning, &Location::default(), text.clone());
+    }
+}
+
+/// A parameter of a shader.
+#[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Given {
+    name: String,
+    /// As declared, spelled as `color[2]`.
+    ty: String,
+    output: bool,
+    shader: String,
+}
+
+impl Given {
+    /// True when it can be shown as data of this type: arrays of variable length have any.
+    fn fits(&self, ty: ParamType) -> bool {
+        let wanted = ParamType { array: ty.array, ..ParamType::of(ty.base) }.to_string();
+        let base = |text: &str| text.split('[').next().unwrap_or("").to_owned();
+        self.ty == wanted || self.ty.ends_with("[]") && ty.array.is_some() && base(&self.ty) == base(&wanted)
+    }
+}
+
+fn is_global(ty: ParamType, name: &str) -> bool {
+    let components = match ty.base {
+        BaseType::Float => 1,
+        BaseType::Color | BaseType::Point | BaseType::Vector | BaseType::Normal => 3,
+        _ => return false,
+    };
+    ty.array.is_none()
+        && Global::ALL.iter().any(|g| g.word() == name && g.value_type().components() == components)
+}
+
+/// The parameters of all surface and volume shaders of a scene.
+fn given(scene: &Scene, library: &dyn ShaderLibrary) -> BTreeSet<Given> {
+    let mut seen: BTreeSet<*const ShaderGroup> = BTreeSet::new();
+    let mut names: BTreeSet<Arc<str>> = BTreeSet::new();
+    for primitive in &scene.primitives {
+        let set = &primitive.attributes;
+        for group in [&set.surface, &set.volume].into_iter().flatten() {
+            if seen.insert(Arc::as_ptr(group)) {
+                names.extend(group.layers.iter().map(|layer| layer.shader.clone()));
+            }
+        }
+        if set.surface.is_none() {
+            names.insert(DEFAULT_SURFACE.into());
+        }
+    }
+    let mut given = BTreeSet::new();
+    for module in names.iter().filter_map(|name| library.load(name).ok()) {
+        given.extend(parameters(&module));
+    }
+    given
+}
+
+fn parameters(module: &Module) -> impl Iterator<Item = Given> + '_ {
+    module.params.iter().map(|param| {
+        let symbol = module.symbol(param.symbol);
+        let word = symbol.ty.value.word();
+        let ty = match symbol.ty.array {
+            None => word.to_owned(),
+            Some(_) if symbol.ty.open => format!("{word}[]"),
+            Some(n) => format!("{word}[{n}]"),
+        };
+        Given { name: symbol.name.to_string(), ty, output: param.output, shader: module.name.to_string() }
+    })
+}

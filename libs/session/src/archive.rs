@@ -1,0 +1,26 @@
+//! Calls of a program that are written down and not carried out (reference 2.3, "pyg").
+
+use crate::SessionError;
+use granita_base::Reporter;
+use granita_pyg::{PygError, Writer};
+use std::io::{Read, Write};
+
+/// Writes the calls of a stream as Pyg to `out` until the stream ends, and gives it back; questions are answered on
+/// `answers` (see `granita_pyg::serve`). Mistakes of single calls are reported.
+///
+/// # Errors
+/// [`SessionError::Failed`] for a stream that makes no sense, and when `out` cannot be written.
+pub fn archive_calls<W: Write>(
+    input: &mut dyn Read,
+    answers: &mut dyn Write,
+    out: W,
+    reporter: &Reporter,
+) -> Result<W, SessionError> {
+    let mut writer = Writer::new(out);
+    match granita_pyg::serve(input, answers, &mut writer, reporter) {
+        Ok(()) => (),
+        Err(PygError::Stopped(stop)) => return Err(SessionError::Failed(stop.to_string())),
+        Err(other) => return Err(SessionError::Failed(other.to_string())),
+    }
+    writer.into_inner().map_err(|error| SessionError::Failed(format!("the archive: {error}")))
+}
