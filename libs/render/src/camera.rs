@@ -349,13 +349,19 @@ impl CameraView {
         Some(corner.length() / cot_half_fov)
     }
 
+    /// How far single precision may move a point before the camera, in camera units, on its way through the world: in proportion to the distance
+    /// between the camera and the origin of the world.
+    pub(crate) fn rounding(&self) -> f32 {
+        let largest = |m: &Transform| m.to_rows()[12..15].iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+        let keys = self.world_to_camera.keys().iter();
+        4.0 * CLIP_ROUNDING * keys.map(|(_, m)| largest(m)).fold(0.0_f32, f32::max)
+    }
+
     /// The depths that are seen, in camera units: from "near" to "far", and beyond them as far as single precision does not tell. So what
     /// lies in a clipping plane is seen, wherever the camera stands: points of the world are rounded in proportion to their distance from the
     /// world's origin.
     pub(crate) fn clip(&self) -> [f32; 2] {
-        let largest = |m: &Transform| m.to_rows()[12..15].iter().fold(0.0_f32, |most, x| most.max(x.abs()));
-        let origin = self.world_to_camera.keys().iter().map(|(_, m)| largest(m)).fold(0.0_f32, f32::max);
-        let slack = |plane: f32| CLIP_ROUNDING * (8.0 * plane.abs() + 4.0 * origin);
+        let slack = |plane: f32| 8.0 * CLIP_ROUNDING * plane.abs() + self.rounding();
         let near = self.near - slack(self.near);
         let near = match self.projection {
             Projection::Perspective { .. } => near.max(0.5 * self.near),

@@ -524,13 +524,15 @@ fn openexr_maps_follow_their_own_conventions() {
             assert!((v - sky(d, c)).abs() < 0.02, "{d} {c}: {v} {}", sky(d, c));
         }
     }
-    // A latitude-longitude map keeps its picture, in which up is now +y.
+    // A latitude-longitude map keeps its picture, and says that up is +z in it.
     latlong_of(&folder, (64, 32), sky);
     folder.make(&["ll.tif"], "ll.exr", &exr(Mode::EnvLatLong)).unwrap();
     let (cache, id) = folder.open("ll.exr");
     for i in 0..200 {
         let d = any_direction(i);
-        let v = look(&cache, id, &toward(Vec3::new(-d.y, d.z, d.x)));
+        let v = look(&cache, id, &toward(d));
+        assert!((v[2] - sky(d, 2)).abs() < 0.02, "{d}: {v:?}");
+        let v = look(&cache, id, &EnvLookup { up: Some(Up::Y), ..toward(Vec3::new(-d.y, d.z, d.x)) });
         assert!((v[2] - sky(d, 2)).abs() < 0.02, "{d}: {v:?}");
     }
 }

@@ -526,14 +526,18 @@ impl<S: FrameShader> Frame<'_, S> {
                 let [x0, y0, x1, y1] = eye.projector.raster_box(&hull);
                 let bound_px = [x0 - 0.3, y0 - 0.3, x1 + 0.3, y1 + 0.3];
                 let blurs = self.blurs(eye, piece, job, &hull);
-                return Seen { bound_px, z_min: hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6, blurs };
+                return Seen {
+                    bound_px,
+                    z_min: hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6 - eye.camera.rounding(),
+                    blurs,
+                };
             }
         }
         // A little room for rounding, for widened rims, and for widths given in pixels.
         let room = 0.3 + piece.raster_width() * 0.5;
         let bound_px = [bound_px[0] - room, bound_px[1] - room, bound_px[2] + room, bound_px[3] + room];
         let blurs = self.blurs(eye, piece, job, &hull);
-        Seen { bound_px, z_min: hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6, blurs }
+        Seen { bound_px, z_min: hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6 - eye.camera.rounding(), blurs }
     }
 
     /// Whether a piece inside of `hull` (camera space, over the whole shutter) may be blurred.

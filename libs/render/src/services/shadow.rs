@@ -201,7 +201,9 @@ fn edges(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, scene: &RayScene, call:
         let (own, later) = rest.split_at(rest.partition_point(|lane| (*lane as usize) < rect.lanes().end));
         rest = later;
         let differs = own.windows(2).any(|w| disagree(out, w[0] as usize, w[1] as usize));
-        if !differs || rect.lanes().end > active.len() {
+        // A single row of points is no part of a surface.
+        let is_lattice = rect.nu > 1 && rect.nv > 1 && rect.lanes().end <= active.len();
+        if !differs || !is_lattice {
             continue;
         }
         for &lane in own {
