@@ -267,6 +267,9 @@ impl Raster<'_> {
                 }
             }
         }
+        // Between keys points are rounded to the size of their places at these, however close to the camera they come.
+        let places = view.p_cam.iter().flat_map(|p| corners.map(|k| p[k].abs().max_element()));
+        let rounding = 8.0 * f32::EPSILON * places.fold(0.0, f32::max);
         for border in 0..borders.lo_x.len() {
             if borders.lo_x[border] != f32::NEG_INFINITY {
                 continue;
@@ -274,7 +277,7 @@ impl Raster<'_> {
             let last = borders.hulls.len() - 1;
             let beside = border.saturating_sub(1).min(last)..=(border + 1).min(last);
             let hull = borders.hulls[beside].iter().copied().fold(Bound::EMPTY, Bound::union);
-            let values = self.close_box(&hull, pad);
+            let values = self.close_box(&hull.padded(rounding), pad);
             for (list, value) in borders.lists().into_iter().zip(values) {
                 list[border] = value;
             }
