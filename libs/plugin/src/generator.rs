@@ -111,11 +111,12 @@ impl Params {
     fn of(source: &GeneratorSource) -> std::io::Result<Self> {
         match source {
             GeneratorSource::File { path, .. } => Ok(Self::Text(path.to_string_lossy().into_owned())),
-            GeneratorSource::Bytes { bytes, .. } => {
+            GeneratorSource::Bytes { bytes, files, .. } => {
+                let folder = files.temporary_folder();
                 #[cfg(target_os = "linux")]
                 {
                     use std::os::fd::AsRawFd;
-                    let mut file = tempfile::tempfile()?;
+                    let mut file = tempfile::tempfile_in(&folder)?;
                     file.write_all(bytes)?;
                     let name = format!("/proc/{}/fd/{}", std::process::id(), file.as_raw_fd());
                     // Where that folder is not there, the file needs a name.
@@ -123,7 +124,7 @@ impl Params {
                         return Ok(Self::Unnamed(file, name));
                     }
                 }
-                let mut file = tempfile::NamedTempFile::new()?;
+                let mut file = tempfile::NamedTempFile::new_in(&folder)?;
                 file.write_all(bytes)?;
                 file.flush()?;
                 Ok(Self::File(file.into_temp_path()))

@@ -106,6 +106,18 @@ impl Session {
             let files = safe::files(&options);
             options.environment.set_files(files);
         }
+        if let Some(folder) = options.environment.get("GELATOTEMP").filter(|folder| !folder.is_empty()) {
+            let folder = PathBuf::from(folder);
+            if folder.is_dir() {
+                let files = options.environment.files().clone().with_temporary(&folder);
+                options.environment.set_files(files);
+            } else {
+                reporter.warning(format!(
+                    "GELATOTEMP: \"{}\" is no folder; temporary files lie beside the results",
+                    folder.display()
+                ));
+            }
+        }
         let options = Arc::new(options);
         let finished = Finished::default();
         let renderer =
@@ -114,8 +126,18 @@ impl Session {
         let (stop, priority) = (renderer.stop(), renderer.priority());
         let state = State::new(Box::new(renderer), reporter.clone());
         let scripts = Scripts::default();
-        let mut session =
-            Self { state, reporter, options, inputs, plugins, stop, priority, objects: None, finished, scripts };
+        let mut session = Self {
+            state,
+            reporter,
+            options,
+            inputs,
+            plugins,
+            stop,
+            priority,
+            objects: None,
+            finished,
+            scripts,
+        };
         session.read_startup_files();
         // Startup files are not a part of the scene.
         session.scripts = Scripts::default();

@@ -293,3 +293,28 @@ fn files_share_the_variables_of_their_scripts() {
     let said: Vec<String> = kept.lock().unwrap().iter().map(ToString::to_string).collect();
     assert!(said.len() == 1 && said[0].contains("inner.pyg:1: error: NameError"), "{said:?}");
 }
+
+#[test]
+fn temporary_files_lie_where_the_environment_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |value: Option<&Path>, safe: bool| {
+        let mut environment = Environment::empty();
+        if let Some(value) = value {
+            environment.set("GELATOTEMP", value.to_str().unwrap());
+        }
+        let (reporter, kept) = Reporter::collecting();
+        let options = SessionOptions { environment, safe, ..options() };
+        let session = Session::new(options, reporter, Default::default());
+        assert_eq!(session.files().is_confined(), safe);
+        (session.files().temporary_folder(), kept.lock().unwrap().len())
+    };
+    let system = std::env::temp_dir();
+    assert_eq!(place(None, false), (system.clone(), 0));
+    for safe in [false, true] {
+        assert_eq!(place(Some(folder.path()), safe), (folder.path().to_owned(), 0));
+    }
+    // A folder that is not there is told, and is not made.
+    let missing = folder.path().join("missing");
+    assert_eq!(place(Some(&missing), false), (system, 1));
+    assert!(!missing.exists());
+}

@@ -78,7 +78,7 @@ fn the_jpeg_plugin_of_chapter_13() {
         let (status, out, err) =
             plain_tool("gelato", folder.path(), &["-plugins", "jpg.imageio.so", "a.pyg"]);
         assert_eq!((status, err.as_str()), (0, ""), "{out}");
-        assert!(out.contains("jpg.imageio.so: loaded"), "{out}");
+        assert!(out.lines().any(|line| line.ends_with("jpg.imageio.so: loaded")), "{out}");
         let (spec, written) = pixels(&folder.path().join("a.jpg"));
         assert_eq!((spec.width, spec.height, spec.nchannels()), (40, 30, 3));
         let (_, exact) = pixels(&folder.path().join("a.tif"));
@@ -91,7 +91,7 @@ fn the_jpeg_plugin_of_chapter_13() {
         assert!(spec.is_tiled() && texture.len() >= written.len());
         let named = ["-plugins", "jpg.imageio.so", "-debugdso", "-o", "b.tx", "a.jpg"];
         let (_, out, _) = plain_tool("maketx", folder.path(), &named);
-        assert!(out.contains("jpg.imageio.so: loaded"), "{out}");
+        assert!(out.lines().any(|line| line.ends_with("jpg.imageio.so: loaded")), "{out}");
         // What is bundled is not replaced because a library lies there.
         for ways in [&["-debugdso"][..], &["-debugdso", "-plugins", "."]] {
             let (status, out, _) =

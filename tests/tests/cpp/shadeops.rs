@@ -49,6 +49,10 @@ fn the_cube_of_chapter_14() {
         std::fs::remove_file(folder.path().join("cubes.gsl")).unwrap();
         let (_, out, err) = tool("gelato", folder.path(), &["a.pyg"]);
         assert_eq!((out + &err).as_str(), "");
+        std::fs::write(folder.path().join("new.gsl"), shader.replace("cubes", "new")).unwrap();
+        let (status, out, err) = tool("gslc", folder.path(), &["-debugdso", "new.gsl"]);
+        let told = |line: &str| line.contains("dso: ") && line.contains("cube.so: declares cube in ");
+        assert!(status == 0 && (out + &err).lines().any(told), "what is looked at is told, a file in a line");
         let (_, out, _) =
             tool("gslc", folder.path(), &["-debugdso", "-run", "-grid", "4x4", "-o", "null", "cubes.gso"]);
         assert!(!out.contains("error"), "{out}");

@@ -65,7 +65,7 @@ impl Place {
     fn command(&self, words: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_gelato"));
         command.current_dir(self.path()).args(words).stdin(Stdio::null());
-        for variable in ["GELATOHOME", "PYG_ALWAYS_PYGLET", "PYG_NEVER_PYGLET"] {
+        for variable in ["GELATOHOME", "GELATOTEMP", "PYG_ALWAYS_PYGLET", "PYG_NEVER_PYGLET"] {
             command.env_remove(variable);
         }
         command.env("HOME", self.path());
@@ -224,6 +224,26 @@ fn startup_files_are_read_in_order() {
     assert_eq!((png[19], png[23]), (10, 4));
     let json: Value = serde_json::from_str(&place.read("s.json")).unwrap();
     assert_eq!(json["files_read"].as_array().unwrap().len(), 3);
+}
+
+#[test]
+fn a_folder_for_temporary_files_has_to_exist() {
+    let place = Place::new();
+    place.write("dump.pyg", &format!("Attribute (\"string griddump:filename\", \"grids.pyg\"){SCENE}"));
+    let ran = |folder: &str| {
+        let mut command = place.command(&["dump.pyg"]);
+        command.env("GELATOTEMP", folder);
+        Place::ran(command)
+    };
+    std::fs::create_dir(place.path().join("temporary")).unwrap();
+    let known = ran("temporary");
+    assert_eq!((known.status, known.said.as_str()), (0, ""));
+    let dumped = place.bytes("grids.pyg");
+    let missing = ran("no/such");
+    let told = missing.said.contains("GELATOTEMP: \"no/such\" is no folder");
+    assert!(missing.status == 0 && told, "{}", missing.said);
+    assert!(!dumped.is_empty() && place.bytes("grids.pyg") == dumped);
+    assert_eq!(std::fs::read_dir(place.path().join("temporary")).unwrap().count(), 0, "nothing is left");
 }
 
 #[test]

@@ -172,7 +172,7 @@ fn compiled(source: &str, file: &str, options: &Options) -> Option<Module> {
 
 /// Finds functions in C++.
 fn plugins(options: &Options) -> Plugins {
-    let reporter = Reporter::new(Box::new(|message| say(&format!("gslc: {message}"))));
+    let reporter = Reporter::new(Box::new(|message| say(format!("gslc: {message}").trim_end())));
     reporter.set_verbosity(options.verbosity);
     let plugins =
         Plugins::new(reporter, PluginRules { named: options.plugins.clone(), ..PluginRules::default() });

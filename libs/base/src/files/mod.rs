@@ -47,7 +47,11 @@ pub fn is_same_file(a: &Path, b: &Path) -> bool {
 
 /// Opens the files of a run; clones share the rules.
 #[derive(Clone, Default)]
-pub struct Files(Option<Arc<Confined>>);
+pub struct Files {
+    rules: Option<Arc<Confined>>,
+    /// Where files lie that vanish, if not beside results.
+    temporary: Option<Arc<Path>>,
+}
 
 impl std::fmt::Debug for Files {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -58,11 +62,12 @@ impl std::fmt::Debug for Files {
 /// Two values are equal when they share their rules.
 impl PartialEq for Files {
     fn eq(&self, other: &Self) -> bool {
-        match (&self.0, &other.0) {
+        let same = match (&self.rules, &other.rules) {
             (None, None) => true,
             (Some(a), Some(b)) => Arc::ptr_eq(a, b),
             _ => false,
-        }
+        };
+        same && self.temporary == other.temporary
     }
 }
 
@@ -71,7 +76,7 @@ impl Eq for Files {}
 impl Files {
     /// Opens files by the rules of `confinement`.
     pub fn confined(confinement: Confinement) -> Self {
-        Self(Some(Arc::new(Confined::new(confinement))))
+        Self { rules: Some(Arc::new(Confined::new(confinement))), temporary: None }
     }
 
     /// Reads the files and folders that the user `named`, and what lies beneath the folders of the files; writes anywhere. For
@@ -92,35 +97,46 @@ impl Files {
         }
     }
 
+    /// Puts files that vanish with their handles into `folder` instead of beside results.
+    #[must_use]
+    pub fn with_temporary(self, folder: &Path) -> Self {
+        Self { temporary: Some(folder.into()), ..self }
+    }
+
+    /// The folder of files that belong beside no result: what [`Files::with_temporary`] said, or the system's.
+    pub fn temporary_folder(&self) -> PathBuf {
+        self.temporary.as_deref().map_or_else(std::env::temp_dir, Path::to_owned)
+    }
+
     /// True when rules restrict what is opened.
     pub fn is_confined(&self) -> bool {
-        self.0.is_some()
+        self.rules.is_some()
     }
 
     /// Lets files beneath `folder` be read. A folder that does not exist, or a relative one, adds nothing.
     pub fn add_root(&self, folder: &Path) {
-        if let Some(confined) = &self.0 {
+        if let Some(confined) = &self.rules {
             confined.add_root(folder);
         }
     }
 
     /// Lets this one file be read, whatever the rules: the user named it.
     pub fn grant(&self, file: &Path) {
-        if let Some(confined) = &self.0 {
+        if let Some(confined) = &self.rules {
             confined.grant(file, false);
         }
     }
 
     /// Lets this one file be written and read, whatever the rules: the user named it as a result.
     pub fn grant_output(&self, file: &Path) {
-        if let Some(confined) = &self.0 {
+        if let Some(confined) = &self.rules {
             confined.grant(file, true);
         }
     }
 
     /// What the rules say now; `None` without rules.
     pub fn rules(&self) -> Option<Rules> {
-        self.0.as_ref().map(|confined| confined.rules())
+        self.rules.as_ref().map(|confined| confined.rules())
     }
 
     /// Opens a file for reading.
@@ -128,7 +144,7 @@ impl Files {
     /// # Errors
     /// What the system says; [`io::ErrorKind::PermissionDenied`] when the rules refuse it.
     pub fn open(&self, path: &Path) -> io::Result<File> {
-        match &self.0 {
+        match &self.rules {
             None => File::open(path),
             Some(confined) => confined.open(path),
         }
@@ -156,7 +172,7 @@ impl Files {
 
     /// True when `path` is a file that may be read.
     pub fn is_file(&self, path: &Path) -> bool {
-        match &self.0 {
+        match &self.rules {
             None => path.is_file(),
             Some(confined) => confined.is_file(path),
         }
@@ -164,7 +180,7 @@ impl Files {
 
     /// The place of a file that the run itself wrote under the relative name `path`, where that is not `path`.
     pub fn written(&self, path: &Path) -> Option<PathBuf> {
-        self.0.as_ref()?.written(path)
+        self.rules.as_ref()?.written(path)
     }
 
     /// Begins a file that appears under its name whole or not at all.
@@ -172,7 +188,7 @@ impl Files {
     /// # Errors
     /// [`FileError`]: what the system says, or which rule refuses the name.
     pub fn create(&self, path: &Path) -> Result<AtomicFile, FileError> {
-        match &self.0 {
+        match &self.rules {
             None => AtomicFile::create(path),
             Some(confined) => confined.create(path),
         }
@@ -183,7 +199,7 @@ impl Files {
     /// # Errors
     /// As [`Files::create`].
     pub fn create_log(&self, path: &Path) -> Result<File, FileError> {
-        match &self.0 {
+        match &self.rules {
             None => File::create(path).map_err(|source| FileError { path: path.to_owned(), source }),
             Some(confined) => confined.create_log(path),
         }
@@ -194,7 +210,7 @@ impl Files {
     /// # Errors
     /// As [`Files::create`].
     pub fn append(&self, path: &Path) -> Result<File, FileError> {
-        match &self.0 {
+        match &self.rules {
             None => {
                 let opened = File::options().append(true).create(true).open(path);
                 opened.map_err(|source| FileError { path: path.to_owned(), source })
@@ -208,20 +224,22 @@ impl Files {
     /// # Errors
     /// As [`Files::create`].
     pub fn check_create(&self, path: &Path) -> Result<(), FileError> {
-        let special = self.0.is_none() && path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir());
+        let special = self.rules.is_none() && path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir());
         // What is written directly may not be opened twice.
         if special { Ok(()) } else { self.create(path).map(drop) }
     }
 
-    /// A file without a name that vanishes with its handle: in the folder of `beside` where that can be, as files that
-    /// are large belong on the disk of the result, otherwise in the folder for temporary files.
+    /// A file without a name that vanishes with its handle: in the folder of [`Files::with_temporary`], without one in the
+    /// folder of `beside` where that can be, as files that are large belong on the disk of the result, otherwise in the
+    /// system's folder for temporary files.
     ///
     /// # Errors
     /// What the system says.
     pub fn scratch(&self, beside: &Path) -> io::Result<File> {
-        let folder = match &self.0 {
-            Some(confined) => confined.scratch_folder(beside),
-            None => beside.parent().unwrap_or(Path::new("")).to_owned(),
+        let folder = match (&self.temporary, &self.rules) {
+            (Some(folder), _) => folder.to_path_buf(),
+            (None, Some(confined)) => confined.scratch_folder(beside),
+            (None, None) => beside.parent().unwrap_or(Path::new("")).to_owned(),
         };
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { &folder };
         tempfile::tempfile_in(folder).or_else(|_| tempfile::tempfile())
@@ -231,6 +249,33 @@ impl Files {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn files_that_vanish_lie_beside_results_or_where_they_are_told() {
+        use std::os::fd::AsRawFd;
+        let dir = tempfile::tempdir().unwrap();
+        let (results, temporary) = (dir.path().join("results"), dir.path().join("temporary"));
+        [&results, &temporary].map(|folder| std::fs::create_dir(folder).unwrap());
+        let plain = Files::default();
+        let confined =
+            Files::confined(Confinement { write: Some(results.clone()), ..Confinement::default() });
+        for files in [plain, confined] {
+            let lies_in = |files: &Files, folder: &Path| {
+                let file = files.scratch(&results.join("a.sdb")).unwrap();
+                let link = std::fs::read_link(format!("/proc/self/fd/{}", file.as_raw_fd())).unwrap();
+                assert!(link.starts_with(std::fs::canonicalize(folder).unwrap()), "{}", link.display());
+            };
+            lies_in(&files, &results);
+            let told = files.clone().with_temporary(&temporary);
+            lies_in(&told, &temporary);
+            assert!(told != files && told.temporary_folder() == temporary);
+            assert_eq!(told.is_confined(), files.is_confined());
+        }
+        for folder in [results, temporary] {
+            assert_eq!(std::fs::read_dir(folder).unwrap().count(), 0, "nothing is left");
+        }
+    }
 
     #[test]
     fn one_file_has_many_names() {
