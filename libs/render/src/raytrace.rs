@@ -720,7 +720,12 @@ mod tests {
                 let frame = ShadingContext::new(&scene, &camera, &environment);
                 let set = frame.rays.scene("set", &frame).unwrap();
                 let down = |time| request(Vec3::new(0.1, 0.2, 5.0), -Vec3::Z, time).ray;
-                let hit = set.any(&mut ShaderThread::new(&frame), &[down(0.25), down(0.75)], &|_| [0.0; 2]);
+                let hit = set.any(
+                    &mut ShaderThread::new(&frame),
+                    &[down(0.25), down(0.75)],
+                    &|_| [0.0; 2],
+                    &|_| Leaving::default(),
+                );
                 assert_eq!(hit, wanted, "{times:?} {motion}");
             }
         }
