@@ -546,7 +546,7 @@ pub const TABLE: &[AttributeRow] = &[
         Floats(&[1.0]),
         "how much coarser moving objects are diced",
     ),
-    row(Object, "4.4.5", (INT, "dice:keepcreases"), Ints(&[0]), "split curves at every crease; patches and meshes always are, since each of their segments is diced by itself"),
+    row(Object, "4.4.5", (INT, "dice:keepcreases"), Ints(&[0]), "split curves at every crease; pieces of patches and meshes always end there"),
     row(
         Object,
         "4.4.5",
