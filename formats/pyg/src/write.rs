@@ -365,11 +365,12 @@ impl<W: Write> Writer<W> {
         layer: Option<&Arc<str>>,
         params: &Params,
     ) -> io::Result<()> {
+        let alone = layer.is_none() && params.is_empty() && self.pending.is_empty();
         self.with_params(call, params, |w| {
             w.string(first);
             match name {
                 None if call == "Light" => w.string("null"),
-                None if layer.is_none() && params.is_empty() => {}
+                None if alone => {}
                 _ => w.optional(name),
             }
             if let Some(layer) = layer {

@@ -347,7 +347,7 @@ pub const TABLE: &[AttributeRow] = &[
         "4.3.4",
         (INT, "limits:trimcurvememory"),
         Ints(&[10240]),
-        "size of the trim curve cache in KB; there is none: the curves of a patch become polygons once, when it is built",
+        "size of the trim curve cache in KB; none is needed: curves become polygons once",
     )
     .hint(),
     row(
@@ -376,7 +376,7 @@ pub const TABLE: &[AttributeRow] = &[
         "4.3.4",
         (INT, "limits:transparentgrids"),
         Ints(&[32]),
-        "layers of transparent grids done at once; there are no batches: each sample keeps what lies before it",
+        "layers of transparent grids done at once; there are no batches to tune",
     )
     .hint(),
     row(
@@ -564,7 +564,13 @@ pub const TABLE: &[AttributeRow] = &[
         Floats(&[1.0]),
         "how much coarser moving objects are diced",
     ),
-    row(Object, "4.4.5", (INT, "dice:keepcreases"), Ints(&[0]), "split curves at every crease; patches and meshes always are, since each of their segments is diced by itself"),
+    row(
+        Object,
+        "4.4.5",
+        (INT, "dice:keepcreases"),
+        Ints(&[0]),
+        "split curves at every crease; pieces of patches and meshes always end there",
+    ),
     row(
         Object,
         "4.4.5",

@@ -282,7 +282,8 @@ impl FrameRenderer for SessionRenderer {
         self.configure_plugins(&scene);
         let has_images = |name: &&str| {
             let mut own = scene.outputs.iter().filter(|o| &*o.camera == *name);
-            own.any(|o| o.params.int("dynamic").unwrap_or(0) == 0)
+            // Maps that are made on demand are no files; only depths can be.
+            own.any(|o| o.params.int("dynamic").unwrap_or(0) == 0 || !matches!(&*o.data, "z" | "avgz"))
         };
         let camera = camera.filter(has_images);
         let mut scene = outputs::amended(&scene, &self.options, &self.registry, &self.reporter);

@@ -64,7 +64,8 @@ fn a_named_camera_is_rendered_alone_if_it_has_images() {
     let file = |name: &str| folder.path().join(name);
     let text = |named: &str| {
         let output = |name: &str, camera: &str, more: &str| {
-            format!("Output (\"{}\", \"tiff\", \"rgba\", \"{camera}\"{more})\n", file(name).display())
+            let data = if more.is_empty() { "rgba" } else { "z" };
+            format!("Output (\"{}\", \"tiff\", \"{data}\", \"{camera}\"{more})\n", file(name).display())
         };
         let cameras = ["a", "b", "bare", "lamp"].map(|name| format!("Camera (\"{name}\")\n")).concat();
         let outputs = output("a.tif", "a", "") + &output("b.tif", "b", "");
