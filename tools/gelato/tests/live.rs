@@ -151,7 +151,7 @@ Camera ("main")"#;
     std::fs::write(place.path().join("named.pyg"), text).unwrap();
     let (status, said) = gelato(place.path(), &["-safe", "-display", "127.0.0.1:1024", "named.pyg"]);
     assert!(status == 0 && said.contains("may not name a viewer"), "{said}");
-    assert!(said.contains("127.0.0.1:1: no connection to the viewer"), "{said}");
+    assert!(said.contains("127.0.0.1:1024: no connection to the viewer"), "{said}");
     assert_eq!(gelato(place.path(), &["named.pyg"]), (0, String::new()));
     assert_eq!(viewer.join().unwrap().len(), 1);
 }

@@ -256,7 +256,7 @@ mod tests {
         use std::os::fd::AsRawFd;
         let dir = tempfile::tempdir().unwrap();
         let (results, temporary) = (dir.path().join("results"), dir.path().join("temporary"));
-        [&results, &temporary].map(|folder| std::fs::create_dir(folder).unwrap());
+        [&results, &temporary].into_iter().for_each(|folder| std::fs::create_dir(folder).unwrap());
         let plain = Files::default();
         let confined =
             Files::confined(Confinement { write: Some(results.clone()), ..Confinement::default() });
