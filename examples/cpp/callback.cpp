@@ -37,7 +37,7 @@ int main ()
     r->World ();
     const float from[3] = { -4, 4, -4 };
     r->Parameter ("point from", from);
-    r->Parameter ("float intensity", 40.0f);
+    r->Parameter ("float intensity", 90.0f);
     r->Light ("key", "pointlight");
     r->Shader ("surface", "plastic");
     r->Translate (0, 0, 3);

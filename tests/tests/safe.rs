@@ -324,12 +324,12 @@ const ROUTES: &[Route] = &[
         "",
         "Shader (\"surface\", \"e\", \"string n\", \"{out}/new.tif\")\n",
     ),
-    vain(with(
+    with(
         "fprintf",
         &[("e.gsl", "surface e (string n = \"\") { fprintf (n, \"x\"); }\n")],
         "",
         "Shader (\"surface\", \"e\", \"string n\", \"{out}/new.log\")\n",
-    )),
+    ),
     begin("mkdir", "Command (\"mkdir\", \"string name\", \"{out}/new\")\n"),
     begin("unlink", "Command (\"unlink\", \"string name\", \"{out}/notes.txt\")\n"),
     // What is started.

@@ -36,9 +36,10 @@ fn solved(matrix: &Matrix4, right: [f64; 4]) -> Option<[f64; 4]> {
             return None;
         }
         for i in (0..4).filter(|i| *i != c) {
-            let factor = rows[i][c] / rows[c][c];
-            for j in c..5 {
-                rows[i][j] -= factor * rows[c][j];
+            let pivot_row = rows[c];
+            let factor = rows[i][c] / pivot_row[c];
+            for (value, pivot) in rows[i].iter_mut().zip(pivot_row).skip(c) {
+                *value -= factor * pivot;
             }
         }
     }

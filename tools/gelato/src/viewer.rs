@@ -251,7 +251,7 @@ mod tests {
         );
         let ports: Vec<u16> =
             words.split([':', ' ']).filter_map(|w| w.parse().ok()).filter(|port| *port != 0).collect();
-        let [here, there, listens] = ports[..] else { panic!("{ports:?} {words}") };
+        let [_, there, listens] = ports[..] else { panic!("{ports:?} {words}") };
         assert_eq!(there, listens);
         // The address is that of this end of the tunnel, whatever the other end is.
         let good = script(folder.path(), "echo iv: listening on 127.0.0.1:5");

@@ -7,7 +7,7 @@ mod output;
 
 use clap::Parser;
 use granita_base::files::is_same_file;
-use granita_base::{Environment, Files, Reporter, Severity};
+use granita_base::{Environment, Files, Reporter, Severity, Supervisor};
 use granita_cli::{Bar, Ending, Status};
 use granita_pyg::WriterOptions;
 use granita_session::SessionOptions;
@@ -66,9 +66,9 @@ pub fn main(words: Vec<OsString>) -> Status {
         false => Files::default(),
     };
     environment.set_files(files.clone());
-    let reporter = stderr_reporter();
-    reporter.set_verbosity(if args.verbose { 2 } else { 1 });
     let ending = Ending::new(Bar::new(false));
+    let reporter = stderr_reporter(ending.supervisor().clone());
+    reporter.set_verbosity(if args.verbose { 2 } else { 1 });
     ending.watch(false, &reporter);
     if let Some(seconds) = args.timeout {
         ending.limit(seconds, &reporter);
@@ -120,9 +120,13 @@ pub fn main(words: Vec<OsString>) -> Status {
     status
 }
 
-/// Everything goes to standard error: standard output may be the scene.
-fn stderr_reporter() -> Reporter {
-    Reporter::new(Box::new(|message| {
+/// Everything goes to standard error: standard output may be the scene. Once the processes of the run were ended, what follows
+/// from that is not shown.
+fn stderr_reporter(supervisor: Supervisor) -> Reporter {
+    Reporter::new(Box::new(move |message| {
+        if supervisor.has_ended() {
+            return;
+        }
         let mut err = std::io::stderr().lock();
         // Nobody is left to tell when standard error is closed.
         let _ = match message.severity {
