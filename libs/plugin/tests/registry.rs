@@ -225,7 +225,7 @@ fn formats_have_their_own_ideas_of_numbers() {
     assert_eq!(of("OpenEXR", &[]).1, PixelType::Half);
     assert_eq!(of("OpenEXR", &[levels(&[0, 65535, 0, 65535])]).1, PixelType::Half, "quantize is ignored");
     assert_eq!(of("OpenEXR", &[half]).1, PixelType::Half);
-    assert_eq!(of("OpenEXR", &[float.clone()]).1, PixelType::Float);
+    assert_eq!(of("OpenEXR", std::slice::from_ref(&float)).1, PixelType::Float);
     assert_eq!(of("exr", &[float.clone(), levels(&[0, 255, 0, 255])]).1, PixelType::Float);
     assert_eq!(of("tiff", &[float]).1, PixelType::U8, "quantize says what TIFF stores");
     let odd = [levels(&[10, 100, 10, 200]), param("float dither", 0.0.into())];

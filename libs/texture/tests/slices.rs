@@ -121,7 +121,7 @@ fn slices_that_do_not_fit_are_told() {
 #[test]
 fn blurs_of_the_directions_are_apart() {
     let folder = Folder::new();
-    let band = |x: u32| f32::from(x / 8 % 2 == 0);
+    let band = |x: u32| f32::from((x / 8).is_multiple_of(2));
     write(&folder, "x.tif", &[(32, 32); 32], |x, _, _| band(x));
     write(&folder, "y.tif", &[(32, 32); 32], |_, y, _| band(y));
     let ((across_x, x), (across_y, y)) = (folder.open("x.tif"), folder.open("y.tif"));
