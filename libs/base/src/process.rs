@@ -2,7 +2,8 @@
 //!
 //! Every child process is the leader of a process group of its own (on Unix). [`Supervisor::end`] ends the groups, and so the
 //! children of children as well. When this process is killed, nothing can run in it any more. A *guard*, a small shell that is
-//! started with the first child, then sees its connection end and ends the groups in its place.
+//! started with the first child, then sees its connection end and ends the groups in its place. A child whose group the guard does not
+//! know yet is found by [`START`], a variable that is set for it (on Linux).
 //!
 //! Programs that a scene started without waiting for them ([`Process::detach`]) live on when the run ends by itself, and are
 //! ended when the run is.
@@ -24,6 +25,9 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+
+/// The environment variable of child processes by which the guard finds those that were being started when this process was killed.
+pub const START: &str = "GRANITA_START";
 
 /// Knows the activities and the child processes of a run; clones share them.
 #[derive(Clone, Default)]
@@ -95,13 +99,16 @@ impl Supervisor {
             std::os::unix::process::CommandExt::process_group(command, 0);
             self.start_guard();
         }
-        let child = command.spawn()?;
         let activity = self.begin(what);
         let id = activity.id;
+        let start = format!("{}.{id}", std::process::id());
+        command.env(START, &start);
+        self.state().tell_guard(&format!("s {start}"));
+        let child = command.spawn().inspect_err(|_| self.state().tell_guard(&format!("x {start}")))?;
         let mut state = self.state();
         let group = Group { leader: child.id(), leaderless: false };
         state.groups.insert(id, group);
-        state.tell_guard('+', group);
+        state.tell_guard(&format!("+ {} {start}", group.leader));
         drop(state);
         let process = Process { child, activity: Some(activity), id, supervisor: self.clone() };
         // A child that was started while the others were ended is ended when it is dropped here.
@@ -148,11 +155,11 @@ impl Supervisor {
         #[cfg(unix)]
         if unix::has_members(left) {
             state.groups.insert(id, left);
-            state.tell_guard('l', left);
+            state.tell_guard(&format!("l {}", left.leader));
             return;
         }
         state.groups.remove(&id);
-        state.tell_guard('-', left);
+        state.tell_guard(&format!("- {}", left.leader));
     }
 
     fn end_group(&self, id: u64) {
@@ -160,7 +167,7 @@ impl Supervisor {
         let Some(group) = state.groups.remove(&id) else { return };
         #[cfg(unix)]
         unix::kill(group);
-        state.tell_guard('-', group);
+        state.tell_guard(&format!("- {}", group.leader));
     }
 }
 
@@ -180,15 +187,15 @@ impl State {
     }
 
     #[cfg(unix)]
-    fn tell_guard(&self, word: char, group: Group) {
+    fn tell_guard(&self, line: &str) {
         if let Some(guard) = &self.guard {
-            guard.tell(word, group.leader);
+            guard.tell(line);
         }
     }
 
     #[cfg(not(unix))]
     #[expect(clippy::unused_self, reason = "there are no guards here")]
-    fn tell_guard(&self, _: char, _: Group) {}
+    fn tell_guard(&self, _: &str) {}
 }
 
 /// Something that a run is busy with until this is dropped.
@@ -290,9 +297,12 @@ mod unix {
 
     /// Keeps the list of groups in step with the process at the other end, and ends them when that is gone. It must outlive the
     /// signals that end a whole terminal. A group without its leader is spared when its number belongs to another process.
+    ///
+    /// A child holds the connection until it runs its program, and has its variables then: of those that were being started, none is missed.
     const GUARD: &str = r#"trap '' HUP INT TERM QUIT TSTP
 cd /
 groups=
+starts=
 without() {
     left=
     for g in $groups; do [ "${g#l}" = "$1" ] || left="$left $g"; done
@@ -306,13 +316,25 @@ send() {
         esac && some=1
     done
 }
-while read -r word number; do
+started() {
+    left=
+    for s in $starts; do [ "$s" = "$1" ] || left="$left $s"; done
+    starts=$left
+}
+while read -r word number start; do
     case $word in
-        +) groups="$groups $number" ;;
+        s) starts="$starts $number" ;;
+        x) started "$number" ;;
+        +) groups="$groups $number"; started "$start" ;;
         -) without "$number" ;;
         l) without "$number"; groups="$groups l$number" ;;
         q) exit ;;
     esac
+done
+for s in $starts; do
+    for e in /proc/[0-9]*/environ; do
+        tr '\0' '\n' < "$e" | grep -qx "GRANITA_START=$s" && p=${e#/proc/} && kill -s KILL "${p%/environ}"
+    done
 done
 some=
 send TERM
@@ -374,14 +396,14 @@ send KILL
             Ok(Self { child, to })
         }
 
-        pub(super) fn tell(&self, word: char, number: u32) {
-            let line = format!("{word} {number}\n");
+        pub(super) fn tell(&self, line: &str) {
+            let line = format!("{line}\n");
             // Without a guard, only a killed process leaves children behind.
             let _ = rustix::net::send(&self.to, line.as_bytes(), SendFlags::NOSIGNAL | SendFlags::DONTWAIT);
         }
 
         pub(super) fn dismiss(mut self) {
-            self.tell('q', 0);
+            self.tell("q");
             drop(self.to);
             let _ = self.child.wait();
         }
@@ -432,6 +454,30 @@ mod tests {
         assert!(begin.elapsed() < Duration::from_secs(5));
         let mut process = supervisor.spawn(&mut Command::new("true"), "").unwrap();
         assert!(process.wait_for_end(Duration::from_secs(5)).unwrap().success());
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn the_guard_finds_a_child_that_was_being_started() {
+        let start = format!("{}.guard-test", std::process::id());
+        let began = |guard: &unix::Guard| {
+            guard.tell(&format!("s {start}"));
+            Command::new("sleep").arg("1000").env(START, &start).spawn().unwrap()
+        };
+        let guard = unix::Guard::start().unwrap();
+        let mut child = began(&guard);
+        drop(guard);
+        assert!(ends(&child.id().to_string()));
+        child.wait().unwrap();
+        // One whose start failed, or whose group is known and was given up, is none.
+        let guard = unix::Guard::start().unwrap();
+        let mut child = began(&guard);
+        guard.tell(&format!("x {start}"));
+        drop(guard);
+        std::thread::sleep(Duration::from_millis(300));
+        assert!(alive(&child.id().to_string()));
+        child.kill().unwrap();
+        child.wait().unwrap();
     }
 
     #[test]
