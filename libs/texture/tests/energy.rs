@@ -220,13 +220,14 @@ fn faces_look_where_the_table_says() {
 fn conversions_come_back() {
     let folder = Folder::new();
     let (w, h) = (256_u32, 128_u32);
-    folder.picture("ll.tif", (w, h), 3, |x, y, c| {
-        let (phi, theta) = ((x as f32 + 0.5) / w as f32 * TAU, (y as f32 + 0.5) / h as f32 * PI);
-        let k = 2 + 2 * c as i32;
-        0.5 + 0.2 * theta.cos() + 0.25 * theta.sin().powi(k) * (k as f32 * phi).cos()
-    });
-    for format in ["tiff", "OpenEXR"] {
-        folder.make(&["ll.tif"], "first", &options(Mode::EnvLatLong, format)).unwrap();
+    // A panorama keeps the convention of the file that it came from, and a cube becomes a panorama of its own format's.
+    for (format, panorama) in [("tiff", "ll.tif"), ("OpenEXR", "ll.exr")] {
+        folder.picture(panorama, (w, h), 3, |x, y, c| {
+            let (phi, theta) = ((x as f32 + 0.5) / w as f32 * TAU, (y as f32 + 0.5) / h as f32 * PI);
+            let k = 2 + 2 * c as i32;
+            0.5 + 0.2 * theta.cos() + 0.25 * theta.sin().powi(k) * (k as f32 * phi).cos()
+        });
+        folder.make(&[panorama], "first", &options(Mode::EnvLatLong, format)).unwrap();
         folder.make(&["first"], "cube", &options(Mode::EnvCube, format)).unwrap();
         folder.make(&["cube"], "back", &options(Mode::EnvLatLong, format)).unwrap();
         let read = |name: &str| {
