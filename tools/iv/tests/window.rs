@@ -157,15 +157,11 @@ fn a_screen_that_goes_away_is_one_message() {
         };
         assert!(status.code().is_some_and(|code| code != 0), "{status}: {}", said());
         let said = said();
-        // One line, of ours or of Xlib, which ends programs by itself.
-        assert!(
-            !said.contains("panicked") && said.lines().filter(|l| !l.trim().is_empty()).count() <= 2,
-            "{said}"
-        );
-        assert!(
-            said.contains("the connection to the screen is lost") || said.contains("fatal IO error"),
-            "{said}"
-        );
+        // One line, of ours or of Xlib, which ends programs by itself. Drivers warn of what the machine lacks.
+        let lines = said.lines().filter(|l| !l.trim().is_empty() && !l.contains("XDG_RUNTIME_DIR"));
+        assert!(!said.contains("panicked") && lines.count() <= 2, "{said}");
+        let ends = ["the connection to the screen is lost", "fatal IO error", "X connection to"];
+        assert!(ends.iter().any(|end| said.contains(end)), "{said}");
         match Screen::start() {
             Some(another) => screen = another,
             None => return,
