@@ -713,16 +713,10 @@ impl Surface for NetPiece {
         out.extend(self.positions_along(key, part, n));
     }
 
-    fn precise_between(
-        &self,
-        key: usize,
-        nu: usize,
-        nv: usize,
-        sides: &[SidePoints; 4],
-    ) -> Option<Vec<DVec3>> {
+    fn precise_between(&self, key: usize, size: [usize; 2], sides: &[SidePoints; 4]) -> Option<Vec<DVec3>> {
         let dim = self.net.dim();
         let key = key.min(self.bounds.len() - 1);
-        let lattice = Lattice::between(&self.range, [nu.max(2), nv.max(2)], &self.settled, sides);
+        let lattice = Lattice::between(&self.range, size.map(|n| n.max(2)), &self.settled, sides);
         Some(precise(self.evaluate(&lattice, key * dim..(key + 1) * dim, None), dim).collect())
     }
 

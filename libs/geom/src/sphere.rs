@@ -271,14 +271,8 @@ impl Surface for SpherePiece {
         out.extend(self.along_side(key, part, n));
     }
 
-    fn precise_between(
-        &self,
-        key: usize,
-        nu: usize,
-        nv: usize,
-        sides: &[SidePoints; 4],
-    ) -> Option<Vec<DVec3>> {
-        let size = [nu.max(2), nv.max(2)];
+    fn precise_between(&self, key: usize, size: [usize; 2], sides: &[SidePoints; 4]) -> Option<Vec<DVec3>> {
+        let size = size.map(|n| n.max(2));
         Some(self.points(key, &Lattice::between(&self.range, size, &self.settled, sides)).collect())
     }
 

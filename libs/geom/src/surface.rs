@@ -127,14 +127,8 @@ pub trait Surface: Send + Sync {
 
     /// The positions of [`Surface::dice_between`] at motion key `key` in double precision; `None` for primitives that have
     /// no more than single precision.
-    fn precise_between(
-        &self,
-        key: usize,
-        nu: usize,
-        nv: usize,
-        sides: &[SidePoints; 4],
-    ) -> Option<Vec<DVec3>> {
-        let _ = (key, nu, nv, sides);
+    fn precise_between(&self, key: usize, size: [usize; 2], sides: &[SidePoints; 4]) -> Option<Vec<DVec3>> {
+        let _ = (key, size, sides);
         None
     }
 

@@ -218,20 +218,7 @@ const SHADOW: &[Choice] = &[
     o("samples", F),
     o("bias", F),
 ];
-/// Of `indirect`; "filename" is in the listings of 10.4 only.
-const GATHER: &[Choice] = &[
-    o("samples", F),
-    o("adaptive", F),
-    o("maxerror", F),
-    o("maxpixeldist", F),
-    o("bias", F),
-    o("maxhitdist", F),
-    o("falloff", F),
-    o("falloffmode", F),
-    o("filename", S),
-    o("filemode", S),
-];
-/// Of `occlusion`; "distribution", which `trace` has, says what portion is meant.
+/// Of `occlusion`; "filename" is in the listings of 10.4 only, and "distribution", which `trace` has, says what portion is meant.
 const OCCLUSION: &[Choice] = &[
     o("samples", F),
     o("adaptive", F),
@@ -245,6 +232,8 @@ const OCCLUSION: &[Choice] = &[
     o("filemode", S),
     o("distribution", S),
 ];
+/// Of `indirect`: all of `occlusion`'s but the last.
+const GATHER: &[Choice] = OCCLUSION.split_at(10).0;
 /// "model" is not of the reference.
 const SUBSURFACE: &[Choice] =
     &[o("scattering", C), o("absorption", C), o("eta", F), o("maxsolidangle", F), o("model", S)];

@@ -124,6 +124,26 @@ pub(crate) struct FrameOptions<'a> {
     pub(crate) priority: Option<&'a Priority>,
 }
 
+impl<'a> FrameOptions<'a> {
+    /// All of what a camera sees, in this process alone, with one thread and without anything beside the images.
+    pub(crate) fn new(camera: &'a CameraView, reporter: &'a Reporter, stop: &'a AtomicBool) -> Self {
+        Self {
+            camera,
+            eyes: std::slice::from_ref(camera),
+            dicing_camera: camera,
+            threads: 1,
+            reporter,
+            progress: &crate::Silent,
+            stop,
+            dump: None,
+            registry: None,
+            scene_files: &[],
+            spread: &Spread::Alone,
+            priority: None,
+        }
+    }
+}
+
 /// One of the views that share the grids of a frame.
 struct Eye<'a> {
     camera: &'a CameraView,

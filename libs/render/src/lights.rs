@@ -175,38 +175,9 @@ mod tests {
         let some = Batch { lanes: 3, active: &[0, 2], layer: 0 };
         let mut memory = LightMemory::default();
         let result = Arc::new(LightResult::default());
-        memory.keep(
-            4,
-            &IlluminateQuery {
-                batch: all,
-                ps: Lane3::over(&ps),
-                ns: Lane3::over(&ns),
-                pl: None,
-                nl: None,
-                cone: None,
-                in_front: false,
-                asks: false,
-                messages: &[],
-            },
-            &result,
-        );
+        memory.keep(4, &IlluminateQuery::new(all, Lane3::over(&ps), Lane3::over(&ns)), &result);
         let ask = |memory: &LightMemory, light, batch, ns: &Lanes3| {
-            memory
-                .find(
-                    light,
-                    &IlluminateQuery {
-                        batch,
-                        ps: Lane3::over(&ps),
-                        ns: Lane3::over(ns),
-                        pl: None,
-                        nl: None,
-                        cone: None,
-                        in_front: false,
-                        asks: false,
-                        messages: &[],
-                    },
-                )
-                .is_some()
+            memory.find(light, &IlluminateQuery::new(batch, Lane3::over(&ps), Lane3::over(ns))).is_some()
         };
         assert!(ask(&memory, 4, all, &ns) && ask(&memory, 4, some, &ns));
         assert!(!ask(&memory, 3, all, &ns));

@@ -577,18 +577,8 @@ fn picture_within(
         crate::output::OutputSet::new(&[&output], &view, &environment.registry, &environment.reporter)
             .unwrap();
     let options = crate::frame::FrameOptions {
-        camera: &view,
-        eyes: std::slice::from_ref(&view),
-        dicing_camera: &view,
         threads,
-        reporter: &environment.reporter,
-        progress: &crate::Silent,
-        stop: &environment.stop,
-        registry: None,
-        dump: None,
-        scene_files: &[],
-        spread: &crate::spread::Spread::Alone,
-        priority: None,
+        ..crate::frame::FrameOptions::new(&view, &environment.reporter, &environment.stop)
     };
     crate::frame::render(&scene, &frame, options, std::slice::from_mut(&mut outputs)).unwrap();
     (outputs.images.remove(0).pixels, frame.statistics())

@@ -229,6 +229,13 @@ pub struct IlluminateQuery<'a> {
     pub messages: &'a [Message],
 }
 
+impl<'a> IlluminateQuery<'a> {
+    /// Asks for all light that arrives at these places, and for nothing else.
+    pub fn new(batch: Batch<'a>, ps: Lane3<'a>, ns: Lane3<'a>) -> Self {
+        Self { batch, ps, ns, pl: None, nl: None, cone: None, in_front: false, asks: false, messages: &[] }
+    }
+}
+
 /// Light that arrives from one sample of one light, for every lane of the grid.
 #[derive(Clone, Debug, Default)]
 pub struct LightSample {

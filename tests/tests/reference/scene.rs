@@ -53,6 +53,13 @@ fn picture(place: &Place, name: &str, rgb: [u8; 3]) {
     std::fs::write(place.path(name), bytes).unwrap();
 }
 
+/// Makes a texture of a picture.
+fn made(place: &Place, from: &str, to: &str, options: granita_texture::make::MakeOptions) {
+    let formats = granita_plugin::bundled_formats(granita_image::Limits::default());
+    granita_texture::make::make(&[place.path(from)], &place.path(to), &options, &formats, &|_, _| ())
+        .unwrap();
+}
+
 const TEXTURED: &str = "C = (color) texture (\"t.ppm\", u, v, \"fill\", 0.25);";
 
 #[test]
@@ -93,14 +100,7 @@ fn little_memory_for_textures_is_kept_to() {
     let noise = |i: u32| (i.wrapping_mul(2_654_435_761) >> 24) as u8;
     let bytes = [b"P6 512 512 255\n".to_vec(), (0..512 * 512 * 3).map(noise).collect()].concat();
     std::fs::write(place.path("n.ppm"), bytes).unwrap();
-    let made = granita_texture::make::make(
-        &[place.path("n.ppm")],
-        &place.path("n.tx"),
-        &granita_texture::make::MakeOptions::default(),
-        &granita_plugin::bundled_formats(granita_image::Limits::default()),
-        &|_, _| (),
-    );
-    made.unwrap();
+    made(&place, "n.ppm", "n.tx", granita_texture::make::MakeOptions::default());
     let square = asks(
         &place,
         "",
@@ -123,17 +123,8 @@ fn substitutes_stand_for_all_textures_and_environments() {
     let place = Place::new();
     picture(&place, "t.ppm", [255, 0, 0]);
     picture(&place, "grey.ppm", [128, 128, 128]);
-    let made = granita_texture::make::make(
-        &[place.path("grey.ppm")],
-        &place.path("grey.env"),
-        &granita_texture::make::MakeOptions {
-            mode: granita_texture::make::Mode::EnvLatLong,
-            ..granita_texture::make::MakeOptions::default()
-        },
-        &granita_plugin::bundled_formats(granita_image::Limits::default()),
-        &|_, _| (),
-    );
-    made.unwrap();
+    let mode = granita_texture::make::Mode::EnvLatLong;
+    made(&place, "grey.ppm", "grey.env", granita_texture::make::MakeOptions { mode, ..Default::default() });
     let square = asks(
         &place,
         "",

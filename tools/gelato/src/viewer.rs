@@ -227,7 +227,8 @@ mod tests {
             assert!(!is_screen(viewer), "{viewer}");
         }
         assert_eq!(remote("workstation:0.0"), Some(("workstation", ":0.0".to_owned())));
-        for here in [":0", "localhost:10.0", "unix:0", "127.0.0.1:0", "/tmp/launch-x/org.x:0", "nonsense"] {
+        for here in [":0", "localhost:10.0", "unix:0", "127.0.0.1:0", "/private/launch-x/org.x:0", "nonsense"]
+        {
             assert_eq!(remote(here), None, "{here}");
         }
     }

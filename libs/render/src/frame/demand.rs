@@ -7,7 +7,7 @@
 use super::{Frame, FrameOptions, FrameShader, Jobs};
 use crate::bucket::BucketOrder;
 use crate::output::OutputSet;
-use crate::{CameraView, PixelRect, Silent};
+use crate::{CameraView, PixelRect};
 use granita_base::Reporter;
 use granita_scene::Scene;
 use std::sync::OnceLock;
@@ -58,18 +58,9 @@ impl<O: Send + Sync> OnDemand<O> {
         outside: f32,
     ) -> Vec<f32> {
         let options = FrameOptions {
-            camera: &self.camera,
-            eyes: std::slice::from_ref(&self.camera),
             dicing_camera: around.dicing_camera,
             threads: around.threads,
-            reporter: around.reporter,
-            progress: &Silent,
-            stop: &self.never,
-            dump: None,
-            registry: None,
-            scene_files: &[],
-            spread: &crate::spread::Spread::Alone,
-            priority: None,
+            ..FrameOptions::new(&self.camera, around.reporter, &self.never)
         };
         let size = ([self.tile; 2], BucketOrder::plain("horizontal"));
         let frame =

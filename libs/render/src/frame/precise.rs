@@ -106,7 +106,7 @@ impl<S: FrameShader> Frame<'_, S> {
             return None;
         }
         let key_times = piece.key_times().to_vec();
-        let of_key = |key| piece.precise_between(key, rates.nu, rates.nv, &rates.sides);
+        let of_key = |key| piece.precise_between(key, [rates.nu, rates.nv], &rates.sides);
         let p_object = (0..key_times.len()).map(of_key).collect::<Option<Vec<_>>>()?;
         Some(Precise { key_times, p_object })
     }

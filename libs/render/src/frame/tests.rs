@@ -11,7 +11,6 @@ mod seams;
 mod stereo;
 
 use super::*;
-use crate::environment::Silent;
 use granita_base::{MotionTransform, Param, Params, ShapeDesc, Transform, Vec3};
 use granita_image::{CreateOptions, Format, FormatRegistry, ImageInput, ImageOutput, Limits};
 use granita_scene::{AttributeSet, Camera, Output, ShapeKey};
@@ -171,6 +170,10 @@ impl Build {
     }
 
     fn view(&self, more: &[(&'static str, Vec<f32>)]) -> CameraView {
+        self.view_reporting(more, &Reporter::silent())
+    }
+
+    fn view_reporting(&self, more: &[(&'static str, Vec<f32>)], reporter: &Reporter) -> CameraView {
         let mut params = Params::new();
         for (declaration, values) in self.camera.iter().chain(more) {
             params.set(param(declaration, values));
@@ -179,7 +182,7 @@ impl Build {
             params.set(Param::declared("string projection", "orthographic").unwrap());
         }
         let camera = Camera { name: "main".into(), world_to_camera: self.world_to_camera.clone(), params };
-        CameraView::new(&camera, &Reporter::silent())
+        CameraView::new(&camera, reporter)
     }
 }
 
@@ -219,20 +222,7 @@ fn render_counted<S: FrameShader>(
     let reporter = Reporter::silent();
     let mut outputs = one_output(view, output, &reporter);
     let stop = AtomicBool::new(false);
-    let options = FrameOptions {
-        camera: view,
-        eyes: std::slice::from_ref(view),
-        dicing_camera: view,
-        threads,
-        reporter: &reporter,
-        progress: &Silent,
-        stop: &stop,
-        registry: None,
-        dump: None,
-        scene_files: &[],
-        spread: &crate::spread::Spread::Alone,
-        priority: None,
-    };
+    let options = FrameOptions { threads, ..FrameOptions::new(view, &reporter, &stop) };
     let (statistics, complete) =
         render(&build.scene, shader, options, std::slice::from_mut(&mut outputs)).unwrap();
     assert!(complete);
@@ -752,20 +742,8 @@ fn a_panic_costs_one_bucket() {
     };
     let stop = AtomicBool::new(false);
     let files = ["scene.pyg".to_owned()];
-    let options = FrameOptions {
-        camera: &view,
-        eyes: std::slice::from_ref(&view),
-        dicing_camera: &view,
-        threads: 2,
-        reporter: &reporter,
-        progress: &Silent,
-        stop: &stop,
-        registry: None,
-        dump: None,
-        scene_files: &files,
-        spread: &crate::spread::Spread::Alone,
-        priority: None,
-    };
+    let options =
+        FrameOptions { threads: 2, scene_files: &files, ..FrameOptions::new(&view, &reporter, &stop) };
     let shader = Painted { paint, displace: None };
     let (_, complete) = render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs)).unwrap();
     assert!(!complete);

@@ -47,18 +47,7 @@ fn ambient(m: &mut Machine<'_>, op: &Op) {
         }
         let result = {
             let batch = crate::Batch { lanes: m.n, active: &m.mask.active, layer: m.layer };
-            let query = crate::IlluminateQuery {
-                batch,
-                ps: ps.triple(),
-                ns: ns.triple(),
-                pl: None,
-                nl: None,
-                cone: None,
-                in_front: false,
-                asks: false,
-                messages: &[],
-            };
-            m.services.illuminate(k, &query)
+            m.services.illuminate(k, &crate::IlluminateQuery::new(batch, ps.triple(), ns.triple()))
         };
         let Some(light) = result.ambient.as_ref().filter(|l| l.len() == m.n) else { continue };
         let mut total = sum.take().unwrap_or_else(|| {

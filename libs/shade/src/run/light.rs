@@ -44,15 +44,10 @@ impl Machine<'_> {
             };
             let batch = Batch { lanes: self.n, active: &self.mask.active, layer: self.layer };
             let query = IlluminateQuery {
-                batch,
-                ps: ps.triple(),
-                ns: ns.triple(),
-                pl: None,
-                nl: None,
-                cone: None,
                 in_front,
                 asks,
                 messages,
+                ..IlluminateQuery::new(batch, ps.triple(), ns.triple())
             };
             results.push(self.services.illuminate(k, &query));
         }

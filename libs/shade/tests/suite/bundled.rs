@@ -63,17 +63,8 @@ fn every_shader_runs() {
             services.grid = Some(grid.clone());
             if usage == ShaderKind::Light {
                 let active: Vec<u32> = (0..grid.len() as u32).collect();
-                let query = IlluminateQuery {
-                    batch: Batch { lanes: grid.len(), active: &active, layer: 0 },
-                    ps: Lane3::over(&grid.p),
-                    ns: Lane3::over(&grid.n),
-                    pl: None,
-                    nl: None,
-                    cone: None,
-                    in_front: false,
-                    asks: false,
-                    messages: &[],
-                };
+                let batch = Batch { lanes: grid.len(), active: &active, layer: 0 };
+                let query = IlluminateQuery::new(batch, Lane3::over(&grid.p), Lane3::over(&grid.n));
                 let result = executor.run_light(&group, &grid, &query, &mut services);
                 assert!(result.samples.iter().all(|s| finite(&s.l) && finite(&s.cl)), "{name}");
                 assert_eq!(result.ambient.is_some(), !group.has_emit(), "{name}");

@@ -5,10 +5,10 @@
 
 use granita_base::Reporter;
 use granita_cli::{Status, leave};
-use std::net::{TcpStream, ToSocketAddrs};
+use std::sync::mpsc;
 use std::time::Duration;
 
-/// The longest time that a screen on another machine may take to answer.
+/// The longest time that a screen may take to answer.
 const ANSWER: Duration = Duration::from_secs(2);
 
 /// From now on, a panic after which there is no screen ends the program with a message. Other panics are what they were.
@@ -38,21 +38,25 @@ pub(super) fn is_there() -> bool {
     }
 }
 
-/// Whether an X server takes connections: `[HOST]:NUMBER[.SCREEN]`.
+/// Whether an X server takes connections. What is not the name of an X display is not known here.
+#[cfg(target_os = "linux")]
 fn answers(display: &str) -> bool {
-    let Some((host, number)) = display.rsplit_once(':') else { return true };
-    let Ok(number) = number.split('.').next().unwrap_or_default().parse::<u16>() else { return true };
-    #[cfg(unix)]
-    if matches!(host, "" | "unix") {
-        let socket = format!("/tmp/.X11-unix/X{number}");
-        return std::os::unix::net::UnixStream::connect(socket).is_ok();
-    }
-    let Some(port) = number.checked_add(6000) else { return true };
-    let addresses = (host, port).to_socket_addrs();
-    addresses.is_ok_and(|mut all| all.any(|address| TcpStream::connect_timeout(&address, ANSWER).is_ok()))
+    use x11rb::errors::ConnectError;
+    let (display, (sender, receiver)) = (display.to_owned(), mpsc::channel());
+    // A connection that is refused for another reason was refused by a server.
+    let connect =
+        move || sender.send(!matches!(x11rb::connect(Some(&display)), Err(ConnectError::IoError(_))));
+    std::thread::spawn(connect);
+    receiver.recv_timeout(ANSWER).unwrap_or(false)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn answers(_: &str) -> bool {
+    true
 }
 
 #[cfg(test)]
+#[cfg(target_os = "linux")]
 mod tests {
     use super::*;
 
@@ -65,7 +69,7 @@ mod tests {
             Some((n, std::net::TcpListener::bind(("127.0.0.1", 6000_u16.checked_add(30_000 + n)?)).ok()?))
         });
         let Some((n, listener)) = listener else { return };
-        assert!(answers(&format!("127.0.0.1:{}", 30_000 + n)));
+        assert!(!answers(&format!("127.0.0.1:{}", 30_000 + n)), "it says nothing");
         drop(listener);
         assert!(!answers(&format!("127.0.0.1:{}.0", 30_000 + n)));
     }

@@ -7,28 +7,10 @@ use granita_base::CurveBasis::{Bezier, Linear};
 /// Pixels, and what was said.
 fn rendered(build: &Build) -> (Vec<f32>, Vec<String>) {
     let (reporter, kept) = Reporter::collecting();
-    let mut params = Params::new();
-    for (declaration, values) in &build.camera {
-        params.set(param(declaration, values));
-    }
-    let camera = Camera { name: "main".into(), world_to_camera: build.world_to_camera.clone(), params };
-    let view = CameraView::new(&camera, &reporter);
+    let view = build.view_reporting(&[], &reporter);
     let mut outputs = one_output(&view, ("rgba", &box_filter()), &reporter);
     let stop = AtomicBool::new(false);
-    let options = FrameOptions {
-        camera: &view,
-        eyes: std::slice::from_ref(&view),
-        dicing_camera: &view,
-        threads: 2,
-        reporter: &reporter,
-        progress: &Silent,
-        stop: &stop,
-        registry: None,
-        dump: None,
-        scene_files: &[],
-        spread: &crate::spread::Spread::Alone,
-        priority: None,
-    };
+    let options = FrameOptions { threads: 2, ..FrameOptions::new(&view, &reporter, &stop) };
     let shader = Painted { paint: flat, displace: None };
     render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs)).unwrap();
     let said = kept.lock().unwrap().iter().map(|m| m.to_string()).collect();

@@ -100,20 +100,7 @@ fn objects_too_far_from_the_origin_are_told() {
         let (reporter, kept) = Reporter::collecting();
         let mut outputs = one_output(&view, ("rgba", &[]), &reporter);
         let stop = AtomicBool::new(false);
-        let options = FrameOptions {
-            camera: &view,
-            eyes: std::slice::from_ref(&view),
-            dicing_camera: &view,
-            threads: 1,
-            reporter: &reporter,
-            progress: &Silent,
-            dump: None,
-            stop: &stop,
-            registry: None,
-            scene_files: &[],
-            spread: &crate::spread::Spread::Alone,
-            priority: None,
-        };
+        let options = FrameOptions::new(&view, &reporter, &stop);
         let shader = Painted { paint: flat, displace: None };
         render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs)).unwrap();
         kept.lock().unwrap().iter().map(|m| m.to_string()).collect::<Vec<_>>()

@@ -24,18 +24,10 @@ fn seen<S: FrameShader>(
     let mut outputs = vec![set; eyes.len()];
     let stop = AtomicBool::new(false);
     let options = FrameOptions {
-        camera: view,
         eyes,
         dicing_camera: &view.shading_view(),
         threads,
-        reporter: &reporter,
-        progress: &Silent,
-        stop: &stop,
-        registry: None,
-        dump: None,
-        scene_files: &[],
-        spread: &crate::spread::Spread::Alone,
-        priority: None,
+        ..FrameOptions::new(view, &reporter, &stop)
     };
     let (statistics, complete) = render(&build.scene, shader, options, &mut outputs).unwrap();
     assert!(complete);
