@@ -63,8 +63,8 @@ mod tests {
     #[test]
     fn servers_answer_or_do_not() {
         // No server has such numbers.
-        assert!(!answers(":64001") && !answers("unix:64001.0"));
-        assert!(answers("nonsense") && answers(":x") && answers(":64001000"));
+        assert!(!answers(":50001"));
+        assert!(answers("nonsense") && answers(":x") && answers(":50001000"));
         let listener = (0..100).find_map(|n| {
             Some((n, std::net::TcpListener::bind(("127.0.0.1", 6000_u16.checked_add(30_000 + n)?)).ok()?))
         });
