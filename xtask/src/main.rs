@@ -15,6 +15,7 @@
 
 #[cfg(target_os = "linux")]
 mod attack;
+mod attributes;
 mod ci;
 mod cpp;
 mod laws;
@@ -108,6 +109,7 @@ fn tidy() -> Result<(), String> {
     let workspace = workspace::Workspace::load()?;
     let mut faults = laws::check(&workspace);
     faults.extend(texts::check(&workspace)?);
+    faults.extend(attributes::check(&workspace)?);
     let ledger = ledger::check(&workspace)?;
     faults.extend(ledger.faults);
     for fault in &faults {

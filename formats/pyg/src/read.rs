@@ -215,7 +215,7 @@ pub(crate) fn pass_on(
         // What it returns is not used.
         None if name == "GetAttribute" => {}
         None => {
-            let hint = hint(granita_scene::suggestion(name, names::CALLS));
+            let hint = hint(granita_base::suggestion(name, names::CALLS));
             let cause = format!("pyg unknown call {name}");
             reporter.counted(&cause, Severity::Error, at, format!("unknown call \"{name}\"{hint}"));
         }

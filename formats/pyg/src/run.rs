@@ -58,11 +58,9 @@ impl From<PygError> for Failed {
 
 /// The name of the object that is being made, for messages; nothing when it has none.
 pub(crate) fn object(sink: &dyn SceneSink) -> String {
-    match sink.attribute("string name").map(|p| p.data) {
-        Some(granita_base::ParamData::String(name)) if name.first().is_some_and(|n| !n.is_empty()) => {
-            format!(" (object \"{}\")", name[0])
-        }
-        _ => String::new(),
+    match &*granita_scene::attr::NAME.ask(sink) {
+        "" => String::new(),
+        name => format!(" (object \"{name}\")"),
     }
 }
 
@@ -391,6 +389,6 @@ impl Reader<'_> {
 /// An exception in words, with the call that a missing name looks like.
 fn described(exception: &Exception) -> String {
     let missing = Some(&*exception.name).filter(|name| !name.is_empty());
-    let hint = hint(missing.and_then(|name| granita_scene::suggestion(name, names::CALLS)));
+    let hint = hint(missing.and_then(|name| granita_base::suggestion(name, names::CALLS)));
     format!("{}: {}{hint}", exception.kind, exception.text)
 }

@@ -25,7 +25,7 @@
 //! impl FrameRenderer for Count {
 //!     fn render(&mut self, scene: Arc<Scene>, _: Option<&str>) -> Result<(), Stop> {
 //!         assert_eq!(scene.primitives.len(), 1);
-//!         assert_eq!(scene.primitives[0].attributes.float("shadingquality"), 0.5);
+//!         assert_eq!(scene.primitives[0].attributes.get(granita_scene::attr::SHADINGQUALITY), 0.5);
 //!         Ok(())
 //!     }
 //!     fn command(&mut self, _: &str, _: &Params, _: &Location) -> Result<bool, Stop> {
@@ -61,7 +61,7 @@ mod scene;
 mod state;
 mod values;
 
-pub use attribute::{attribute_default, attribute_row, suggestion};
+pub use attribute::{attr, attribute_default, attribute_row};
 pub use call::{Call, Matrix, SceneSink, Stop, TransformTarget};
 pub use frame::{FoundInput, FrameRenderer, InputPaths, InputReader, UnreadInput};
 pub use generator::{Generator, GeneratorError, GeneratorRegistry, GeneratorSource};
