@@ -30,7 +30,6 @@ const KNOWN: &[&[&str]] = &[
         "libs/geom/src/width.rs",
     ],
     &["libs/geom/src/polygon.rs", "libs/geom/src/sweep.rs"],
-    &["libs/plugin/src/generator.rs", "libs/plugin/src/interface/entry.rs", "libs/plugin/src/plugins.rs"],
     &[
         "libs/render/src/arealight.rs",
         "libs/render/src/dynamic.rs",
