@@ -53,7 +53,6 @@ const KNOWN: &[&[&str]] = &[
     &["libs/render/src/frame.rs", "libs/render/src/renderer.rs", "libs/render/src/unread.rs"],
     &["libs/render/src/frame/job.rs", "libs/render/src/frame/limits.rs"],
     &["libs/render/src/hider/blurred.rs", "libs/render/src/hider/raster.rs"],
-    &["libs/session/src/remote/images.rs", "libs/session/src/remote/serve.rs"],
     &[
         "libs/shade/src/grid.rs",
         "libs/shade/src/link/group.rs",
