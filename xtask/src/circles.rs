@@ -104,8 +104,6 @@ const KNOWN: &[&[&str]] = &[
         "libs/trace/src/trace.rs",
         "libs/trace/src/tracer.rs",
     ],
-    &["libs/view/src/display.rs", "libs/view/src/draw.rs"],
-    &["libs/view/src/sketch.rs", "libs/view/src/source.rs"],
     &["tools/iv/src/serve/detail.rs", "tools/iv/src/serve/page.rs"],
     &["tools/iv/src/window/desk.rs", "tools/iv/src/window/entries.rs", "tools/iv/src/window/tasks.rs"],
     &["tools/iv/src/window/panels.rs", "tools/iv/src/window/shell.rs"],
