@@ -104,9 +104,6 @@ const KNOWN: &[&[&str]] = &[
         "libs/trace/src/trace.rs",
         "libs/trace/src/tracer.rs",
     ],
-    &["tools/iv/src/serve/detail.rs", "tools/iv/src/serve/page.rs"],
-    &["tools/iv/src/window/desk.rs", "tools/iv/src/window/entries.rs", "tools/iv/src/window/tasks.rs"],
-    &["tools/iv/src/window/panels.rs", "tools/iv/src/window/shell.rs"],
 ];
 
 /// Files that name each other, sorted by path.
