@@ -93,17 +93,6 @@ const KNOWN: &[&[&str]] = &[
         "libs/texture/src/volume.rs",
     ],
     &["libs/texture/src/make/color.rs", "libs/texture/src/make/options.rs"],
-    &[
-        "libs/trace/src/boxes.rs",
-        "libs/trace/src/build.rs",
-        "libs/trace/src/layout.rs",
-        "libs/trace/src/moving.rs",
-        "libs/trace/src/order.rs",
-        "libs/trace/src/probe.rs",
-        "libs/trace/src/simd.rs",
-        "libs/trace/src/trace.rs",
-        "libs/trace/src/tracer.rs",
-    ],
 ];
 
 /// Files that name each other, sorted by path.
