@@ -17,20 +17,6 @@ use tree::{Reader, Target, Tree};
 /// its circle is taken out of it.
 const KNOWN: &[&[&str]] = &[
     &[
-        "libs/geom/src/build.rs",
-        "libs/geom/src/curves.rs",
-        "libs/geom/src/mesh.rs",
-        "libs/geom/src/moving.rs",
-        "libs/geom/src/net.rs",
-        "libs/geom/src/patch.rs",
-        "libs/geom/src/points.rs",
-        "libs/geom/src/sphere.rs",
-        "libs/geom/src/subdiv.rs",
-        "libs/geom/src/vars.rs",
-        "libs/geom/src/width.rs",
-    ],
-    &["libs/geom/src/polygon.rs", "libs/geom/src/sweep.rs"],
-    &[
         "libs/render/src/arealight.rs",
         "libs/render/src/dynamic.rs",
         "libs/render/src/lights.rs",
