@@ -60,25 +60,6 @@ const KNOWN: &[&[&str]] = &[
         "libs/shade/src/tape/run.rs",
     ],
     &["libs/shade/src/ops/arith.rs", "libs/shade/src/ops/spaces.rs"],
-    &[
-        "libs/texture/src/cache.rs",
-        "libs/texture/src/cube.rs",
-        "libs/texture/src/environment.rs",
-        "libs/texture/src/file.rs",
-        "libs/texture/src/files.rs",
-        "libs/texture/src/gaussian.rs",
-        "libs/texture/src/plain.rs",
-        "libs/texture/src/reader.rs",
-        "libs/texture/src/sampler.rs",
-        "libs/texture/src/shadow.rs",
-        "libs/texture/src/shared.rs",
-        "libs/texture/src/simd.rs",
-        "libs/texture/src/slices.rs",
-        "libs/texture/src/solid.rs",
-        "libs/texture/src/tiles.rs",
-        "libs/texture/src/volume.rs",
-    ],
-    &["libs/texture/src/make/color.rs", "libs/texture/src/make/options.rs"],
 ];
 
 /// Files that name each other, sorted by path.
