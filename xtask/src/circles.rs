@@ -39,27 +39,6 @@ const KNOWN: &[&[&str]] = &[
     &["libs/render/src/frame.rs", "libs/render/src/renderer.rs", "libs/render/src/unread.rs"],
     &["libs/render/src/frame/job.rs", "libs/render/src/frame/limits.rs"],
     &["libs/render/src/hider/blurred.rs", "libs/render/src/hider/raster.rs"],
-    &[
-        "libs/shade/src/grid.rs",
-        "libs/shade/src/link/group.rs",
-        "libs/shade/src/link/relink.rs",
-        "libs/shade/src/link/wires.rs",
-        "libs/shade/src/ops/color.rs",
-        "libs/shade/src/ops/derive.rs",
-        "libs/shade/src/ops/shadeop.rs",
-        "libs/shade/src/run/kernel.rs",
-        "libs/shade/src/run/lanes.rs",
-        "libs/shade/src/run/machine.rs",
-        "libs/shade/src/run/params.rs",
-        "libs/shade/src/run/store.rs",
-        "libs/shade/src/services.rs",
-        "libs/shade/src/shadeop.rs",
-        "libs/shade/src/tape/build.rs",
-        "libs/shade/src/tape/mod.rs",
-        "libs/shade/src/tape/plan.rs",
-        "libs/shade/src/tape/run.rs",
-    ],
-    &["libs/shade/src/ops/arith.rs", "libs/shade/src/ops/spaces.rs"],
 ];
 
 /// Files that name each other, sorted by path.
