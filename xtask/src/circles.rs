@@ -240,6 +240,19 @@ mod tests {
     }
 
     #[test]
+    fn what_a_macro_defines_belongs_to_its_file() {
+        let files = [
+            ("lib.rs", "mod a; mod b;"),
+            ("a.rs", "use crate::b; fn a() { b::made() } pub const A: u8 = 1;"),
+            (
+                "b.rs",
+                "macro_rules! make { ($name:ident) => { pub fn $name() -> u8 { crate::a::A } } } make!(made);",
+            ),
+        ];
+        assert_eq!(of(&files), [["a.rs", "b.rs"]]);
+    }
+
+    #[test]
     fn the_table_of_known_circles_only_gets_shorter() {
         let files = [
             ("lib.rs", "mod a; mod b;"),

@@ -25,6 +25,8 @@ pub(super) struct Module {
     names: BTreeMap<String, Vec<Name>>,
     /// The paths of `use path::*`.
     globs: Vec<Vec<String>>,
+    /// Whether macros may define more.
+    is_open: bool,
     /// Every path of its code outside of tests.
     pub(super) mentions: Vec<Mention>,
 }
@@ -112,7 +114,11 @@ impl Tree {
                 "crate" if i == 0 => Target::Module(0),
                 "self" if i == 0 => Target::Module(here),
                 "super" => Target::Module(self.modules[here].parent?),
-                name => self.look_up(name, i + 1 == path.len(), here, depth + 1)?,
+                name => match self.look_up(name, i + 1 == path.len(), here, depth + 1) {
+                    Some(found) => found,
+                    None if i > 0 && self.modules[here].is_open => Target::Item(here),
+                    None => return None,
+                },
             };
         }
         Some(at)
@@ -174,6 +180,7 @@ impl Tree {
             parent: place.parent,
             names,
             globs,
+            is_open: items.iter().any(|item| matches!(item, syn::Item::Macro(m) if m.ident.is_none())),
             mentions,
         });
         for item in items {
