@@ -1,12 +1,12 @@
 //! The reader: requests in, scene calls out.
 
-use crate::archives::Archives;
 use crate::basis::Basis;
 use crate::condition::{Branch, Value};
 use crate::declare::{Declarations, Declared, Flaw, Given};
 use crate::frame::{CAMERA, Options};
 use crate::lex::Lexer;
 use crate::quadrics;
+use crate::recording::Archives;
 use crate::request::{Arg, Request, Requests};
 use granita_base::{BaseType, Files, Location, Param, ParamType, Params, Reporter, Severity, ShapeDesc};
 use granita_scene::attribute::{AttributeValue, Key};

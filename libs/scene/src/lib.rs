@@ -57,6 +57,7 @@ mod call;
 mod camera;
 mod frame;
 mod generator;
+mod lights;
 mod scene;
 mod state;
 mod values;
@@ -65,9 +66,10 @@ pub use attribute::{attr, attribute_default, attribute_row};
 pub use call::{Call, Matrix, SceneSink, Stop, TransformTarget};
 pub use frame::{FoundInput, FrameRenderer, InputPaths, InputReader, UnreadInput};
 pub use generator::{Generator, GeneratorError, GeneratorRegistry, GeneratorSource};
+pub use lights::{LightId, LightSet};
 pub use scene::{
-    AttributeSet, Camera, Connection, InputCounts, Light, LightId, Output, Primitive, Scene, ShaderGroup,
+    AttributeSet, Camera, Connection, InputCounts, Light, Output, Primitive, Scene, ShaderGroup,
     ShaderInstance, ShaderUsage, ShapeKey,
 };
 pub use state::{State, predeclared, version_attribute};
-pub use values::{LightSet, Values};
+pub use values::Values;

@@ -55,10 +55,6 @@ pub struct ShaderGroup {
     pub connections: Vec<Connection>,
 }
 
-/// Index into [`Scene::lights`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct LightId(pub u32);
-
 /// A light source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Light {
@@ -175,7 +171,7 @@ pub struct Scene {
     pub outputs: Vec<Output>,
     /// In order of declaration.
     pub primitives: Vec<Arc<Primitive>>,
-    /// Indexed by [`LightId`].
+    /// Indexed by [`LightId`](crate::LightId).
     pub lights: Vec<Arc<Light>>,
     /// Named by `SaveAttributes`: that space to world.
     pub coordinate_systems: BTreeMap<Arc<str>, MotionTransform>,

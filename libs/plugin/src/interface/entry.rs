@@ -535,7 +535,7 @@ impl Interface<'_> {
         if apart {
             self.call(granita_scene::Call::PushAttributes);
         }
-        let sink = crate::generator::Borrowed(&mut *self.sink);
+        let sink = super::Borrowed(&mut *self.sink);
         let host: Box<dyn super::InterfaceHost> =
             if archives { Box::new(super::Archiving) } else { Box::new(()) };
         let mut inner = Interface::new(Box::new(sink), host, self.errors.clone(), self.at.clone());
