@@ -310,7 +310,7 @@ fn scripts_ask_for_every_attribute() {
             granita_base::BaseType::String => {
                 format!(
                     "\"{}\"",
-                    row.words.get(1).copied().unwrap_or(if name == "hider" {
+                    row.words().get(1).copied().unwrap_or(if name == "hider" {
                         "default"
                     } else if name == "geometryset" {
                         "a,b"

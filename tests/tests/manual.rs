@@ -27,8 +27,7 @@ fn attributes() {
         "# Attributes\n\nOne row for each attribute, from the table that the programs themselves use. `Attribute (\"TYPE \
          NAME\", VALUE)` sets one, `GetAttribute (\"NAME\")` asks for it. The sections are those of the reference.\n\nNumbers \
          of any type become those of the attribute as long as nothing is lost; a string where a number belongs, or the \
-         wrong number of values, is an error and changes nothing. An attribute marked *not yet* is kept and can be asked \
-         for, but has no effect so far; setting it to something else than its default says so once. One marked *hint* \
+         wrong number of values, is an error and changes nothing. An attribute marked *hint* \
          tunes how the work is done, and this renderer needs no tuning there.\n",
     );
     for (scope, title) in [
@@ -46,12 +45,12 @@ fn attributes() {
                 DefaultValue::Unset => String::new(),
                 DefaultValue::Floats(v) => format!("`{}`", numbers(v)),
                 DefaultValue::Ints(v) => format!("`{}`", numbers(v)),
-                DefaultValue::Text(v) => format!("`\"{v}\"`"),
+                DefaultValue::Text(v) | DefaultValue::OneOf(&[v, ..]) => format!("`\"{v}\"`"),
+                DefaultValue::OneOf(&[]) => String::new(),
             };
             let mut help = row.help.replace('|', "\\|");
             help += match row.effect {
                 Effect::Full => "",
-                Effect::NotYet => "; *not yet*",
                 Effect::Hint => "; *hint*",
             };
             let _ = writeln!(text, "| `{}` | {shown} | {} | {help} |", row.declaration(), row.section);

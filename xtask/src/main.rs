@@ -1,6 +1,7 @@
 //! Chores of the workspace, run as `cargo xtask NAME`.
 //!
-//! - `tidy` checks the laws of `ARCHITECTURE.md`, the house rules that a machine can check, and the tests of the ledger;
+//! - `tidy` checks the laws of `ARCHITECTURE.md`, the house rules that a machine can check, that files import
+//!   each other in one direction, and the tests of the ledger;
 //! - `ci` does what a change must pass: the README's test command, format, lints, docs, `tidy`;
 //! - `bless [NAME]` accepts what the suite's cases make now as their references;
 //! - `trade SCENE` measures what each knob of a scene's indirect light and occlusion costs and buys;
@@ -15,7 +16,9 @@
 
 #[cfg(target_os = "linux")]
 mod attack;
+mod attributes;
 mod ci;
+mod circles;
 mod cpp;
 mod laws;
 mod ledger;
@@ -108,6 +111,8 @@ fn tidy() -> Result<(), String> {
     let workspace = workspace::Workspace::load()?;
     let mut faults = laws::check(&workspace);
     faults.extend(texts::check(&workspace)?);
+    faults.extend(attributes::check(&workspace)?);
+    faults.extend(circles::check(&workspace)?);
     let ledger = ledger::check(&workspace)?;
     faults.extend(ledger.faults);
     for fault in &faults {

@@ -20,6 +20,8 @@ pub(crate) struct Crate {
     pub(crate) folder: PathBuf,
     /// What its manifest names.
     pub(crate) dependencies: Vec<Dependency>,
+    /// The root files of its library, programs, tests, examples and benches, relative to the root of the workspace, sorted.
+    pub(crate) roots: Vec<PathBuf>,
 }
 
 /// The workspace.
@@ -48,6 +50,12 @@ impl Workspace {
             .map(|package| {
                 let manifest = PathBuf::from(text(&package["manifest_path"]));
                 let folder = manifest.parent().unwrap_or(&root);
+                let mut roots: Vec<PathBuf> = list(&package["targets"])
+                    .iter()
+                    .map(|target| PathBuf::from(text(&target["src_path"])))
+                    .map(|path| path.strip_prefix(&root).map(Path::to_owned).unwrap_or(path))
+                    .collect();
+                roots.sort();
                 Crate {
                     name: text(&package["name"]).to_owned(),
                     folder: folder.strip_prefix(&root).unwrap_or(folder).to_owned(),
@@ -58,6 +66,7 @@ impl Workspace {
                             dev: text(&d["kind"]) == "dev",
                         })
                         .collect(),
+                    roots,
                 }
             })
             .collect();

@@ -57,11 +57,6 @@ pub(crate) fn float(name: &str, value: f32) -> Param {
     Param { name: name.into(), ty: ParamType::of(BaseType::Float), data: value.into() }
 }
 
-/// One integer.
-pub(crate) fn int(name: &str, value: i32) -> Param {
-    Param { name: name.into(), ty: ParamType::of(BaseType::Int), data: value.into() }
-}
-
 /// One colour.
 pub(crate) fn color(name: &str, value: [f32; 3]) -> Param {
     Param { name: name.into(), ty: ParamType::of(BaseType::Color), data: ParamData::from(&value[..]) }

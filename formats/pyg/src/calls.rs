@@ -292,7 +292,7 @@ fn basis(a: &Args, word: &str) -> Result<CurveBasis, Mistake> {
 
 fn unknown_basis(a: &Args, word: &str) -> Mistake {
     let words = ["linear", "bezier", "bspline", "catmull-rom"];
-    let hint = crate::hint(granita_scene::suggestion(word, words));
+    let hint = crate::hint(granita_base::suggestion(word, words));
     format!("{}: unknown interpolation \"{word}\"{hint}", a.call)
 }
 
@@ -325,7 +325,7 @@ fn shape(name: &str, a: &mut Args) -> Result<ShapeDesc, Mistake> {
                 "linear" => false,
                 "catmull-clark" => true,
                 _ => {
-                    let hint = crate::hint(granita_scene::suggestion(&interp, ["linear", "catmull-clark"]));
+                    let hint = crate::hint(granita_base::suggestion(&interp, ["linear", "catmull-clark"]));
                     return Err(format!("Mesh: unknown interpolation \"{interp}\"{hint}"));
                 }
             };

@@ -342,7 +342,7 @@ impl Parser {
     fn named(&mut self) -> Flat<Value> {
         let word = self.word()?;
         if matches!(self.bytes.peek()?, Some(b'"' | b'\''))
-            && let Some(raw) = crate::text::string_prefix(&word)
+            && let Some(raw) = string_prefix(&word)
         {
             return Ok(Value::Str(self.strings(raw)?));
         }
@@ -547,5 +547,14 @@ impl Parser {
 
     pub(crate) fn fail<T>(&self, what: String) -> Flat<T> {
         Err(NotFlat::Why(Why { what, line: self.bytes.line() }))
+    }
+}
+
+/// Whether a word is a prefix of string literals, and whether of raw ones.
+fn string_prefix(word: &str) -> Option<bool> {
+    match word {
+        "r" | "R" => Some(true),
+        "u" | "U" | "b" | "B" => Some(false),
+        _ => None,
     }
 }

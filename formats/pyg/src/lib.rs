@@ -28,11 +28,14 @@
 
 mod bytes;
 mod calls;
+mod error;
 mod flat;
 pub mod frames;
 mod names;
+mod options;
 mod python;
 mod read;
+mod reader;
 mod run;
 mod script;
 mod serve;
@@ -40,7 +43,9 @@ mod text;
 mod value;
 mod write;
 
-pub use read::{Chunking, PygError, PygOptions, PygSource, Scripts, read};
+pub use error::PygError;
+pub use options::{Chunking, PygOptions, Scripts};
+pub use read::{PygSource, read};
 pub use serve::serve;
 pub use write::{Writer, WriterOptions};
 

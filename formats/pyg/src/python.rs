@@ -4,11 +4,10 @@
 //! output: one byte kind, four bytes length (little endian), payload. The child answers nothing but what it is
 //! asked, so the two never wait for each other.
 
-use crate::PygOptions;
 use crate::frames::{self, Frame, put_value, send};
 use crate::value::Value;
-use granita_base::Param;
 use granita_base::process::Process;
+use granita_base::{Environment, Param, Supervisor};
 use std::io::{self, BufReader, BufWriter, Read};
 use std::path::Path;
 use std::process::{ChildStdin, ChildStdout, Command, Stdio};
@@ -74,12 +73,17 @@ pub(crate) struct Python {
 }
 
 impl Python {
-    /// Starts `program` for the script `file`.
-    pub(crate) fn start(program: &Path, file: &str, options: &PygOptions) -> io::Result<Self> {
+    /// Starts `program` for the script `file`, with these variables beside those of this process.
+    pub(crate) fn start(
+        program: &Path,
+        file: &str,
+        environment: &Environment,
+        supervisor: &Supervisor,
+    ) -> io::Result<Self> {
         let mut command = Command::new(program);
-        command.arg("-c").arg(SHIM).envs(options.environment.iter());
+        command.arg("-c").arg(SHIM).envs(environment.iter());
         command.stdin(Stdio::piped()).stdout(Stdio::piped());
-        let mut child = options.supervisor.spawn(&mut command, format!("running the script {file}"))?;
+        let mut child = supervisor.spawn(&mut command, format!("running the script {file}"))?;
         let (Some(to), Some(from)) = (child.take_stdin(), child.take_stdout()) else {
             return Err(io::Error::other("the interpreter has no pipes"));
         };

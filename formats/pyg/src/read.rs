@@ -2,15 +2,13 @@
 
 use crate::bytes::Bytes;
 use crate::flat::{Parser, Statement, Why};
-use crate::python::Python;
-use crate::run::{Script, object};
-use crate::value::Value;
-use crate::{calls, hint, names};
-use granita_base::{Environment, Files, Location, Reporter, Severity, Supervisor};
-use granita_scene::{SceneSink, Stop};
+use crate::reader::{Next, Reader, Script};
+use crate::{Chunking, PygError, PygOptions};
+use granita_base::{Files, Reporter};
+use granita_scene::SceneSink;
 use std::io::{self, Read};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 /// Where a Pyg scene comes from.
 pub enum PygSource {
@@ -61,104 +59,6 @@ impl PygSource {
     }
 }
 
-/// How much Python is executed at once (reference 3.6).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Chunking {
-    /// Statement by statement; flat statements between them without Python.
-    #[default]
-    Auto,
-    /// As [`Chunking::Auto`].
-    Always,
-    /// From the first statement that is not flat, the whole rest of the file at once.
-    Never,
-}
-
-/// How to read.
-#[derive(Clone, Debug)]
-pub struct PygOptions {
-    /// Everything is flat: never start Python (`PYG_ALWAYS_PYGLET`).
-    pub always_pyglet: bool,
-    /// Nothing is flat: give everything to Python (`PYG_NEVER_PYGLET`).
-    pub never_pyglet: bool,
-    /// How much Python is executed at once.
-    pub chunking: Chunking,
-    /// The interpreter; `python3` on the process's path when `None`.
-    pub python: Option<PathBuf>,
-    /// Variables that scripts see beside those of this process.
-    pub environment: Environment,
-    /// Refuse scripts: for scenes from strangers.
-    pub safe: bool,
-    /// Opens files.
-    pub files: Files,
-    /// Knows the interpreter as long as it runs.
-    pub supervisor: Supervisor,
-    /// Most bytes of one statement.
-    pub statement_limit: usize,
-    /// What scripts that were read with the same value have defined is known to this one as well, and the other way round.
-    pub scripts: Option<Scripts>,
-}
-
-/// The interpreter of several scenes that count as one, as those of a command line do (reference 6.1). One at a time has
-/// it; clones share it.
-#[derive(Clone, Default)]
-pub struct Scripts(Arc<Mutex<Option<Python>>>);
-
-impl std::fmt::Debug for Scripts {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Scripts")
-    }
-}
-
-impl Scripts {
-    fn python(&self) -> MutexGuard<'_, Option<Python>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl Default for PygOptions {
-    fn default() -> Self {
-        Self {
-            always_pyglet: false,
-            never_pyglet: false,
-            chunking: Chunking::Auto,
-            python: None,
-            environment: Environment::empty(),
-            safe: false,
-            files: Files::default(),
-            supervisor: Supervisor::default(),
-            statement_limit: 1 << 32,
-            scripts: None,
-        }
-    }
-}
-
-/// Why reading ended early. Mistakes inside of the scene are reported, not returned.
-#[derive(Debug, thiserror::Error)]
-pub enum PygError {
-    /// The source cannot be read.
-    #[error("cannot read {path}: {source}")]
-    Io {
-        /// Name of the source.
-        path: String,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// A text that is neither flat nor Python.
-    #[error("{at}: {what}")]
-    Malformed {
-        /// What is wrong.
-        what: String,
-        /// Where.
-        at: Location,
-    },
-    /// A script where none is allowed, or without an interpreter.
-    #[error("{0}")]
-    Unsupported(String),
-    /// The sink wants no more.
-    #[error(transparent)]
-    Stopped(#[from] Stop),
-}
-
 /// Reads a scene and passes its calls on, one by one.
 ///
 /// Mistakes of single calls go to `reporter` with file and line, and reading goes on. The result is an error
@@ -198,48 +98,6 @@ pub fn read(
     result
 }
 
-/// Makes a call of its name and arguments, and passes it on; mistakes are reported.
-pub(crate) fn pass_on(
-    name: &str,
-    args: Vec<Value>,
-    at: &Location,
-    sink: &mut dyn SceneSink,
-    reporter: &Reporter,
-) -> Result<(), Stop> {
-    match calls::call(name, args) {
-        Some(Ok(call)) => sink.call(call, at)?,
-        Some(Err(mistake)) => {
-            let text = format!("{mistake}: the call is ignored{}", object(sink));
-            reporter.say(Severity::Error, at, text);
-        }
-        // What it returns is not used.
-        None if name == "GetAttribute" => {}
-        None => {
-            let hint = hint(granita_scene::suggestion(name, names::CALLS));
-            let cause = format!("pyg unknown call {name}");
-            reporter.counted(&cause, Severity::Error, at, format!("unknown call \"{name}\"{hint}"));
-        }
-    }
-    Ok(())
-}
-
-pub(crate) struct Reader<'a> {
-    pub(crate) file: Arc<str>,
-    pub(crate) parser: Parser,
-    pub(crate) sink: &'a mut dyn SceneSink,
-    pub(crate) options: &'a PygOptions,
-    pub(crate) reporter: &'a Reporter,
-    /// Runs what is not flat.
-    pub(crate) script: Script,
-}
-
-/// Whether to go on reading.
-#[derive(PartialEq)]
-pub(crate) enum Next {
-    More,
-    End,
-}
-
 impl Reader<'_> {
     fn run(&mut self) -> Result<(), PygError> {
         if self.options.never_pyglet {
@@ -268,28 +126,5 @@ impl Reader<'_> {
                 }
             }
         }
-    }
-
-    /// The next statement; names that only the script knows make it one for Python.
-    pub(crate) fn statement(&mut self) -> Result<Statement, PygError> {
-        let (scripted, rebound) = (self.script.python.is_some(), self.script.rebound);
-        self.parser.may_drop = !scripted;
-        let is_flat =
-            |name: &str| !rebound && (names::is_call(name) || !(scripted || names::is_python_builtin(name)));
-        self.parser.statement(&is_flat).map_err(|source| self.io(source))
-    }
-
-    pub(crate) fn io(&self, source: io::Error) -> PygError {
-        PygError::Io { path: self.file.to_string(), source }
-    }
-
-    pub(crate) fn flat_call(&mut self, name: &str, args: Vec<Value>, line: u32) -> Result<(), PygError> {
-        self.script.read = true;
-        let at = Location::line(&self.file, line);
-        Ok(pass_on(name, args, &at, self.sink, self.reporter)?)
-    }
-
-    pub(crate) fn malformed(&self, why: Why) -> PygError {
-        PygError::Malformed { what: why.what, at: Location::line(&self.file, why.line) }
     }
 }

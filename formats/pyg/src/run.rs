@@ -5,10 +5,10 @@
 
 use crate::flat::{Statement, Why};
 use crate::python::{Event, Exception, Python};
-use crate::read::{Next, PygError, Reader};
-use crate::{hint, names, script};
+use crate::reader::{Next, Reader, object};
+use crate::{PygError, hint, names, script};
 use granita_base::{Location, Severity};
-use granita_scene::{SceneSink, Stop};
+use granita_scene::Stop;
 use std::io;
 use std::path::Path;
 
@@ -24,22 +24,6 @@ const MAX_DEATHS: usize = 3;
 /// Python statements are gathered up to this size. Finding the line of a call takes Python longer the longer the piece is.
 const BATCH: usize = 1 << 15;
 
-/// The script in a scene file, as far as it has come.
-#[derive(Default)]
-pub(crate) struct Script {
-    pub(crate) python: Option<Python>,
-    /// It changed what the names of calls mean: nothing is flat any more.
-    pub(crate) rebound: bool,
-    /// Statements that could not be read and were passed over.
-    unread: usize,
-    /// Whether anything could be read.
-    pub(crate) read: bool,
-    /// Statements that ended with an exception.
-    raised: usize,
-    /// Interpreters that ended early.
-    deaths: usize,
-}
-
 /// How a piece of script failed.
 enum Failed {
     /// It is no Python; nothing of it was executed, and the interpreter goes on.
@@ -53,16 +37,6 @@ enum Failed {
 impl From<PygError> for Failed {
     fn from(error: PygError) -> Self {
         Self::Ended(error)
-    }
-}
-
-/// The name of the object that is being made, for messages; nothing when it has none.
-pub(crate) fn object(sink: &dyn SceneSink) -> String {
-    match sink.attribute("string name").map(|p| p.data) {
-        Some(granita_base::ParamData::String(name)) if name.first().is_some_and(|n| !n.is_empty()) => {
-            format!(" (object \"{}\")", name[0])
-        }
-        _ => String::new(),
     }
 }
 
@@ -217,7 +191,8 @@ impl Reader<'_> {
         }
         let default = Path::new("python3");
         let program = self.options.python.as_deref().unwrap_or(default);
-        match Python::start(program, &self.file, self.options) {
+        let (environment, supervisor) = (&self.options.environment, &self.options.supervisor);
+        match Python::start(program, &self.file, environment, supervisor) {
             Ok(python) => self.script.python = Some(python),
             Err(error) => {
                 let program = program.display();
@@ -391,6 +366,6 @@ impl Reader<'_> {
 /// An exception in words, with the call that a missing name looks like.
 fn described(exception: &Exception) -> String {
     let missing = Some(&*exception.name).filter(|name| !name.is_empty());
-    let hint = hint(missing.and_then(|name| granita_scene::suggestion(name, names::CALLS)));
+    let hint = hint(missing.and_then(|name| granita_base::suggestion(name, names::CALLS)));
     format!("{}: {}{hint}", exception.kind, exception.text)
 }

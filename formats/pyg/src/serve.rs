@@ -2,7 +2,7 @@
 
 use crate::frames::{put_value, send};
 use crate::python::{Event, receive};
-use crate::read::pass_on;
+use crate::reader::pass_on;
 use crate::{PygError, PygOptions, PygSource, read};
 use granita_base::{Location, Reporter};
 use granita_scene::SceneSink;

@@ -121,12 +121,3 @@ impl Parser {
         Ok(())
     }
 }
-
-/// Whether a word is a prefix of string literals, and whether of raw ones.
-pub(crate) fn string_prefix(word: &str) -> Option<bool> {
-    match word {
-        "r" | "R" => Some(true),
-        "u" | "U" | "b" | "B" => Some(false),
-        _ => None,
-    }
-}

@@ -2,48 +2,15 @@
 //! `ArchiveEnd`; of later versions of the interface).
 
 use crate::reader::{Done, Fault, MAX_REPEATED, Reader, handle};
+use crate::recording::Recording;
 use crate::request::Request;
 use granita_base::{Environment, SearchPath};
 use granita_scene::GeneratorError;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Archives nested deeper than this are not read.
 const MAX_DEPTH: usize = 64;
-
-/// Requests under a name, and the file that they stand in.
-type Kept = (Arc<str>, Arc<[Request]>);
-
-/// An archive that is being kept.
-struct Recording {
-    name: Arc<str>,
-    line: u32,
-    requests: Vec<Request>,
-    /// The number of `ArchiveBegin` within it that are open.
-    inner: usize,
-}
-
-/// The archives of a file itself.
-#[derive(Default)]
-pub(crate) struct Archives {
-    recording: Option<Recording>,
-    kept: BTreeMap<Arc<str>, Kept>,
-    /// The names of those being read, outermost first.
-    reading: Vec<Arc<str>>,
-}
-
-impl Archives {
-    /// The line of an `ArchiveBegin` that has no end; the archive is given up.
-    pub(crate) fn unfinished(&mut self) -> Option<u32> {
-        self.recording.take().map(|r| r.line)
-    }
-
-    /// Whether there is an archive of this name.
-    pub(crate) fn has(&self, name: &str) -> bool {
-        self.kept.contains_key(name)
-    }
-}
 
 impl Reader<'_> {
     /// Takes a request into the archive that is being kept; gives it back when there is none, or when it ends it.

@@ -1,13 +1,8 @@
-//! `IfBegin`, `ElseIf`, `Else`, `IfEnd`: requests that count only if an expression is true.
+//! Expressions of `IfBegin` and `ElseIf`, and the conditionals that are being read.
 //!
 //! Not of the interface 3.2, but exporters of its time write them: `IfBegin "$user:pass == 'shadow'"`. Expressions have
 //! numbers, strings in single quotes, `$name` or `${name}` (an option or attribute `user`, or `Frame`), `defined (name)`,
 //! `!`, `*`, `/`, `+`, `-`, comparisons (`=~` matches a pattern of the shell), `&&`, `||` and parentheses.
-
-use crate::options::string;
-use crate::reader::{Done, Fault, Reader};
-use crate::request::Request;
-use granita_base::ParamData;
 
 /// A value; what is not defined is neither number nor string, and false.
 #[derive(Clone, Debug, PartialEq)]
@@ -238,78 +233,6 @@ pub(crate) struct Branch {
     pub(crate) done: bool,
     /// Whether `Else` has come.
     pub(crate) last: bool,
-}
-
-/// Most conditionals inside of each other.
-const MAX_BRANCHES: usize = 1000;
-
-impl Reader<'_> {
-    /// Conditionals, and whatever stands where it does not count; `None` for a request that is to be carried out.
-    pub(crate) fn branch(&mut self, request: &Request) -> Option<Done> {
-        let outer = self.branches.iter().rev().skip(1).all(|b| b.taken);
-        let counts = self.branches.last().is_none_or(|b| b.taken) && outer;
-        let mistake = |text: &str| Some(Err(Fault::Mistake(text.to_owned())));
-        let condition = |reader: &Self| {
-            let text = string(request, 0)?;
-            is_true(&text, &|name| reader.variable(name)).map_err(Fault::Mistake)
-        };
-        match request.name.as_str() {
-            "IfBegin" => {
-                if self.branches.len() >= MAX_BRANCHES {
-                    return mistake("conditionals are nested too deep");
-                }
-                // One that cannot be read is false, so that its IfEnd has something to end.
-                let (taken, done) = match counts.then(|| condition(self)) {
-                    None => (false, Ok(())),
-                    Some(Ok(taken)) => (taken, Ok(())),
-                    Some(Err(fault)) => (false, Err(fault)),
-                };
-                self.branches.push(Branch { line: request.line, taken, done: taken || !counts, last: false });
-                Some(done)
-            }
-            "ElseIf" | "Else" => {
-                let Some(mut branch) = self.branches.pop() else { return mistake("without IfBegin") };
-                if branch.last {
-                    branch.taken = false;
-                    self.branches.push(branch);
-                    return mistake("behind Else");
-                }
-                branch.last = request.name == "Else";
-                let wanted = outer && !branch.done;
-                let (taken, done) = match (wanted, branch.last) {
-                    (false, _) => (false, Ok(())),
-                    (true, true) => (true, Ok(())),
-                    (true, false) => match condition(self) {
-                        Ok(taken) => (taken, Ok(())),
-                        Err(fault) => (false, Err(fault)),
-                    },
-                };
-                branch.taken = taken;
-                branch.done |= taken;
-                self.branches.push(branch);
-                Some(done)
-            }
-            "IfEnd" => match self.branches.pop() {
-                Some(_) => Some(Ok(())),
-                None => mistake("without IfBegin"),
-            },
-            _ => (!counts).then_some(Ok(())),
-        }
-    }
-
-    /// What a name in a condition means.
-    fn variable(&self, name: &str) -> Option<Value> {
-        let name = ["Attribute:", "Option:"].iter().find_map(|p| name.strip_prefix(p)).unwrap_or(name);
-        let attribute = || {
-            let param = self.attribute_value(name).filter(|_| name.starts_with("user:"))?;
-            match &param.data {
-                ParamData::String(v) => v.first().map(|s| Value::Text(s.to_string())),
-                ParamData::Int(v) => v.first().map(|x| Value::Number(f64::from(*x))),
-                ParamData::Float(v) => v.first().map(|x| Value::Number(f64::from(*x))),
-            }
-        };
-        attribute().or_else(|| self.variables.get(name).cloned())
-    }
 }
 
 #[cfg(test)]

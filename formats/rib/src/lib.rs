@@ -18,6 +18,7 @@
 
 mod archives;
 mod basis;
+mod branches;
 mod condition;
 mod declare;
 mod frame;
@@ -30,6 +31,7 @@ mod patches;
 mod primvars;
 mod quadrics;
 mod reader;
+mod recording;
 mod request;
 mod shaders;
 mod textures;

@@ -6,8 +6,9 @@ use crate::declare::Given;
 use crate::frame::{Display, Projection};
 use crate::reader::{Done, Fault, Reader, plain};
 use crate::request::{Arg, Request};
-use granita_base::{BaseType, Filter, Param, ParamData};
-use granita_scene::Call;
+use granita_base::{BaseType, Color, Filter, ParamData};
+use granita_scene::attribute::{Key, scope};
+use granita_scene::{Call, attr};
 use std::sync::Arc;
 
 /// All numbers among the arguments, in order, up to the first string.
@@ -227,17 +228,18 @@ impl Reader<'_> {
         let known = |name: &str| OPTIONS.contains(&(&*group, name));
         for given in self.own_params(request, 1, &known) {
             let name = &*given.name;
-            let int = |declaration: &str, value: f32| Param::declared(declaration, value as i32).ok();
+            let int = |key: Key<scope::Global, i32>, value: f32| Some(key.param(value as i32));
             let first = given.float().unwrap_or(0.0);
             let param = match (&*group, name) {
                 ("searchpath", "shader" | "texture" | "archive" | "procedural") => {
-                    let kind = match name {
-                        "archive" => "input",
-                        "procedural" => "generator",
-                        other => other,
+                    let key = match name {
+                        "archive" => attr::PATH_INPUT,
+                        "procedural" => attr::PATH_GENERATOR,
+                        "texture" => attr::PATH_TEXTURE,
+                        _ => attr::PATH_SHADER,
                     };
                     let path = given.string().map(|p| p.replace('@', "&")).unwrap_or_default();
-                    Param::declared(&format!("string path:{kind}"), path.as_str()).ok()
+                    Some(key.param(path.into()))
                 }
                 ("limits", "bucketsize") => {
                     if let [x, y] = given.floats()[..] {
@@ -245,11 +247,11 @@ impl Reader<'_> {
                     }
                     continue;
                 }
-                ("limits", "gridsize") => int("int limits:gridsize", first),
-                ("limits", "texturememory") => int("int limits:texturememory", first),
-                ("limits", "threads") => int("int limits:threads", first),
-                ("statistics", "endofframe") => int("int statistics:level", first),
-                ("trace", "maxdepth") => int("int ray:maxdepth", first),
+                ("limits", "gridsize") => int(attr::LIMITS_GRIDSIZE, first),
+                ("limits", "texturememory") => int(attr::LIMITS_TEXTUREMEMORY, first),
+                ("limits", "threads") => int(attr::LIMITS_THREADS, first),
+                ("statistics", "endofframe") => int(attr::STATISTICS_LEVEL, first),
+                ("trace", "maxdepth") => int(attr::RAY_MAXDEPTH, first),
                 ("user", _) => {
                     let value = match given.string() {
                         Some(text) => Value::Text(text.to_string()),
@@ -274,21 +276,19 @@ impl Reader<'_> {
     pub(crate) fn attribute_request(&mut self, request: &Request) -> Option<Done> {
         let done = match request.name.as_str() {
             "Color" | "Opacity" => {
-                let name = if request.name == "Color" { "color C" } else { "color opacity" };
-                self.color(&numbers(&request.args)).and_then(|c| self.attribute(name, &c[..]))
+                let key = if request.name == "Color" { attr::COLOR } else { attr::OPACITY };
+                self.color(&numbers(&request.args)).and_then(|c| self.attribute(key, Color::from_array(c)))
             }
             "ShadingRate" => exactly::<1>(request).and_then(|[rate]| {
                 // The area of a facet in pixels; the attribute counts points along a pixel's side.
-                self.attribute("float shadingquality", 1.0 / rate.max(1.0e-4).sqrt())
+                self.attribute(attr::SHADINGQUALITY, 1.0 / rate.max(1.0e-4).sqrt())
             }),
-            "Sides" => {
-                exactly::<1>(request).and_then(|[n]| self.attribute("int twosided", i32::from(n != 1.0)))
-            }
+            "Sides" => exactly::<1>(request).and_then(|[n]| self.attribute(attr::TWOSIDED, n != 1.0)),
             "Matte" => {
-                exactly::<1>(request).and_then(|[on]| self.attribute("int holdout", i32::from(on != 0.0)))
+                exactly::<1>(request).and_then(|[on]| self.attribute(attr::HOLDOUT, i32::from(on != 0.0)))
             }
-            "Orientation" => string(request, 0).and_then(|w| self.attribute("string orientation", &*w)),
-            "ReverseOrientation" => self.attribute("string orientation", "reverse"),
+            "Orientation" => string(request, 0).and_then(|w| self.attribute(attr::ORIENTATION, w)),
+            "ReverseOrientation" => self.attribute(attr::ORIENTATION, "reverse".into()),
             "TextureCoordinates" => exactly::<8>(request).map(|c| self.local.corners = Some(c)),
             "Basis" => self.basis(request),
             "Attribute" => self.set_attribute(request),
@@ -330,41 +330,41 @@ impl Reader<'_> {
         for given in self.own_params(request, 1, &known) {
             let name = &*given.name;
             let first = given.float().unwrap_or(0.0);
-            let on = i32::from(first != 0.0);
+            let on = first != 0.0;
             match (&*group, name) {
                 ("identifier", "name") => {
                     let text = given.string().cloned().unwrap_or_default();
-                    self.attribute("string name", &*text)?;
+                    self.attribute(attr::NAME, text)?;
                 }
                 ("displacementbound", "sphere") => {
-                    self.attribute("float displace:maxradius", first.max(0.0))?;
+                    self.attribute(attr::DISPLACE_MAXRADIUS, first.max(0.0))?;
                     // A coordinate system named in the same request comes later and wins.
-                    self.attribute("string displace:maxspace", "object")?;
+                    self.attribute(attr::DISPLACE_MAXSPACE, "object".into())?;
                 }
                 ("displacementbound", "coordinatesystem") => {
-                    let space = given.string().map_or("object", |s| &**s).to_owned();
-                    self.attribute("string displace:maxspace", space.as_str())?;
+                    let space = given.string().cloned().unwrap_or_else(|| "object".into());
+                    self.attribute(attr::DISPLACE_MAXSPACE, space)?;
                 }
                 (
                     "visibility",
                     set @ ("camera" | "transmission" | "diffuse" | "specular" | "trace" | "photon"),
                 ) => {
-                    let sign = if on == 1 { '+' } else { '-' };
-                    self.attribute("string geometryset", format!("{sign}{set}").as_str())?;
+                    let sign = if on { '+' } else { '-' };
+                    self.attribute(attr::GEOMETRYSET, format!("{sign}{set}").into())?;
                 }
-                ("cull", "hidden") => self.attribute("int cull:occlusion", on)?,
-                ("dice", "binary") => self.attribute("int dice:binary", on)?,
-                ("dice", "rasterorient") => self.attribute("int dice:rasterorient", on)?,
+                ("cull", "hidden") => self.attribute(attr::CULL_OCCLUSION, on)?,
+                ("dice", "binary") => self.attribute(attr::DICE_BINARY, on)?,
+                ("dice", "rasterorient") => self.attribute(attr::DICE_RASTERORIENT, on)?,
                 ("trimcurve", "sense") => {
-                    let sense = given.string().map_or("inside", |s| &**s).to_owned();
-                    self.attribute("string trimcurve:sense", sense.as_str())?;
+                    let sense = given.string().cloned().unwrap_or_else(|| "inside".into());
+                    self.attribute(attr::TRIMCURVE_SENSE, sense)?;
                 }
                 ("light", "samples" | "nsamples") => {
-                    self.attribute("int light:nsamples", first.max(1.0) as i32)?
+                    self.attribute(attr::LIGHT_NSAMPLES, first.max(1.0) as i32)?
                 }
-                ("trace", "bias") | ("shadow", "bias") => self.attribute("float shadow:bias", first)?,
-                ("trace", "displacements") => self.attribute("int ray:displace", on)?,
-                ("trace", "samplemotion") => self.attribute("int ray:motion", on)?,
+                ("trace", "bias") | ("shadow", "bias") => self.attribute(attr::SHADOW_BIAS, first)?,
+                ("trace", "displacements") => self.attribute(attr::RAY_DISPLACE, on)?,
+                ("trace", "samplemotion") => self.attribute(attr::RAY_MOTION, on)?,
                 ("user", _) => {
                     let mut param = given.constant();
                     param.name = format!("user:{name}").into();

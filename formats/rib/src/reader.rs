@@ -1,15 +1,16 @@
 //! The reader: requests in, scene calls out.
 
-use crate::archives::Archives;
 use crate::basis::Basis;
 use crate::condition::{Branch, Value};
 use crate::declare::{Declarations, Declared, Flaw, Given};
 use crate::frame::{CAMERA, Options};
 use crate::lex::Lexer;
 use crate::quadrics;
+use crate::recording::Archives;
 use crate::request::{Arg, Request, Requests};
 use granita_base::{BaseType, Files, Location, Param, ParamType, Params, Reporter, Severity, ShapeDesc};
-use granita_scene::{Call, GeneratorError, GeneratorSource, SceneSink, Stop};
+use granita_scene::attribute::{AttributeValue, Key};
+use granita_scene::{Call, GeneratorError, GeneratorSource, SceneSink, Stop, attr};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Read};
 use std::path::PathBuf;
@@ -279,11 +280,8 @@ impl<'a> Reader<'a> {
 
     /// ` (object "name")`, or nothing.
     fn object_name(&self) -> String {
-        let name = self.sink.attribute("string name").filter(|_| self.in_world()).map(|p| p.data);
-        match name {
-            Some(granita_base::ParamData::String(name)) if name.first().is_some_and(|n| !n.is_empty()) => {
-                format!(" (object \"{}\")", name[0])
-            }
+        match &*attr::NAME.ask(self.sink) {
+            name if self.in_world() && !name.is_empty() => format!(" (object \"{name}\")"),
             _ => String::new(),
         }
     }
@@ -385,11 +383,8 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    pub(crate) fn attribute(&mut self, declaration: &str, data: impl Into<granita_base::ParamData>) -> Done {
-        match Param::declared(declaration, data) {
-            Ok(param) => self.emit(Call::Attribute(param)),
-            Err(error) => Err(Fault::Mistake(error.to_string())),
-        }
+    pub(crate) fn attribute<S, T: AttributeValue>(&mut self, key: Key<S, T>, value: T) -> Done {
+        self.emit(Call::Attribute(key.param(value)))
     }
 
     pub(crate) fn shape(&mut self, shape: ShapeDesc, params: Params) -> Done {
@@ -722,7 +717,7 @@ impl<'a> Reader<'a> {
         let text = format!("unknown request {}", request.name);
         if self.said.len() < 10_000 && self.said.insert(text.clone()) {
             let known = crate::names::REQUESTS;
-            let hint = granita_scene::suggestion(&request.name, known);
+            let hint = granita_base::suggestion(&request.name, known);
             let hint = hint.map(|name| format!("; did you mean \"{name}\"?")).unwrap_or_default();
             self.error(format!("{text}{hint}: it is left out"));
         }

@@ -6,6 +6,7 @@
 //! - [`transform`]: 4x4 matrices acting on row vectors, and matrices that move over time;
 //! - [`bound`]: axis-aligned boxes;
 //! - [`number`]: numbers in text, read fast;
+//! - [`OnceMap`]: values that are made once each, by whichever thread first asks;
 //! - [`param`]: typed, named values as the scene interface passes them (`"vertex point P"`);
 //! - [`shape`]: the description of a geometric primitive, shared by scene, readers and geometry;
 //! - [`process`]: what a run is busy with, and the processes that it started;
@@ -33,12 +34,14 @@ pub mod files;
 pub mod filter;
 pub mod hash;
 pub mod number;
+mod once;
 pub mod param;
 pub mod process;
 pub mod report;
 pub mod sample;
 pub mod search;
 pub mod shape;
+mod spelling;
 pub mod transform;
 
 pub use bound::Bound;
@@ -46,11 +49,13 @@ pub use files::{AtomicFile, Confinement, FileError, Files, Rules};
 pub use filter::Filter;
 pub use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
 pub use number::{Number, scan_number};
+pub use once::OnceMap;
 pub use param::{BaseType, Interp, Param, ParamData, ParamType, Params};
 pub use process::Supervisor;
 pub use report::{Location, Reporter, Severity};
 pub use search::{Environment, SearchPath};
 pub use shape::{CurveBasis, ShapeDesc, TrimDesc};
+pub use spelling::suggestion;
 pub use transform::{MotionTransform, Transform};
 
 /// A colour: three linear components, by default in "rgb" space.

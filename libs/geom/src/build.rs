@@ -1,19 +1,11 @@
 //! From descriptions to pieces.
 
+use crate::key::ShapeKey;
 use crate::spline::Spline;
 use crate::trim::Trimming;
 use crate::vars::vertex_count;
 use crate::{GeomError, Piece, curves, mesh, moving, patch, points, sphere, subdiv};
-use granita_base::{Params, Severity, ShapeDesc};
-
-/// The parameters of a primitive at one motion key.
-#[derive(Clone, Copy, Debug)]
-pub struct ShapeKey<'a> {
-    /// Time of the key.
-    pub time: f32,
-    /// Control vertices and primitive variables, in object space.
-    pub params: &'a Params,
-}
+use granita_base::{Severity, ShapeDesc};
 
 /// Builds the pieces of a primitive.
 ///

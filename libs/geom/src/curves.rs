@@ -4,8 +4,8 @@
 
 use crate::GeomError;
 use crate::bezier::{MAX_DEGREE, bernstein, bernstein_derivative, symmetric_sum};
-use crate::build::ShapeKey;
 use crate::dice::{Dice, Facing, View};
+use crate::key::ShapeKey;
 use crate::net::{hull, rounded_out};
 use crate::order::spatial_order;
 use crate::range::{Place, Range};

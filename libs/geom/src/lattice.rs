@@ -2,8 +2,8 @@
 //! 4.3.7).
 
 use crate::GeomError;
-use crate::build::ShapeKey;
 use crate::dice::Dice;
+use crate::key::ShapeKey;
 use crate::surface::{Piece, SplitDirection, Surface};
 use crate::vars::{Control, Counts, Vars, control, emit, take_normals, vertex_count};
 use granita_base::{Bound, Severity, Vec3};

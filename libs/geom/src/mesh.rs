@@ -1,7 +1,7 @@
 //! Meshes of flat faces (reference 2.8.2): each face one bilinear piece, or several triangles.
 
 use crate::GeomError;
-use crate::build::ShapeKey;
+use crate::key::ShapeKey;
 use crate::net::{Net, pieces};
 use crate::order::spatial_order;
 use crate::polygon::{is_concave, triangulate};

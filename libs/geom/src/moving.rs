@@ -3,9 +3,8 @@
 //! A surface evaluates its variables at the first key. Those that change are carried along as further variables of that
 //! key, one for each other key, under names that no scene can give; [`Dice::variables_at`] blends them.
 
-use crate::build::ShapeKey;
 use crate::dice::{Dice, DiceData, DicePrimvar};
-use crate::vars::SPECIAL;
+use crate::key::{SPECIAL, ShapeKey};
 use granita_base::{Param, ParamData, Params, Vec3};
 use std::borrow::Cow;
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! Patches: control vertices in a rectangle (reference 2.8.1), uniform or with knots.
 
 use crate::GeomError;
-use crate::build::ShapeKey;
+use crate::key::ShapeKey;
 use crate::net::{Net, pieces};
 use crate::range::Place;
 use crate::spline::Spline;

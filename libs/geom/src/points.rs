@@ -3,8 +3,8 @@
 //! Diced to two by two points a particle is a square of the disk's area; more points follow the disk's outline.
 
 use crate::GeomError;
-use crate::build::ShapeKey;
 use crate::dice::{Dice, Facing, View};
+use crate::key::ShapeKey;
 use crate::net::rounded_out;
 use crate::order::spatial_order;
 use crate::range::Range;

@@ -1,6 +1,6 @@
 //! Cutting polygons into triangles.
 
-use crate::sweep;
+use crate::sweep::{self, turn};
 
 /// Most tests of corners, for each corner of a polygon and for a small one. A polygon that needs more is cut by sweeping over
 /// it, and where that fails, because it crosses itself or has no area, without regard to its shape.
@@ -203,11 +203,6 @@ fn project(points: &[[f64; 3]]) -> Vec<[f64; 2]> {
         std::mem::swap(&mut x, &mut y);
     }
     points.iter().map(|p| [p[x] - points[0][x], p[y] - points[0][y]]).collect()
-}
-
-/// Positive for a left turn at `b`.
-pub(crate) fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
-    (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
 }
 
 /// Whether `p` is in a counter-clockwise triangle or on its border.

@@ -1,8 +1,8 @@
 //! Spheres (reference 2.8.4).
 
 use crate::GeomError;
-use crate::build::ShapeKey;
 use crate::dice::Dice;
+use crate::key::ShapeKey;
 use crate::moving;
 use crate::net::rounded_out;
 use crate::range::{Place, Range};

@@ -7,8 +7,8 @@
 //! to the bit. A face of the cage is one part with all its patches as segments.
 
 use crate::GeomError;
-use crate::build::ShapeKey;
 use crate::cage::{Cage, Corner, Creases};
+use crate::key::ShapeKey;
 use crate::mesh::{CALL, Faces, LATTICE, check};
 use crate::net::{Net, Seam, cross, net_bound, pieces};
 use crate::order::spatial_order;

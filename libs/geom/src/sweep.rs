@@ -4,7 +4,6 @@
 //! leave polygons that are monotone in y, whose triangles are cut off as their corners come (M. de Berg et al.,
 //! "Computational Geometry", chapter 3).
 
-use crate::polygon::turn;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
@@ -286,6 +285,11 @@ impl Sweep<'_> {
         self.span(id)?.right = before;
         Some(())
     }
+}
+
+/// Positive for a left turn at `b`.
+pub(crate) fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
+    (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
 }
 
 #[cfg(test)]

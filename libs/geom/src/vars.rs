@@ -1,30 +1,14 @@
 //! Primitive variables and control vertices, checked and sorted by interpolation.
 
 use crate::GeomError;
-use crate::build::ShapeKey;
 use crate::dice::{DiceData, DicePrimvar};
+use crate::key::{SPECIAL, ShapeKey};
 use crate::moving::is_later;
 use granita_base::{BaseType, Interp, Param, ParamData, ParamType, Params, Severity, Vec3};
 use std::sync::Arc;
 
 /// Where messages about a primitive go.
 pub(crate) type Report<'a> = &'a mut dyn FnMut(Severity, String);
-
-/// Names that shape a primitive and are not handed to shaders.
-pub(crate) const SPECIAL: [&str; 12] = [
-    "P",
-    "Pw",
-    "border",
-    "holes",
-    "creaselengths",
-    "creaseindices",
-    "creasesharpnesses",
-    "cornerindices",
-    "cornersharpnesses",
-    "__arguments",
-    "__attributes",
-    "__attributesindex",
-];
 
 /// One primitive variable of floats that varies.
 #[derive(Clone, Debug)]

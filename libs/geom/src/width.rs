@@ -1,6 +1,6 @@
 //! Widths of points and curves at each motion key.
 
-use crate::build::ShapeKey;
+use crate::key::ShapeKey;
 use crate::vars::Report;
 use granita_base::{Interp, ParamData, Params, Severity};
 use std::sync::Arc;

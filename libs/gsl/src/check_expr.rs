@@ -14,17 +14,6 @@ use crate::ir::{ConstValue, OpCode, SymbolType, ValueType};
 use crate::overload::*;
 use crate::source::Pos;
 
-/// What type an expression can have.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Possible {
-    Value(ValueType),
-    Array(ValueType),
-    /// What the context wants of these.
-    Wanted(TypeSet),
-    /// It is wrong; a message will say so.
-    Bad,
-}
-
 /// A chosen overload and the type of its `Same` arguments.
 type Chosen = (&'static Signature, Option<ValueType>);
 

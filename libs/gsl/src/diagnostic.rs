@@ -142,38 +142,7 @@ fn excerpt(line: &str, column: u32) -> (String, u32) {
     (format!("{before}{shown}{after}"), (at - first + before.len() + 1) as u32)
 }
 
-/// The name in `candidates` that `name` probably meant: at most a third of its letters differ.
+/// What to tell about a name that is not known, where it is probably a misspelling of one of `candidates`.
 pub(crate) fn suggestion<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> Option<String> {
-    let limit = (name.chars().count() / 3).clamp(1, 3);
-    let best = candidates
-        .filter(|c| !c.is_empty() && *c != name)
-        .map(|c| (distance(name, c), c))
-        .filter(|(d, c)| *d <= limit && *d < c.chars().count())
-        .min()?;
-    Some(format!("did you mean `{}`?", best.1))
-}
-
-/// Edit distance where a swap of neighbours counts once and a change of case counts nothing beyond the first.
-fn distance(a: &str, b: &str) -> usize {
-    if a.eq_ignore_ascii_case(b) {
-        return 1;
-    }
-    let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
-    if a.len().abs_diff(b.len()) > 3 {
-        return usize::MAX;
-    }
-    let mut rows = vec![(0..=b.len()).collect::<Vec<usize>>()];
-    for i in 1..=a.len() {
-        let mut row = vec![i];
-        for j in 1..=b.len() {
-            let change = usize::from(a[i - 1] != b[j - 1]);
-            let mut d = (rows[i - 1][j - 1] + change).min(rows[i - 1][j] + 1).min(row[j - 1] + 1);
-            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
-                d = d.min(rows[i - 2][j - 2] + 1);
-            }
-            row.push(d);
-        }
-        rows.push(row);
-    }
-    rows[a.len()][b.len()]
+    granita_base::suggestion(name, candidates).map(|best| format!("did you mean `{best}`?"))
 }

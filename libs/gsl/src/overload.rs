@@ -2,8 +2,18 @@
 
 use crate::ast::Binary;
 use crate::builtins::{Arg, NUMBERS, Rest, Signature, TypeSet};
-use crate::check_expr::Possible;
 use crate::ir::{SymbolType, ValueType};
+
+/// What type an expression can have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Possible {
+    Value(ValueType),
+    Array(ValueType),
+    /// What the context wants of these.
+    Wanted(TypeSet),
+    /// It is wrong; a message will say so.
+    Bad,
+}
 
 /// Cost of a conversion that needs no cast.
 pub(crate) fn conversion(from: ValueType, to: ValueType) -> Option<u32> {

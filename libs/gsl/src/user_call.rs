@@ -4,10 +4,9 @@
 use crate::ast;
 use crate::builtins::{self, TypeSet};
 use crate::check::Checker;
-use crate::check_expr::Possible;
 use crate::hir::*;
 use crate::ir::{SymbolType, ValueType};
-use crate::overload::{bent, conversion, describe, reach, spell_type};
+use crate::overload::{Possible, bent, conversion, describe, reach, spell_type};
 
 /// Cost of a result that does not convert to what is wanted: more than of any that does.
 const NO_CONVERSION: u32 = 64;

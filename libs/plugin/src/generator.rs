@@ -2,10 +2,10 @@
 
 use crate::dso::{Dso, strings};
 use crate::ffi::{self, ABI, GeneratorTable, Text};
-use crate::interface::{GeneratorObject, Interface, InterfaceObject, c_string};
-use crate::{ErrorManager, Messages, Plugins};
+use crate::interface::{Borrowed, GeneratorObject, Interface, InterfaceObject, c_string};
+use crate::{ErrorManager, Messages};
 use granita_base::{Location, Reporter};
-use granita_scene::{Call, Generator, GeneratorError, GeneratorSource, SceneSink, Stop};
+use granita_scene::{Generator, GeneratorError, GeneratorSource, SceneSink, Stop};
 use std::ffi::c_void;
 use std::io::Write;
 use std::sync::Arc;
@@ -142,27 +142,6 @@ impl Params {
     }
 }
 
-/// A sink that belongs to somebody else.
-pub(crate) struct Borrowed<'a>(pub(crate) &'a mut dyn SceneSink);
-
-impl SceneSink for Borrowed<'_> {
-    fn call(&mut self, call: Call, at: &Location) -> Result<(), Stop> {
-        self.0.call(call, at)
-    }
-
-    fn in_world(&self) -> bool {
-        self.0.in_world()
-    }
-
-    fn new_frame(&mut self) -> bool {
-        self.0.new_frame()
-    }
-
-    fn attribute(&self, declaration: &str) -> Option<granita_base::Param> {
-        self.0.attribute(declaration)
-    }
-}
-
 /// Runs `f` with an interface whose calls go to `sink`.
 fn through<T>(
     sink: &mut dyn SceneSink,
@@ -276,12 +255,5 @@ impl Generator for ProgramGenerator {
                 other => other,
             },
         )
-    }
-}
-
-impl Plugins {
-    /// Keeps a program's generator until it is needed: the name by which [`Plugins::generator`] finds it.
-    pub fn keep_generator(&self, object: GeneratorObject) -> Arc<str> {
-        self.keep(Arc::new(ProgramGenerator::new(object)))
     }
 }

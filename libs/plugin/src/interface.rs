@@ -418,3 +418,24 @@ impl<'a> Interface<'a> {
         }
     }
 }
+
+/// A sink that belongs to somebody else.
+pub(crate) struct Borrowed<'a>(pub(crate) &'a mut dyn SceneSink);
+
+impl SceneSink for Borrowed<'_> {
+    fn call(&mut self, call: Call, at: &Location) -> Result<(), Stop> {
+        self.0.call(call, at)
+    }
+
+    fn in_world(&self) -> bool {
+        self.0.in_world()
+    }
+
+    fn new_frame(&mut self) -> bool {
+        self.0.new_frame()
+    }
+
+    fn attribute(&self, declaration: &str) -> Option<granita_base::Param> {
+        self.0.attribute(declaration)
+    }
+}

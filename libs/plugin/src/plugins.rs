@@ -1,8 +1,9 @@
 //! Where plugins are, and which of them were found.
 
 use crate::dso::Dso;
-use crate::generator::PluginGenerator;
+use crate::generator::{PluginGenerator, ProgramGenerator};
 use crate::images::PluginFormat;
+use crate::interface::GeneratorObject;
 use crate::rules::PluginRules;
 use granita_base::{Location, Reporter, SearchPath, Severity};
 use granita_image::{Format, FormatFinder};
@@ -150,7 +151,12 @@ impl Plugins {
         self.tell(folder, "passed over: a relative folder counts only when -plugins names it");
     }
 
-    pub(crate) fn keep(&self, generator: Arc<dyn Generator>) -> Arc<str> {
+    /// Keeps a program's generator until it is needed: the name by which [`Plugins::generator`] finds it.
+    pub fn keep_generator(&self, object: GeneratorObject) -> Arc<str> {
+        self.keep(Arc::new(ProgramGenerator::new(object)))
+    }
+
+    fn keep(&self, generator: Arc<dyn Generator>) -> Arc<str> {
         let name: Arc<str> = format!("<generator-{}>", self.0.number.fetch_add(1, Ordering::Relaxed)).into();
         lock(&self.0.kept).insert(name.clone(), generator);
         name

@@ -82,8 +82,8 @@ pub(crate) struct Execution {
 }
 
 /// The Rust side of a run.
-struct State<'s, 'c, 'm> {
-    context: &'s mut ShadeopContext<'c, 'm>,
+struct State<'s> {
+    context: &'s mut dyn ShadeopContext,
     arguments: Vec<Argument>,
     /// Pointers of arguments that are strings, by argument.
     pointers: BTreeMap<usize, Vec<*const c_char>>,
@@ -121,7 +121,7 @@ fn alone() -> MutexGuard<'static, ()> {
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl State<'_, '_, '_> {
+impl State<'_> {
     /// A string that stays as long as the run.
     fn text(&mut self, text: &Arc<str>) -> *const c_char {
         if !self.texts.contains_key(text) {
@@ -189,7 +189,7 @@ impl State<'_, '_, '_> {
 }
 
 impl Shadeop for PluginShadeop {
-    fn run(&self, context: &mut ShadeopContext<'_, '_>) -> Result<(), String> {
+    fn run(&self, context: &mut dyn ShadeopContext) -> Result<(), String> {
         let n = context.points();
         let mut flags = vec![0i16; n];
         context.active().iter().for_each(|&i| flags[i as usize] = 1);
@@ -238,12 +238,12 @@ impl Shadeop for PluginShadeop {
 }
 
 /// Runs `f` with the state of a run; `nothing` when it panics.
-fn with<T>(execution: *mut Execution, nothing: T, f: impl FnOnce(&mut State<'_, '_, '_>) -> T) -> T {
+fn with<T>(execution: *mut Execution, nothing: T, f: impl FnOnce(&mut State<'_>) -> T) -> T {
     // SAFETY: the table is called by the function that runs, with its execution, whose state lives meanwhile and is
     // nobody else's: `run` waits for the function.
     unsafe {
         let Some(execution) = execution.as_mut() else { return nothing };
-        let Some(state) = execution.state.cast::<State<'_, '_, '_>>().as_mut() else { return nothing };
+        let Some(state) = execution.state.cast::<State<'_>>().as_mut() else { return nothing };
         let result = catch_unwind(AssertUnwindSafe(|| f(state))).unwrap_or(nothing);
         execution.arguments = state.arguments.as_mut_ptr();
         result
@@ -353,7 +353,7 @@ extern "C" fn lookup(
 }
 
 /// Stores the value of a parameter where a variable of a type is; whether they fit.
-fn answer(state: &mut State<'_, '_, '_>, param: Option<Param>, bits: c_uint, result: *mut c_void) -> c_int {
+fn answer(state: &mut State<'_>, param: Option<Param>, bits: c_uint, result: *mut c_void) -> c_int {
     let Some(param) = param.filter(|_| !result.is_null()) else { return 0 };
     let Ok(ty) = ParamType::from_bits(bits) else { return 0 };
     let n = ty.width();

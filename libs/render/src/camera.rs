@@ -7,7 +7,8 @@ pub use stereo::{EyeProjection, ShadedFrom, Stereo};
 use crate::dicing::MAX_QUALITY;
 use crate::{PixelRect, PreviewLimits};
 use granita_base::{Location, MotionTransform, Param, Params, Reporter, Severity, Transform, Vec2, Vec3};
-use granita_scene::{Camera, Primitive, Scene};
+use granita_scene::attribute::{AttributeValue, Key, scope};
+use granita_scene::{Camera, Primitive, Scene, attr};
 use std::sync::Arc;
 
 /// How three dimensions become two.
@@ -95,35 +96,39 @@ struct Attributes<'a> {
 }
 
 impl Attributes<'_> {
-    fn floats<const N: usize>(&self, name: &str) -> Option<[f32; N]> {
-        let values = self.camera.params.floats(name)?;
-        let values: Option<[f32; N]> = values.get(..N).and_then(|v| v.try_into().ok());
-        match values {
-            Some(v) if v.iter().all(|x: &f32| x.is_finite()) => Some(v),
-            _ => {
-                self.complain(name, "is not made of enough finite numbers; the default is used");
-                None
-            }
+    /// The value of an attribute, or its default when it is not finite.
+    fn finite<T: AttributeValue + Finite>(&self, key: Key<scope::Camera, T>) -> T {
+        let value = self.camera.get(key);
+        if value.is_finite() {
+            return value;
         }
+        self.complain(key, "is not made of finite numbers; the default is used");
+        key.default()
     }
 
-    fn float(&self, name: &str, default: f32) -> f32 {
-        self.floats::<1>(name).map_or(default, |v| v[0])
+    /// Counts of at least 1 and at most `max`.
+    fn counts<const N: usize>(&self, key: Key<scope::Camera, [i32; N]>, max: u32) -> [u32; N]
+    where
+        [i32; N]: AttributeValue,
+    {
+        self.camera.get(key).map(|n| self.clamped(key, n, max))
     }
 
     /// A count of at least 1 and at most `max`.
-    fn counts<const N: usize>(&self, name: &str, default: [u32; N], max: u32) -> [u32; N] {
-        let Some(values) = self.floats::<N>(name) else { return default };
-        values.map(|v| {
-            let n = v as i64;
-            if n < 1 || n > i64::from(max) {
-                self.complain(name, &format!("{n} is outside 1 to {max} and is clamped"));
-            }
-            u32::try_from(n.clamp(1, i64::from(max))).unwrap_or(1)
-        })
+    fn count(&self, key: Key<scope::Camera, i32>, max: u32) -> u32 {
+        self.clamped(key, self.camera.get(key), max)
     }
 
-    fn complain(&self, name: &str, what: &str) {
+    fn clamped<T: AttributeValue>(&self, key: Key<scope::Camera, T>, n: i32, max: u32) -> u32 {
+        let used = u32::try_from(n).unwrap_or(0).clamp(1, max);
+        if i64::from(used) != i64::from(n) {
+            self.complain(key, &format!("{n} is outside 1 to {max} and is clamped"));
+        }
+        used
+    }
+
+    fn complain<T: AttributeValue>(&self, key: Key<scope::Camera, T>, what: &str) {
+        let name = key.name();
         let camera = &self.camera.name;
         self.reporter.once(
             &format!("camera {camera} {name}"),
@@ -131,6 +136,29 @@ impl Attributes<'_> {
             &Location::default(),
             format!("camera \"{camera}\": \"{name}\" {what}"),
         );
+    }
+}
+
+/// Values that may be infinite or no numbers.
+trait Finite {
+    fn is_finite(&self) -> bool;
+}
+
+impl Finite for f32 {
+    fn is_finite(&self) -> bool {
+        f32::is_finite(*self)
+    }
+}
+
+impl<const N: usize> Finite for [f32; N] {
+    fn is_finite(&self) -> bool {
+        self.iter().all(|v| v.is_finite())
+    }
+}
+
+impl<T: Finite> Finite for Option<T> {
+    fn is_finite(&self) -> bool {
+        self.as_ref().is_none_or(T::is_finite)
     }
 }
 
@@ -145,42 +173,45 @@ impl CameraView {
     /// the defaults of reference 4.1.
     pub fn new(camera: &Camera, reporter: &Reporter) -> Self {
         let get = Attributes { camera, reporter };
-        let resolution = get.counts("resolution", [640, 480], Self::MAX_RESOLUTION);
-        let pixelaspect = match get.float("pixelaspect", 1.0) {
+        let resolution = get.counts(attr::RESOLUTION, Self::MAX_RESOLUTION);
+        let pixelaspect = match get.finite(attr::PIXELASPECT) {
             a if a > 0.0 => a,
             a => {
-                get.complain("pixelaspect", &format!("{a} is not positive; 1 is used"));
+                get.complain(attr::PIXELASPECT, &format!("{a} is not positive; 1 is used"));
                 1.0
             }
         };
         // The resolution alone (reference 4.1, 7.2.2): pixels that are not square stretch what the window shows.
         let aspect = resolution[0] as f32 / resolution[1] as f32;
         let default_screen = [-aspect, aspect, -1.0, 1.0];
-        let screen = match get.floats::<4>("screen") {
+        let screen = match get.finite(attr::SCREEN) {
             Some(s) if s[0] != s[1] && s[2] != s[3] => s,
             Some(_) => {
-                get.complain("screen", "has no area; the default is used");
+                get.complain(attr::SCREEN, "has no area; the default is used");
                 default_screen
             }
             None => default_screen,
         };
-        let projection = match camera.params.string("projection").map(|s| &**s) {
-            Some("orthographic") => Projection::Orthographic,
+        let projection = match &*camera.get(attr::PROJECTION) {
+            "orthographic" => Projection::Orthographic,
             other => {
-                if let Some(name) = other.filter(|n| *n != "perspective") {
-                    get.complain("projection", &format!("\"{name}\" is unknown; \"perspective\" is used"));
+                if other != "perspective" {
+                    get.complain(
+                        attr::PROJECTION,
+                        &format!("\"{other}\" is unknown; \"perspective\" is used"),
+                    );
                 }
-                let fov_deg = match get.float("fov", 90.0) {
+                let fov_deg = match get.finite(attr::FOV) {
                     f if (Self::LEAST_FOV_DEG..180.0).contains(&f) => f,
                     f if f > 0.0 && f < 180.0 => {
                         get.complain(
-                            "fov",
+                            attr::FOV,
                             &format!("{f:e} degrees is less than {0:e}, which is used", Self::LEAST_FOV_DEG),
                         );
                         Self::LEAST_FOV_DEG
                     }
                     f => {
-                        get.complain("fov", &format!("{f} is outside 0 to 180 degrees; 90 is used"));
+                        get.complain(attr::FOV, &format!("{f} is outside 0 to 180 degrees; 90 is used"));
                         90.0
                     }
                 };
@@ -188,35 +219,40 @@ impl CameraView {
             }
         };
         let perspective = matches!(projection, Projection::Perspective { .. });
-        let (mut near, mut far) = (get.float("near", 0.1), get.float("far", 1.0e6));
+        let (mut near, mut far) = (get.finite(attr::NEAR), get.finite(attr::FAR));
         if far <= near || perspective && near <= 0.0 {
-            get.complain("near", &format!("{near} and far {far} enclose nothing; 0.1 and 1e6 are used"));
-            (near, far) = (0.1, 1.0e6);
+            get.complain(attr::NEAR, &format!("{near} and far {far} enclose nothing; 0.1 and 1e6 are used"));
+            (near, far) = (attr::NEAR.default(), attr::FAR.default());
         }
-        let mut shutter = get.floats::<2>("shutter").unwrap_or([0.0; 2]);
+        let mut shutter = get.finite(attr::SHUTTER);
         if shutter[1] < shutter[0] {
-            get.complain("shutter", "closes before it opens; the times are exchanged");
+            get.complain(attr::SHUTTER, "closes before it opens; the times are exchanged");
             shutter.swap(0, 1);
         }
-        let preview = match get.float("preview", 0.0).max(0.0) {
+        let preview = match get.finite(attr::PREVIEW).max(0.0) {
             p if p > MAX_QUALITY => {
-                get.complain("preview", &format!("{p:e} is more than {MAX_QUALITY}, which is used"));
+                get.complain(attr::PREVIEW, &format!("{p:e} is more than {MAX_QUALITY}, which is used"));
                 MAX_QUALITY
             }
             p => p,
         };
-        let quality = |name: &str| if preview > 0.0 { format!("preview:{name}") } else { name.to_owned() };
-        let or_preview = |normal: u32, fast: u32| if preview > 0.0 { fast } else { normal };
+        let (spatialquality, temporalquality, dofquality, bucketsize) = if preview > 0.0 {
+            (
+                attr::PREVIEW_SPATIALQUALITY,
+                attr::PREVIEW_TEMPORALQUALITY,
+                attr::PREVIEW_DOFQUALITY,
+                attr::PREVIEW_BUCKETSIZE,
+            )
+        } else {
+            (attr::SPATIALQUALITY, attr::TEMPORALQUALITY, attr::DOFQUALITY, attr::LIMITS_BUCKETSIZE)
+        };
         let lens = perspective.then(|| Self::lens(&get)).flatten();
-        let bucket = or_preview(32, 2048);
-        let spatial = or_preview(4, 1);
-        let times = or_preview(16, 1);
         let stereo = Stereo::new(&get, &projection);
         let preview_limits = (preview > 0.0).then(|| PreviewLimits {
-            thincurves: get.counts("preview:thincurves", [10], u32::MAX)[0],
-            thinpoints: get.counts("preview:thinpoints", [10], u32::MAX)[0],
-            limitpixelsize: get.float("preview:limitpixelsize", 0.0),
-            limitdistance: get.float("preview:limitdistance", 1.0e38),
+            thincurves: get.count(attr::PREVIEW_THINCURVES, u32::MAX),
+            thinpoints: get.count(attr::PREVIEW_THINPOINTS, u32::MAX),
+            limitpixelsize: get.finite(attr::PREVIEW_LIMITPIXELSIZE),
+            limitdistance: get.finite(attr::PREVIEW_LIMITDISTANCE),
         });
         let mut world_to_camera = camera.world_to_camera.clone();
         if !world_to_camera.keys().iter().all(|(_, m)| m.is_finite()) {
@@ -234,25 +270,21 @@ impl CameraView {
             resolution,
             pixelaspect,
             screen,
-            crop: Self::crop_pixels(get.floats::<4>("crop").unwrap_or([0.0, 1.0, 0.0, 1.0]), resolution),
+            crop: Self::crop_pixels(get.finite(attr::CROP), resolution),
             near,
             far,
             shutter,
             is_timeless: shutter == [0.0; 2],
             lens,
-            spatialquality: get.counts(&quality("spatialquality"), [spatial; 2], 256),
-            temporalquality: get.counts(&quality("temporalquality"), [times], 65536)[0],
-            dofquality: get.counts(&quality("dofquality"), [times], 65536)[0],
-            autopassreduction: get.float("limits:autopassreduction", 1.0) != 0.0,
-            bucketsize: get.counts(
-                if preview > 0.0 { "preview:bucketsize" } else { "limits:bucketsize" },
-                [bucket; 2],
-                Self::MAX_RESOLUTION,
-            ),
-            bucketorder: camera.params.string("bucketorder").cloned().unwrap_or_else(|| "horizontal".into()),
-            bucketblocksize: get.counts("limits:bucketblocksize", [2], Self::MAX_RESOLUTION)[0],
+            spatialquality: get.counts(spatialquality, 256),
+            temporalquality: get.count(temporalquality, 65536),
+            dofquality: get.count(dofquality, 65536),
+            autopassreduction: camera.get(attr::LIMITS_AUTOPASSREDUCTION),
+            bucketsize: get.counts(bucketsize, Self::MAX_RESOLUTION),
+            bucketorder: camera.get(attr::BUCKETORDER),
+            bucketblocksize: get.count(attr::LIMITS_BUCKETBLOCKSIZE, Self::MAX_RESOLUTION),
             preview,
-            preview_dicecurvature_deg: get.float("preview:dicecurvature", 90.0),
+            preview_dicecurvature_deg: get.finite(attr::PREVIEW_DICECURVATURE),
             preview_limits,
             stereo,
         }
@@ -260,8 +292,9 @@ impl CameraView {
 
     /// The lens, when all three of its attributes ask for one.
     fn lens(get: &Attributes<'_>) -> Option<Lens> {
-        let fstop = get.float("fstop", 1.0e30);
-        let (length, distance) = (get.float("focallength", 0.0), get.float("focaldistance", 0.0));
+        let fstop = get.finite(attr::FSTOP);
+        let (length, distance) =
+            [attr::FOCALLENGTH, attr::FOCALDISTANCE].map(|key| get.finite(key).unwrap_or(0.0)).into();
         let blurs = fstop > 0.0 && fstop < 1.0e29 && length > 0.0 && distance > 0.0;
         blurs.then(|| Lens { radius: length / (2.0 * fstop), focal_distance: distance })
     }

@@ -16,7 +16,7 @@ pub(crate) use motion::{
 pub(crate) use rate::{DiceSettings, MAX_QUALITY, Measure, Plan, Rates, SceneDicing};
 
 use granita_geom::{Dice, Piece, Surface, Trimming};
-use granita_scene::AttributeSet;
+use granita_scene::{AttributeSet, attr};
 
 /// A piece that is small enough, and the grid it is to be diced into.
 pub(crate) struct Leaf {
@@ -65,7 +65,7 @@ pub(crate) fn tessellate(
 
 /// The trim curves of an object with its and the scene's attributes (reference 4.3.4, 4.4.8).
 pub(crate) fn trimming<'a>(attributes: &'a AttributeSet, quality: f32) -> Option<Trimming<'a>> {
-    let curvature_deg = attributes.float("trimcurve:curvature");
+    let curvature_deg = attributes.get(attr::TRIMCURVE_CURVATURE);
     attributes.trim.as_deref().map(|desc| Trimming { desc, curvature_deg, quality })
 }
 

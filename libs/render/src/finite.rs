@@ -5,7 +5,7 @@
 //! reported once with the name of the object or the light.
 
 use granita_base::Color;
-use granita_scene::AttributeSet;
+use granita_scene::{AttributeSet, attr};
 use granita_shade::Lanes3;
 
 /// The largest size of a component. Sums of so many as a pixel has stay finite.
@@ -47,10 +47,7 @@ pub(crate) fn clamp_opacity(lanes: &mut Lanes3) {
 
 /// The attribute "opacity" as it was given.
 pub(crate) fn given_opacity(attributes: &AttributeSet) -> Color {
-    match attributes.floats("opacity")[..] {
-        [r, g, b] => Color::new(r, g, b),
-        _ => Color::ONE,
-    }
+    attributes.get(attr::OPACITY)
 }
 
 #[cfg(test)]

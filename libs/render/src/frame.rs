@@ -23,10 +23,10 @@ use crate::spread::Spread;
 use crate::statistics::{Counters, Statistics, add};
 use crate::unread::is_moving;
 use crate::{CameraView, PixelRect, RenderError};
-use granita_base::{Color, Location, Reporter, Severity};
+use granita_base::{Location, Reporter, Severity};
 use granita_gsl::ir::ValueType;
 use granita_image::{FormatRegistry, Request};
-use granita_scene::{Primitive, Scene};
+use granita_scene::{Primitive, Scene, attr};
 use granita_shade::Grid;
 use job::{Job, Sighting};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -228,7 +228,7 @@ pub(crate) fn render<S: FrameShader>(
     let all: Vec<usize> = (0..frame.buckets.order.len()).collect();
     if !camera.crop.is_empty() {
         let left = match frame.options.spread {
-            Spread::Over(workers) => frame.spread_over(&**workers, &canvases, scene.int("net:tint")),
+            Spread::Over(workers) => frame.spread_over(&**workers, &canvases, scene.get(attr::NET_TINT)),
             _ => all,
         };
         if !left.is_empty() {
@@ -280,10 +280,6 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let pattern = SamplePattern::new(camera, moving);
         let margin = plan.margin();
         let margin = margin[0].max(margin[1]);
-        let color = |name: &str| match scene.floats(name)[..] {
-            [r, g, b] => Color::new(r, g, b),
-            _ => Color::ONE,
-        };
         let eye = |camera| Eye { camera, projector: Projector::new(camera, pattern.defocus) };
         Self {
             shader,
@@ -292,16 +288,9 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             filters: plan.images.iter().map(|i| film::Support::new(&i.filter, &pattern.tables)).collect(),
             measure: Measure::on_raster(options.dicing_camera),
             composite: CompositeSettings {
-                opacity_threshold: color("limits:opacitythreshold"),
-                depth_threshold: color("shadow:opacitythreshold"),
-                layers: match scene
-                    .globals
-                    .get("limits:transparentlayers")
-                    .map(|_| scene.int("limits:transparentlayers"))
-                {
-                    Some(n) if n >= 0 => usize::try_from(n).ok(),
-                    _ => None,
-                },
+                opacity_threshold: scene.get(attr::LIMITS_OPACITYTHRESHOLD),
+                depth_threshold: scene.get(attr::SHADOW_OPACITYTHRESHOLD),
+                layers: usize::try_from(scene.get(attr::LIMITS_TRANSPARENTLAYERS)).ok(),
                 depths: plan.wanted.depths,
             },
             buckets: Buckets::new(&camera.crop, size, order, pattern.per_pixel()),

@@ -5,7 +5,7 @@ use crate::finite;
 use crate::object::{LinkedShaders, Linker};
 use granita_base::{Vec3, hash};
 use granita_gsl::ir::ShaderKind;
-use granita_scene::{AttributeSet, Light, ShaderUsage};
+use granita_scene::{AttributeSet, Light, ShaderUsage, attr};
 use granita_shade::{IlluminateQuery, Lane3, Lanes3, LightInfo, LightResult};
 use std::sync::Arc;
 
@@ -48,9 +48,9 @@ impl LightState {
             shaders,
             info,
             attributes: light.attributes.clone(),
-            shadow_bias: light.attributes.float("shadow:bias").max(0.0),
-            area: geometry.map(|set| AreaLight::new(set, light.attributes.int("light:nsamples"))),
-            samples: crate::arealight::samples(light.attributes.int("light:nsamples")),
+            shadow_bias: light.attributes.get(attr::SHADOW_BIAS).max(0.0),
+            area: geometry.map(|set| AreaLight::new(set, light.attributes.get(attr::LIGHT_NSAMPLES))),
+            samples: crate::arealight::samples(light.attributes.get(attr::LIGHT_NSAMPLES)),
         })
     }
 }

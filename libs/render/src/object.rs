@@ -9,7 +9,7 @@ use granita_base::{Color, Location, MotionTransform, Reporter, Severity, Vec3};
 use granita_gsl::ir::{
     Global, Module, Op, OpCode, ShaderKind, SourcePos, Stmt, Symbol, SymbolId, SymbolKind, SymbolType,
 };
-use granita_scene::{AttributeSet, LightId, ShaderGroup, ShaderUsage};
+use granita_scene::{AttributeSet, LightId, ShaderGroup, ShaderUsage, attr};
 use granita_shade::{ConnectionSource, Group, LayerSource};
 use std::sync::Arc;
 
@@ -303,10 +303,6 @@ impl ObjectState {
         own_opacity: bool,
         spaces: &Spaces,
     ) -> Self {
-        let triple = |name: &str| match *attributes.floats(name) {
-            [r, g, b, ..] => Vec3::new(r, g, b),
-            _ => Vec3::ONE,
-        };
         let opacity = crate::finite::opacity(attributes);
         let solid = opacity == Vec3::ONE && !own_opacity && !shaders.surface.group.sets_opacity();
         let clear_air = shaders.volume.as_ref().is_none_or(|v| !v.group.sets_opacity());
@@ -314,11 +310,11 @@ impl ObjectState {
         let max_displacement_world = match &shaders.displacement {
             None => 0.0,
             Some(_) => {
-                let space = attributes.string("displace:maxspace");
+                let space = attributes.get(attr::DISPLACE_MAXSPACE);
                 let scale = spaces
                     .of_object(&space, attributes, spaces.shading_time())
                     .map_or(1.0, |m| longest_axis(|v| m.vector(v)));
-                (attributes.float("displace:maxradius") * scale).max(0.0)
+                (attributes.get(attr::DISPLACE_MAXRADIUS) * scale).max(0.0)
             }
         };
         Self {
@@ -327,18 +323,18 @@ impl ObjectState {
             joins: false,
             saves: false,
             opaque,
-            opaque_to_shadows: opaque || attributes.int("ray:opaqueshadows") != 0,
-            color: triple("C"),
+            opaque_to_shadows: opaque || attributes.get(attr::RAY_OPAQUESHADOWS),
+            color: attributes.get(attr::COLOR),
             opacity,
-            holdout: match attributes.int("holdout") {
+            holdout: match attributes.get(attr::HOLDOUT) {
                 0 => Holdout::No,
                 2 => Holdout::Shaded,
                 _ => Holdout::Matte,
             },
             max_displacement_world,
-            shadow_bias: attributes.float("shadow:bias").max(0.0),
-            ray_motion: attributes.int("ray:motion") != 0,
-            ray_displace: attributes.int("ray:displace") != 0,
+            shadow_bias: attributes.get(attr::SHADOW_BIAS).max(0.0),
+            ray_motion: attributes.get(attr::RAY_MOTION),
+            ray_displace: attributes.get(attr::RAY_DISPLACE),
             lights: attributes.lights.iter().collect(),
             surface: shaders.surface,
             displacement: shaders.displacement,

@@ -8,7 +8,7 @@ use granita_gsl::ir::ValueType;
 use granita_image::{
     CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Placement, Quantize, Request,
 };
-use granita_scene::Output;
+use granita_scene::{Output, attr};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -238,9 +238,10 @@ impl OutputSet {
     /// Two images of one name are reported: the second one replaces the first.
     pub(crate) fn for_eyes(self, reporter: &Reporter) -> Vec<Self> {
         let (mut left, mut right) = (self.clone(), self);
-        for (side, set) in [("left", &mut left), ("right", &mut right)] {
+        let eyes = [("left", attr::STEREO_LEFT, &mut left), ("right", attr::STEREO_RIGHT, &mut right)];
+        for (side, key, set) in eyes {
             for image in &mut set.images {
-                image.path = match image.params.string(&format!("stereo:{side}")) {
+                image.path = match image.params.string(key.name()) {
                     Some(name) if !name.is_empty() => PathBuf::from(&**name),
                     _ => beside(&image.path, side),
                 };
@@ -273,7 +274,7 @@ fn beside(path: &std::path::Path, side: &str) -> PathBuf {
 }
 
 fn asks_for_dynamic(output: &Output) -> bool {
-    output.params.int("dynamic").is_some_and(|d| d != 0)
+    output.get(attr::DYNAMIC)
 }
 
 /// Whether an image is made on demand, by shaders that look at it, and not written (reference 10.1.5).
@@ -315,16 +316,14 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
         let _ = refuse(Severity::Warning, what);
     }
     unknown_parameters(output, reporter);
-    for name in ["gain", "gamma", "dither"] {
-        let least = if name == "dither" { 0.0 } else { f32::MIN_POSITIVE };
-        if let Some(v) = output.params.float(name)
-            && !(v.is_finite() && (name == "gain" || v >= least))
-        {
+    for (key, least) in [(attr::GAIN, f32::MIN), (attr::GAMMA, f32::MIN_POSITIVE), (attr::DITHER, 0.0)] {
+        let (name, v) = (key.name(), output.get(key));
+        if !(v.is_finite() && v >= least) {
             mistake(output, reporter, name, format!("\"{name}\" {v} is of no use; the default is used"));
         }
     }
-    if let Some(asked) = output.params.string("pixeltype") {
-        let what = match &**asked {
+    if let Some(asked) = output.given(attr::PIXELTYPE) {
+        let what = match &*asked {
             "half" | "float" if known.supports("half") => None,
             "half" | "float" => {
                 Some(format!("format \"{format}\" stores no halves; \"quantize\" says what it stores"))
@@ -381,7 +380,7 @@ fn filter_spec(output: &Output, data: &Data, reporter: &Reporter) -> FilterSpec 
         return FilterSpec { filter: PixelFilter::Min, width: [1.0; 2] };
     }
     let depth = matches!(data, Data::Depth { .. });
-    let filter = match output.params.string("filter").map(|f| &**f) {
+    let filter = match output.given(attr::FILTER).as_deref() {
         None if depth => PixelFilter::Min,
         None => PixelFilter::Weighted(Filter::Gaussian),
         Some("min") if depth => PixelFilter::Min,
@@ -400,11 +399,7 @@ fn filter_spec(output: &Output, data: &Data, reporter: &Reporter) -> FilterSpec 
         })),
     };
     let default = if depth { [1.0; 2] } else { [2.0; 2] };
-    let width = match output.params.floats("filterwidth").as_deref() {
-        Some([w]) => [*w, *w],
-        Some([x, y, ..]) => [*x, *y],
-        _ => default,
-    };
+    let width = output.given(attr::FILTERWIDTH).unwrap_or(default);
     let usable = |w: f32, default: f32| {
         if w.is_finite() && w > 0.0 && w <= 64.0 {
             return w;
@@ -425,12 +420,12 @@ fn filter_spec(output: &Output, data: &Data, reporter: &Reporter) -> FilterSpec 
 }
 
 /// Fewest and most depths of a volume shadow's pixel, and how many there are unless told otherwise.
-const ZCHANNELS: (i32, i32, i32) = (2, 1024, 3);
+const ZCHANNELS: (i32, i32) = (2, 1024);
 
 /// "zchannels".
 fn volume_depths(output: &Output, reporter: &Reporter) -> usize {
-    let (least, most, default) = ZCHANNELS;
-    let asked = output.params.int("zchannels").unwrap_or(default);
+    let (least, most) = ZCHANNELS;
+    let asked = output.get(attr::ZCHANNELS);
     let used = asked.clamp(least, most);
     if used != asked {
         mistake(
@@ -445,18 +440,13 @@ fn volume_depths(output: &Output, reporter: &Reporter) -> usize {
 
 /// "opaquewidth".
 fn opaque_width(output: &Output, reporter: &Reporter) -> f32 {
-    const DEFAULT: f32 = 0.05;
-    let asked = output.params.float("opaquewidth").unwrap_or(DEFAULT);
+    let asked = output.get(attr::OPAQUEWIDTH);
     if asked.is_finite() && asked >= 0.0 {
         return asked;
     }
-    mistake(
-        output,
-        reporter,
-        "opaquewidth",
-        format!("\"opaquewidth\" {asked} is no width; {DEFAULT} is used"),
-    );
-    DEFAULT
+    let used = attr::OPAQUEWIDTH.default();
+    mistake(output, reporter, "opaquewidth", format!("\"opaquewidth\" {asked} is no width; {used} is used"));
+    used
 }
 
 /// Parameters that bundled formats take.
@@ -487,7 +477,7 @@ fn unknown_parameters(output: &Output, reporter: &Reporter) {
     let known = || OWN_PARAMETERS.iter().chain(&FORMAT_PARAMETERS).copied();
     for param in &output.params {
         let name = &*param.name;
-        let likely = || granita_scene::attribute::suggestion(name, known());
+        let likely = || granita_base::suggestion(name, known());
         if !known().any(|k| k == name)
             && let Some(likely) = likely()
         {
@@ -511,10 +501,9 @@ fn mistake(output: &Output, reporter: &Reporter, name: &str, what: String) {
 fn params(output: &Output, data: &Data, is_shown: bool) -> Params {
     let mut params = output.params.clone();
     if (is_shown || matches!(data, Data::Depth { .. } | Data::Volume { .. }))
-        && params.get("quantize").is_none()
+        && params.get(attr::QUANTIZE.name()).is_none()
     {
-        let ty = ParamType::array(BaseType::Int, 4);
-        params.set(Param { name: "quantize".into(), ty, data: [0, 0, 0, 0][..].into() });
+        params.set(attr::QUANTIZE.param([0; 4]));
     }
     params
 }

@@ -6,7 +6,7 @@ use crate::{CameraView, Projection};
 use granita_base::{
     Bound, Interp, Param, ParamData, ParamType, Params, Reporter, Severity, ShapeDesc, Vec3, hash,
 };
-use granita_scene::{AttributeSet, LightSet, Primitive, Scene, ShapeKey};
+use granita_scene::{AttributeSet, LightSet, Primitive, Scene, ShapeKey, attr};
 use std::sync::Arc;
 
 /// What preview mode leaves out.
@@ -33,12 +33,12 @@ const LARGE: usize = 100;
 pub(crate) fn simplified(scene: &Arc<Scene>, view: &CameraView, reporter: &Reporter) -> Arc<Scene> {
     let Some(limits) = view.preview_limits else { return scene.clone() };
     let draws_boxes = limits.limitpixelsize > 0.0 || limits.limitdistance < 1.0e38;
-    let shadertype = scene.cameras.first().and_then(|c| c.params.string("shadertype"));
+    let shadertype = scene.cameras.first().map(|c| c.get(attr::SHADERTYPE));
     let boxes = Boxes {
         view,
         limits,
         projector: Projector::new(view, false),
-        keeps_surface: shadertype.is_some_and(|name| &**name != "gsl"),
+        keeps_surface: shadertype.is_some_and(|name| &*name != "gsl"),
         reporter,
     };
     let change = |primitive: &Arc<Primitive>| {

@@ -15,7 +15,7 @@ use crate::rayset::{Located, RayScene, SetHit, mesh_hit};
 use crate::shading::{ShaderThread, ShadingContext};
 use granita_base::{Color, Location, Severity, Vec3, hash};
 use granita_gsl::ir::ValueType;
-use granita_scene::Scene;
+use granita_scene::{Scene, attr};
 use granita_shade::{HitValues, Primvar, PrimvarData, RayKind};
 use granita_trace::Ray;
 use std::collections::BTreeMap;
@@ -64,16 +64,12 @@ pub(crate) struct RayLimits {
 
 impl RayLimits {
     fn new(scene: &Scene) -> Self {
-        let color = |name: &str, or: Color| match *scene.floats(name) {
-            [r, g, b, ..] => Color::new(r, g, b),
-            _ => or,
-        };
-        let layers = usize::try_from(scene.int("limits:transparentlayers"));
+        let layers = usize::try_from(scene.get(attr::LIMITS_TRANSPARENTLAYERS));
         Self {
-            opacity_threshold: color("limits:opacitythreshold", Color::ONE),
+            opacity_threshold: scene.get(attr::LIMITS_OPACITYTHRESHOLD),
             layers: layers.map_or(MAX_LAYERS, |n| n.saturating_add(1).min(MAX_LAYERS)),
-            max_depth: u32::try_from(scene.int("ray:maxdepth")).unwrap_or(0),
-            max_depth_color: color("ray:maxdepthcolor", Color::ZERO),
+            max_depth: u32::try_from(scene.get(attr::RAY_MAXDEPTH)).unwrap_or(0),
+            max_depth_color: scene.get(attr::RAY_MAXDEPTHCOLOR),
         }
     }
 }
@@ -104,7 +100,7 @@ impl RayWorld {
         for (index, primitive) in scene.primitives.iter().enumerate() {
             let attributes = &primitive.attributes;
             if Arc::as_ptr(attributes) != last {
-                motion = motion || attributes.int("ray:motion") != 0;
+                motion = motion || attributes.get(attr::RAY_MOTION);
                 last = Arc::as_ptr(attributes);
             }
             for set in attributes.geometry_sets.iter() {

@@ -11,7 +11,7 @@ use crate::spread::Spread;
 use crate::{CameraView, RenderError, ShadingStatistics, Statistics, hider, preview, unknown};
 use granita_base::{Location, Severity};
 use granita_gsl::ir::ValueType;
-use granita_scene::{Output, Primitive, Scene};
+use granita_scene::{Output, Primitive, Scene, attr};
 use granita_shade::Grid;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -64,7 +64,7 @@ impl Renderer {
             return Err(RenderError::Misuse { what: format!("the scene has no camera \"{name}\"") });
         }
         let threads = match environment.threads {
-            0 => usize::try_from(scene.int("limits:threads")).unwrap_or(1).max(1),
+            0 => usize::try_from(scene.get(attr::LIMITS_THREADS)).unwrap_or(1).max(1),
             n => n,
         };
         environment.databases.begin();
@@ -207,7 +207,7 @@ impl Renderer {
 
     /// "griddump:filename".
     fn dump(&self, scene: &Scene, camera: &CameraView) -> Option<GridDump> {
-        let path = scene.string("griddump:filename");
+        let path = scene.get(attr::GRIDDUMP_FILENAME);
         if path.is_empty() {
             return None;
         }
@@ -216,7 +216,7 @@ impl Renderer {
         let files = self.environment.variables.files();
         let path = Path::new(&*path);
         files.check_create(path).map_err(RenderError::from).inspect_err(report).ok()?;
-        let binary = scene.int("griddump:binary") != 0;
+        let binary = scene.get(attr::GRIDDUMP_BINARY);
         GridDump::new(path, files, binary, self.environment.call_text, camera).inspect_err(report).ok()
     }
 

@@ -23,7 +23,7 @@ use granita_base::{
 };
 use granita_gsl::Func;
 use granita_gsl::ir::ShaderKind;
-use granita_scene::{AttributeSet, LightId, ShaderUsage};
+use granita_scene::{AttributeSet, LightId, ShaderUsage, attr};
 use granita_shade::{
     Batch, DatabaseQuery, DatabaseSave, EnvironmentQuery, Grid, Group, IlluminateQuery, Lane, Lane3, Lanes3,
     LightInfo, LightResult, LookupResult, Primvar, RayKind, Rect, Services, Shadeop, ShadowQuery,
@@ -180,7 +180,7 @@ impl<'r, 'f> Run<'r, 'f> {
             object_to_world: surface.object_to_world,
             owner: light.name.clone(),
             // The points are the object's: what it or those around it say comes before what the light says.
-            shadow_bias: match surface.object_attributes.values.get("shadow:bias").is_some() {
+            shadow_bias: match surface.object_attributes.is_set(attr::SHADOW_BIAS) {
                 true => surface.object.shadow_bias,
                 false => light.shadow_bias,
             },

@@ -14,15 +14,15 @@ use crate::services::{Run, maps};
 use crate::spaces::{Spaces, Units};
 use crate::texts::Texts;
 use crate::{CameraView, RenderEnvironment, ShaderLibrary, ShadingStatistics, finite, preshaded};
-use granita_base::{Color, Files, Location, ParamData, Reporter, SearchPath, Severity, Vec3};
+use granita_base::{Color, Files, Location, OnceMap, ParamData, Reporter, SearchPath, Severity, Vec3};
 use granita_gsl::ir::{Global, ValueType};
-use granita_scene::{LightId, Primitive, Scene, ShaderGroup, ShaderUsage};
+use granita_scene::attribute::{Key, scope};
+use granita_scene::{LightId, Primitive, Scene, ShaderGroup, ShaderUsage, attr};
 use granita_sdb::{Attributes, Clusters, Databases, Mode, Packed};
 use granita_shade::{Executor, Grid, Group, Lanes3, Primvar, PrimvarData, Rect, Services};
 use granita_texture::{CacheOptions, TextureCache, TextureReader, Up, Use};
-use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 /// What shading needs of a frame. Shared by its threads.
 pub(crate) struct ShadingContext {
@@ -49,9 +49,9 @@ pub(crate) struct ShadingContext {
     database_attributes: Attributes,
     texture_path: SearchPath,
     /// Chances of directions by the light of environment maps, by name and upper direction.
-    directions: Mutex<HashMap<MapFrame, Option<Arc<Directions>>>>,
+    directions: OnceMap<MapFrame, Option<Arc<Directions>>>,
     /// Databases that `subsurface ()` asks.
-    clustered: Mutex<HashMap<String, Option<Clustered>>>,
+    clustered: OnceMap<(String, Mode), Option<Clustered>>,
     /// By [`LightId`]; `None` for lights that stay dark.
     pub(crate) lights: Vec<Option<LightState>>,
     /// What rays meet.
@@ -63,7 +63,7 @@ pub(crate) struct ShadingContext {
     /// Indirect light and occlusion of points that grids have in common.
     pub(crate) light_cache: LightCache,
     pub(crate) library: Arc<dyn ShaderLibrary>,
-    states: Mutex<States>,
+    states: States,
 }
 
 /// Name of an environment map, and the upper direction that a shader gives it.
@@ -91,9 +91,9 @@ fn database_attributes(scene: &Scene) -> Attributes {
 #[derive(Default)]
 struct States {
     /// By attribute set, whether the primitive has an "opacity" of its own, and whether it is a grid with colours.
-    objects: HashMap<(usize, bool, bool), Arc<ObjectState>>,
-    groups: HashMap<(usize, ShaderUsage), Option<Arc<LinkedShaders>>>,
-    default_surface: Option<Arc<LinkedShaders>>,
+    objects: OnceMap<(usize, bool, bool), Arc<ObjectState>>,
+    groups: OnceMap<(usize, ShaderUsage), Option<Arc<LinkedShaders>>>,
+    default_surface: OnceLock<Arc<LinkedShaders>>,
 }
 
 /// The most texture files open at once: what "limits:texturefiles" says, and no more than three quarters of the files that
@@ -110,13 +110,14 @@ impl ShadingContext {
         let reporter = environment.reporter.clone();
         let linker = Linker { library: &*environment.shaders, reporter: &reporter };
         let lights = scene.lights.iter().map(|light| LightState::new(light, linker)).collect();
-        let named = |name: &str| Some(scene.string(name).to_string()).filter(|s| !s.is_empty());
+        let named =
+            |key: Key<scope::Global, Arc<str>>| Some(scene.get(key).to_string()).filter(|s| !s.is_empty());
         let options = CacheOptions {
-            memory_bytes: u64::try_from(scene.int("limits:texturememory")).map_or(0, |kb| kb * 1024),
-            max_files: texture_files(scene.int("limits:texturefiles"), environment.open_files),
-            automipmap: scene.int("texture:automipmap") != 0,
-            substitute_texture: named("texture:substtexture"),
-            substitute_environment: named("texture:substenv"),
+            memory_bytes: u64::try_from(scene.get(attr::LIMITS_TEXTUREMEMORY)).map_or(0, |kb| kb * 1024),
+            max_files: texture_files(scene.get(attr::LIMITS_TEXTUREFILES), environment.open_files),
+            automipmap: scene.get(attr::TEXTURE_AUTOMIPMAP),
+            substitute_texture: named(attr::TEXTURE_SUBSTTEXTURE),
+            substitute_environment: named(attr::TEXTURE_SUBSTENV),
         };
         let textures = TextureCache::new(
             environment.registry.clone(),
@@ -125,7 +126,7 @@ impl ShadingContext {
             reporter.clone(),
         );
         let threads = match environment.threads {
-            0 => usize::try_from(scene.int("limits:threads")).unwrap_or(1).max(1),
+            0 => usize::try_from(scene.get(attr::LIMITS_THREADS)).unwrap_or(1).max(1),
             n => n,
         };
         Self {
@@ -145,9 +146,9 @@ impl ShadingContext {
             databases: environment.databases.clone(),
             database_attributes: database_attributes(scene),
             texture_path: environment.texture_path.clone(),
-            directions: Mutex::default(),
-            clustered: Mutex::default(),
-            states: Mutex::default(),
+            directions: OnceMap::default(),
+            clustered: OnceMap::default(),
+            states: States::default(),
             stop: environment.stop.clone(),
             reporter,
         }
@@ -170,40 +171,33 @@ impl ShadingContext {
 
     /// Chances of directions by the light of a map; `None` when there is no such map.
     pub(crate) fn directions(&self, name: &str, up: Option<&str>) -> Option<Arc<Directions>> {
-        let mut all = self.directions.lock().unwrap_or_else(PoisonError::into_inner);
-        let make = || {
+        self.directions.get_or_make((name.to_owned(), up.unwrap_or("").to_owned()), || {
             let id = self.textures.find_for(name, Use::Environment)?;
             let up = up.and_then(Up::from_word);
             Some(Arc::new(maps::directions(&self.textures, id, up, self.rays.threads)))
-        };
-        all.entry((name.to_owned(), up.unwrap_or("").to_owned())).or_insert_with(make).clone()
+        })
     }
 
     /// The same with far records taken together; made when first asked for.
     pub(crate) fn clustered(&self, name: &str, mode: Mode) -> Option<Clustered> {
-        let mut all = self.clustered.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(known) = all.get(name) {
-            return known.clone();
-        }
-        let made = self.database(name, mode).map(|records| {
+        self.clustered.get_or_make((name.to_owned(), mode), || {
+            let records = self.database(name, mode)?;
             let clusters = Arc::new(Clusters::new(&records));
-            (records, clusters)
-        });
-        all.insert(name.to_owned(), made.clone());
-        made
+            Some((records, clusters))
+        })
     }
 
     /// The state of a primitive's object; made on first use, the same for all primitives that share an
     /// attribute set.
     pub(crate) fn object(&self, primitive: &Primitive) -> Arc<ObjectState> {
-        let attributes = &primitive.attributes;
         let own_opacity = primitive.keys.first().is_some_and(|key| key.params.get("opacity").is_some());
         let grid = preshaded::lattice(primitive).is_some();
-        let key = (Arc::as_ptr(attributes) as usize, own_opacity, grid);
-        let mut states = self.states.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(known) = states.objects.get(&key) {
-            return known.clone();
-        }
+        let key = (Arc::as_ptr(&primitive.attributes) as usize, own_opacity, grid);
+        self.states.objects.get_or_make(key, || Arc::new(self.new_object(primitive, own_opacity, grid)))
+    }
+
+    fn new_object(&self, primitive: &Primitive, own_opacity: bool, grid: bool) -> ObjectState {
+        let attributes = &primitive.attributes;
         let name = attributes.name();
         let (given, opacity) = (finite::given_opacity(attributes), finite::opacity(attributes));
         if given != opacity {
@@ -217,13 +211,11 @@ impl ShadingContext {
                 ),
             );
         }
-        let mut group = |shaders: &Option<Arc<ShaderGroup>>, usage| {
-            self.group(&mut states, shaders.as_ref()?, usage, &name)
-        };
+        let group = |shaders: &Option<Arc<ShaderGroup>>, usage| self.group(shaders.as_ref()?, usage, &name);
         let surface = group(&attributes.surface, ShaderUsage::Surface);
         let displacement = group(&attributes.displacement, ShaderUsage::Displacement);
         let volume = group(&attributes.volume, ShaderUsage::Volume);
-        let surface = surface.unwrap_or_else(|| self.default_surface(&mut states));
+        let surface = surface.unwrap_or_else(|| self.default_surface());
         let preshaded = grid && preshaded::asked_by(&surface, displacement.as_ref());
         // What lies between it and the camera was shaded with it.
         let volume = volume.filter(|_| !preshaded);
@@ -240,14 +232,12 @@ impl ShadingContext {
                 shaders.group.keep_parameters();
             }
         }
-        let saves = |name: &str| self.database_mode(&attributes.string(name), "").write;
+        let saves = |key: Key<scope::Object, Arc<str>>| self.database_mode(&attributes.get(key), "").write;
         let joins = !state.preshaded && groups.iter().all(|group| !group.is_gridwise());
-        let saves = saves("indirect:spatialdb")
-            || saves("occlusion:spatialdb")
+        let saves = saves(attr::INDIRECT_SPATIALDB)
+            || saves(attr::OCCLUSION_SPATIALDB)
             || groups.iter().any(|group| group.may_save());
         (state.joins, state.saves) = (joins, saves);
-        let state = Arc::new(state);
-        states.objects.insert(key, state.clone());
         state
     }
 
@@ -266,25 +256,19 @@ impl ShadingContext {
 
     fn group(
         &self,
-        states: &mut States,
         shaders: &Arc<ShaderGroup>,
         usage: ShaderUsage,
         owner: &str,
     ) -> Option<Arc<LinkedShaders>> {
         let key = (Arc::as_ptr(shaders) as usize, usage);
-        if let Some(known) = states.groups.get(&key) {
-            return known.clone();
-        }
         let linker = Linker { library: &*self.library, reporter: &self.reporter };
-        let linked = linker.link(shaders, usage, owner).map(Arc::new);
-        states.groups.insert(key, linked.clone());
-        linked
+        self.states.groups.get_or_make(key, || linker.link(shaders, usage, owner).map(Arc::new))
     }
 
     /// The default surface is nobody's own: its "shader" space is the world.
-    fn default_surface(&self, states: &mut States) -> Arc<LinkedShaders> {
+    fn default_surface(&self) -> Arc<LinkedShaders> {
         let linker = Linker { library: &*self.library, reporter: &self.reporter };
-        states.default_surface.get_or_insert_with(|| Arc::new(linker.default_surface())).clone()
+        self.states.default_surface.get_or_init(|| Arc::new(linker.default_surface())).clone()
     }
 
     /// What was and what was not built and looked up while the frame was shaded.
@@ -400,8 +384,8 @@ impl<'f> ShaderThread<'f> {
     pub(crate) fn take_executor(&mut self) -> Executor {
         self.idle.pop().unwrap_or_else(|| {
             let mut executor = Executor::new();
-            executor.look_for_nan(self.frame.scene.int("debug:shadernan") != 0);
-            executor.seed_random(self.frame.scene.int("random:seed") as u32);
+            executor.look_for_nan(self.frame.scene.get(attr::DEBUG_SHADERNAN));
+            executor.seed_random(self.frame.scene.get(attr::RANDOM_SEED) as u32);
             executor
         })
     }

@@ -2,7 +2,8 @@
 
 use crate::CameraView;
 use granita_base::{MotionTransform, Transform};
-use granita_scene::{AttributeSet, Scene};
+use granita_scene::attribute::{Key, scope::Global};
+use granita_scene::{AttributeSet, Scene, attr};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -83,17 +84,17 @@ impl Units {
     ///
     /// A common unit is `lengthscale` times the named unit, as in the examples of reference 4.3.2 and 8.5.1.
     pub(crate) fn new(scene: &Scene) -> Self {
-        let positive = |name: &str, or: f64| match f64::from(scene.float(name)) {
+        let positive = |key: Key<Global, f32>| match f64::from(scene.get(key)) {
             v if v > 0.0 && v.is_finite() => v,
-            _ => or,
+            _ => f64::from(key.default()),
         };
-        let fps = positive("units:fps", 24.0);
-        let time_s = match &*scene.string("units:time") {
-            "s" => Some(positive("units:timescale", 1.0)),
-            "frames" => Some(positive("units:timescale", 1.0) / fps),
+        let fps = positive(attr::UNITS_FPS);
+        let time_s = match &*scene.get(attr::UNITS_TIME) {
+            "s" => Some(positive(attr::UNITS_TIMESCALE)),
+            "frames" => Some(positive(attr::UNITS_TIMESCALE) / fps),
             _ => None,
         };
-        let length_m = metres(&scene.string("units:length")).map(|m| m * positive("units:lengthscale", 1.0));
+        let length_m = metres(&scene.get(attr::UNITS_LENGTH)).map(|m| m * positive(attr::UNITS_LENGTHSCALE));
         Self { length_m, time_s, fps }
     }
 

@@ -2,9 +2,8 @@
 
 use crate::ShaderLibrary;
 use crate::object::DEFAULT_SURFACE;
-use granita_base::{BaseType, Location, ParamType, Reporter, Severity};
+use granita_base::{BaseType, Location, ParamType, Reporter, Severity, suggestion};
 use granita_gsl::ir::{Global, Module};
-use granita_scene::attribute::suggestion;
 use granita_scene::{Scene, ShaderGroup};
 use std::collections::BTreeSet;
 use std::sync::Arc;

@@ -14,7 +14,7 @@ use granita_gsl::Func;
 use granita_gsl::ir::{
     Block, ConstValue, DefaultValue, Module, OpCode, Stmt, SymbolId, SymbolKind, ValueType,
 };
-use granita_scene::{AttributeSet, Scene, ShaderGroup, ShaderInstance, UnreadInput};
+use granita_scene::{AttributeSet, Scene, ShaderGroup, ShaderInstance, UnreadInput, attr};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -51,8 +51,8 @@ impl Renderer {
 
 /// Pixels beyond the image that its filters may need.
 fn margin(scene: &Scene) -> i32 {
-    let widths = scene.outputs.iter().filter_map(|o| o.params.floats("filterwidth"));
-    let widest = widths.flat_map(|w| w.to_vec()).fold(4.0_f32, f32::max);
+    let widths = scene.outputs.iter().flat_map(|output| output.get(attr::FILTERWIDTH));
+    let widest = widths.fold(4.0_f32, f32::max);
     (widest * 0.5).ceil() as i32 + 1
 }
 
@@ -64,11 +64,11 @@ pub(crate) fn is_moving(scene: &Scene, camera: &CameraView) -> bool {
 
 /// Bound of displacement in world units; inside of the input there may be a displacement shader.
 fn displacement_world(attributes: &AttributeSet, spaces: &Spaces) -> f32 {
-    let space = attributes.string("displace:maxspace");
+    let space = attributes.get(attr::DISPLACE_MAXSPACE);
     let scale = spaces
         .of_object(&space, attributes, spaces.shading_time())
         .map_or(1.0, |m| longest_axis(|v| m.vector(v)));
-    (attributes.float("displace:maxradius") * scale).max(0.0)
+    (attributes.get(attr::DISPLACE_MAXRADIUS) * scale).max(0.0)
 }
 
 /// Whether the camera may see something of a bound, at any time of the shutter.

@@ -1,6 +1,6 @@
 //! The spaces of a camera (reference 2.5, 4.1) as matrices.
 
-use crate::Camera;
+use crate::{Camera, attr};
 use granita_base::Transform;
 
 /// The "screen" window of a frame of so many pixels, where "screen" is not set: y from -1 to 1, x by the number of pixels
@@ -13,30 +13,22 @@ pub(crate) fn default_window(resolution: [f32; 2]) -> [f32; 4] {
 impl Camera {
     /// Width and height of the full image in pixels, at least 1.
     pub fn resolution(&self) -> [u32; 2] {
-        let v = self.params.get("resolution").and_then(|p| p.data.to_ints());
-        match v.as_deref() {
-            Some([x, y]) => [(*x).max(1) as u32, (*y).max(1) as u32],
-            _ => [640, 480],
-        }
+        self.get(attr::RESOLUTION).map(|n| n.max(1) as u32)
     }
 
     /// `xmin xmax ymin ymax` of the image in "screen" space; from the frame's shape when not set.
     pub fn screen_window(&self) -> [f32; 4] {
-        if let Some([a, b, c, d]) = self.params.floats("screen").as_deref() {
-            return [*a, *b, *c, *d];
-        }
-        let [x, y] = self.resolution();
-        default_window([x as f32, y as f32])
+        self.get(attr::SCREEN).unwrap_or_else(|| default_window(self.resolution().map(|n| n as f32)))
     }
 
     /// "camera" to "screen" space: projected, z running from 0 at "near" to 1 at "far".
     ///
     /// The edge of the vertical field of view of a perspective camera comes to y = 1.
     pub fn camera_to_screen(&self) -> Transform {
-        let near = self.params.float("near").unwrap_or(0.1);
-        let far = self.params.float("far").unwrap_or(1.0e6);
+        let near = self.get(attr::NEAR);
+        let far = self.get(attr::FAR);
         let depth = if far > near { far - near } else { 1.0 };
-        if self.params.string("projection").is_some_and(|p| &**p == "orthographic") {
+        if &*self.get(attr::PROJECTION) == "orthographic" {
             #[rustfmt::skip]
             return Transform::from_rows(&[
                 1.0, 0.0, 0.0, 0.0,
@@ -45,7 +37,7 @@ impl Camera {
                 0.0, 0.0, -near / depth, 1.0,
             ]);
         }
-        let fov = self.params.float("fov").unwrap_or(90.0).clamp(1.0e-3, 179.999);
+        let fov = self.get(attr::FOV).clamp(1.0e-3, 179.999);
         let scale = 1.0 / (fov.to_radians() * 0.5).tan();
         #[rustfmt::skip]
         return Transform::from_rows(&[

@@ -25,7 +25,7 @@
 //! impl FrameRenderer for Count {
 //!     fn render(&mut self, scene: Arc<Scene>, _: Option<&str>) -> Result<(), Stop> {
 //!         assert_eq!(scene.primitives.len(), 1);
-//!         assert_eq!(scene.primitives[0].attributes.float("shadingquality"), 0.5);
+//!         assert_eq!(scene.primitives[0].attributes.get(granita_scene::attr::SHADINGQUALITY), 0.5);
 //!         Ok(())
 //!     }
 //!     fn command(&mut self, _: &str, _: &Params, _: &Location) -> Result<bool, Stop> {
@@ -57,17 +57,19 @@ mod call;
 mod camera;
 mod frame;
 mod generator;
+mod lights;
 mod scene;
 mod state;
 mod values;
 
-pub use attribute::{attribute_default, attribute_row, suggestion};
+pub use attribute::{attr, attribute_default, attribute_row};
 pub use call::{Call, Matrix, SceneSink, Stop, TransformTarget};
 pub use frame::{FoundInput, FrameRenderer, InputPaths, InputReader, UnreadInput};
 pub use generator::{Generator, GeneratorError, GeneratorRegistry, GeneratorSource};
+pub use lights::{LightId, LightSet};
 pub use scene::{
-    AttributeSet, Camera, Connection, InputCounts, Light, LightId, Output, Primitive, Scene, ShaderGroup,
+    AttributeSet, Camera, Connection, InputCounts, Light, Output, Primitive, Scene, ShaderGroup,
     ShaderInstance, ShaderUsage, ShapeKey,
 };
 pub use state::{State, predeclared, version_attribute};
-pub use values::{LightSet, Values};
+pub use values::Values;

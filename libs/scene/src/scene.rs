@@ -2,6 +2,7 @@
 //!
 //! All transformations lead **to world space**. "common" space is world space.
 
+use crate::attribute::{AttributeValue, Key, attr, scope};
 use crate::{LightSet, Values};
 use granita_base::{Location, MotionTransform, Param, Params, ShapeDesc, TrimDesc};
 use std::collections::BTreeMap;
@@ -54,10 +55,6 @@ pub struct ShaderGroup {
     pub connections: Vec<Connection>,
 }
 
-/// Index into [`Scene::lights`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct LightId(pub u32);
-
 /// A light source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Light {
@@ -96,40 +93,19 @@ pub struct AttributeSet {
 }
 
 impl AttributeSet {
-    /// First float of a per-object attribute, or its default of the attribute table.
-    pub fn float(&self, name: &str) -> f32 {
-        crate::attribute::lookup(self.values.get(name), name)
-            .and_then(|p| p.data.to_floats()?.first().copied())
-            .unwrap_or(0.0)
+    /// The value of a per-object attribute, or its default.
+    pub fn get<T: AttributeValue>(&self, key: Key<scope::Object, T>) -> T {
+        key.of(self.values.get(key.name()))
     }
 
-    /// First integer of a per-object attribute, or its default.
-    pub fn int(&self, name: &str) -> i32 {
-        crate::attribute::lookup(self.values.get(name), name)
-            .and_then(|p| p.data.to_ints()?.first().copied())
-            .unwrap_or(0)
-    }
-
-    /// All floats of a per-object attribute, or of its default.
-    pub fn floats(&self, name: &str) -> Arc<[f32]> {
-        crate::attribute::lookup(self.values.get(name), name)
-            .and_then(|p| p.data.to_floats())
-            .unwrap_or_default()
-    }
-
-    /// String of a per-object attribute, or its default.
-    pub fn string(&self, name: &str) -> Arc<str> {
-        crate::attribute::lookup(self.values.get(name), name)
-            .and_then(|p| match &p.data {
-                granita_base::ParamData::String(v) => v.first().cloned(),
-                _ => None,
-            })
-            .unwrap_or_else(|| Arc::from(""))
+    /// Whether a per-object attribute has another value than its default.
+    pub fn is_set<T>(&self, key: Key<scope::Object, T>) -> bool {
+        self.values.get(key.name()).is_some()
     }
 
     /// The "name" attribute.
     pub fn name(&self) -> Arc<str> {
-        self.string("name")
+        self.get(attr::NAME)
     }
 }
 
@@ -195,7 +171,7 @@ pub struct Scene {
     pub outputs: Vec<Output>,
     /// In order of declaration.
     pub primitives: Vec<Arc<Primitive>>,
-    /// Indexed by [`LightId`].
+    /// Indexed by [`LightId`](crate::LightId).
     pub lights: Vec<Arc<Light>>,
     /// Named by `SaveAttributes`: that space to world.
     pub coordinate_systems: BTreeMap<Arc<str>, MotionTransform>,
@@ -213,34 +189,27 @@ pub struct InputCounts {
 }
 
 impl Scene {
-    /// First float of a scene-wide attribute, or its default of the attribute table.
-    pub fn float(&self, name: &str) -> f32 {
-        crate::attribute::lookup(self.globals.get(name), name)
-            .and_then(|p| p.data.to_floats()?.first().copied())
-            .unwrap_or(0.0)
+    /// The value of a scene-wide attribute, or its default.
+    pub fn get<T: AttributeValue>(&self, key: Key<scope::Global, T>) -> T {
+        key.of(self.globals.get(key.name()))
+    }
+}
+
+impl Camera {
+    /// The value of a camera attribute, or its default.
+    pub fn get<T: AttributeValue>(&self, key: Key<scope::Camera, T>) -> T {
+        key.of(self.params.get(key.name()))
+    }
+}
+
+impl Output {
+    /// The value of an attribute of an image, or its default.
+    pub fn get<T: AttributeValue>(&self, key: Key<scope::Output, T>) -> T {
+        self.given(key).unwrap_or_else(|| key.default())
     }
 
-    /// First integer of a scene-wide attribute, or its default.
-    pub fn int(&self, name: &str) -> i32 {
-        crate::attribute::lookup(self.globals.get(name), name)
-            .and_then(|p| p.data.to_ints()?.first().copied())
-            .unwrap_or(0)
-    }
-
-    /// All floats of a scene-wide attribute, or of its default.
-    pub fn floats(&self, name: &str) -> Arc<[f32]> {
-        crate::attribute::lookup(self.globals.get(name), name)
-            .and_then(|p| p.data.to_floats())
-            .unwrap_or_default()
-    }
-
-    /// String of a scene-wide attribute, or its default.
-    pub fn string(&self, name: &str) -> Arc<str> {
-        crate::attribute::lookup(self.globals.get(name), name)
-            .and_then(|p| match &p.data {
-                granita_base::ParamData::String(v) => v.first().cloned(),
-                _ => None,
-            })
-            .unwrap_or_else(|| Arc::from(""))
+    /// The value of an attribute of an image, where one was given.
+    pub fn given<T: AttributeValue>(&self, key: Key<scope::Output, T>) -> Option<T> {
+        T::read(&self.params.get(key.name())?.data)
     }
 }

@@ -3,7 +3,7 @@
 use crate::{ExtraOutput, SessionOptions};
 use granita_base::{BaseType, Location, MotionTransform, Param, ParamType, Reporter};
 use granita_image::FormatRegistry;
-use granita_scene::{AttributeSet, Camera, LightSet, Output, Scene, ShaderGroup, ShaderInstance};
+use granita_scene::{AttributeSet, Camera, LightSet, Output, Scene, ShaderGroup, ShaderInstance, attr};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -53,9 +53,9 @@ pub(crate) fn amended(
 /// The surface shader that stands for all shaders under the camera's "shadertype" (reference 4.1); `None` when the
 /// scene's own shaders run.
 fn proxy_shader(camera: &Camera) -> Option<&'static str> {
-    match camera.params.string("shadertype").map(|s| &**s) {
-        Some("defaultsurface") => Some("defaultsurface"),
-        Some("keyfillrim") => Some("keyfillrim"),
+    match &*camera.get(attr::SHADERTYPE) {
+        "defaultsurface" => Some("defaultsurface"),
+        "keyfillrim" => Some("keyfillrim"),
         _ => None,
     }
 }

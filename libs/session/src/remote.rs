@@ -16,9 +16,10 @@
 mod client;
 mod images;
 mod serve;
+mod told;
 
 pub use client::{Remote, RemoteEnds};
-pub use serve::Told;
+pub use told::Told;
 
 use granita_base::report::Message;
 use granita_base::{Location, Severity};

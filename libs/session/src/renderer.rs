@@ -11,7 +11,8 @@ use granita_image::{FormatRegistry, Limits};
 use granita_plugin::Plugins;
 use granita_pyg::{Writer, WriterOptions};
 use granita_render::{Priority, Progress, RenderEnvironment, RenderError, Renderer, Spread};
-use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, Stop, UnreadInput};
+use granita_scene::attribute::{Key, scope};
+use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, Stop, UnreadInput, attr};
 use granita_sdb::Databases;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -129,10 +130,10 @@ impl SessionRenderer {
 
     /// Writes down what a frame did, as far as the scene and the options ask for it (reference 4.3.7).
     fn record(&mut self, scene: &Scene, record: FrameRecord) {
-        let level = scene.int("statistics:level").max(self.options.statistics);
+        let level = scene.get(attr::STATISTICS_LEVEL).max(self.options.statistics);
         if level > 0 {
             let text = record.text(level, &self.reporter);
-            let file = scene.string("statistics:filename");
+            let file = scene.get(attr::STATISTICS_FILENAME);
             if file.is_empty() {
                 self.reporter.say(Severity::Message, &Location::default(), text);
             } else {
@@ -145,7 +146,7 @@ impl SessionRenderer {
                 );
             }
         }
-        let list = scene.string("debug:filesread");
+        let list = scene.get(attr::DEBUG_FILESREAD);
         if !list.is_empty() {
             records::write_files_read(Path::new(&*list), self.options.environment.files(), &self.reporter);
         }
@@ -168,8 +169,8 @@ impl SessionRenderer {
         self.error_file = file.clone();
     }
 
-    fn search_path(&self, scene: &Scene, name: &str) -> SearchPath {
-        SearchPath::parse(&scene.string(name), &SearchPath::default(), &self.options.environment)
+    fn search_path(&self, scene: &Scene, key: Key<scope::Global, Arc<str>>) -> SearchPath {
+        SearchPath::parse(&scene.get(key), &SearchPath::default(), &self.options.environment)
     }
 
     /// What finds inputs, with this session's plugins.
@@ -191,7 +192,7 @@ impl SessionRenderer {
 
     /// Plugins as the scene wants them found.
     fn configure_plugins(&self, scene: &Scene) {
-        self.plugins.set_image_path(self.search_path(scene, "path:imageio"));
+        self.plugins.set_image_path(self.search_path(scene, attr::PATH_IMAGEIO));
     }
 
     fn environment(&self, scene: &Scene) -> RenderEnvironment {
@@ -199,11 +200,11 @@ impl SessionRenderer {
             registry: self.registry.clone(),
             databases: self.databases.clone(),
             shaders: Arc::new(Shaders::new(
-                self.search_path(scene, "path:shader"),
+                self.search_path(scene, attr::PATH_SHADER),
                 self.plugins.clone(),
                 self.reporter.clone(),
             )),
-            texture_path: self.search_path(scene, "path:texture"),
+            texture_path: self.search_path(scene, attr::PATH_TEXTURE),
             variables: self.options.environment.clone(),
             reporter: self.reporter.clone(),
             progress: self.progress.clone(),
@@ -236,7 +237,7 @@ impl SessionRenderer {
         if let Some(master) = &self.master {
             return Spread::For(master.clone());
         }
-        let named = scene.string("net:workers");
+        let named = scene.get(attr::NET_WORKERS);
         let servers: Vec<&str> = match self.options.net_workers.is_empty() {
             true => named.split_whitespace().collect(),
             false => self.options.net_workers.iter().flat_map(|list| list.split_whitespace()).collect(),
@@ -244,10 +245,10 @@ impl SessionRenderer {
         if servers.is_empty() {
             return Spread::Alone;
         }
-        let patience = scene.floats("net:timeout").first().copied().unwrap_or(0.0);
+        let patience = scene.get(attr::NET_TIMEOUT);
         if self.options.safe {
             net::refuse(&self.reporter, "programs are not allowed");
-        } else if self.net.start(&servers, &scene.string("net:workercmd"), patience) {
+        } else if self.net.start(&servers, &scene.get(attr::NET_WORKERCMD), patience) {
             self.net.set_alone(self.databases.hold_memory());
             return Spread::Over(self.net.clone());
         }
@@ -283,7 +284,7 @@ impl FrameRenderer for SessionRenderer {
         let has_images = |name: &&str| {
             let mut own = scene.outputs.iter().filter(|o| &*o.camera == *name);
             // Maps that are made on demand are no files; only depths can be.
-            own.any(|o| o.params.int("dynamic").unwrap_or(0) == 0 || !matches!(&*o.data, "z" | "avgz"))
+            own.any(|o| !o.get(attr::DYNAMIC) || !matches!(&*o.data, "z" | "avgz"))
         };
         let camera = camera.filter(has_images);
         let mut scene = outputs::amended(&scene, &self.options, &self.registry, &self.reporter);

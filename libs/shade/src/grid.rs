@@ -248,12 +248,6 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Finds the points of a rectangular grid that are [`Uneven`]: `places` are those of all points along u and along v,
-    /// counted in steps of an even grid.
-    pub fn find_uneven(&mut self, places: &[Vec<f32>; 2]) {
-        self.uneven = crate::ops::uneven(&self.topology, places);
-    }
-
     /// A grid with everything zero, C and opacity one.
     pub fn new(topology: Topology) -> Self {
         let n = topology.points();

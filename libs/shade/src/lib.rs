@@ -77,11 +77,13 @@
 
 #![deny(unsafe_code)]
 
+mod differences;
 mod error;
 mod grid;
 mod join;
 mod link;
 mod ops;
+mod program;
 mod run;
 mod services;
 mod shadeop;

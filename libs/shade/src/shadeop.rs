@@ -1,7 +1,6 @@
 //! Functions that are written elsewhere, as in C++ (reference 14): what they are given, and what they may ask.
 
-use crate::ops::shadeop::Machinery;
-use crate::{Lane, Lane3, LookupOptions, RayKind};
+use crate::RayKind;
 use granita_base::{Param, Vec3};
 use granita_gsl::ir::ValueType;
 use std::sync::Arc;
@@ -12,7 +11,7 @@ pub trait Shadeop: Send + Sync {
     ///
     /// # Errors
     /// What went wrong; it is told once, and what was written until then stays.
-    fn run(&self, context: &mut ShadeopContext<'_, '_>) -> Result<(), String>;
+    fn run(&self, context: &mut dyn ShadeopContext) -> Result<(), String>;
 }
 
 /// Values of an argument, point after point, each with all its components.
@@ -67,17 +66,6 @@ pub enum OptionValue<'a> {
     Text(&'a str),
 }
 
-/// A run of a function: its arguments, the active points, and the shader around it.
-pub struct ShadeopContext<'c, 'm> {
-    pub(crate) machinery: Machinery<'c, 'm>,
-}
-
-impl std::fmt::Debug for ShadeopContext<'_, '_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "ShadeopContext({} arguments)", self.machinery.args.len())
-    }
-}
-
 /// A point of a lookup for directions or positions, with its differences to the neighbours.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Spot {
@@ -89,99 +77,44 @@ pub struct Spot {
     pub dy: Vec3,
 }
 
-impl ShadeopContext<'_, '_> {
+/// A run of a function: its arguments, the active points, and the shader around it.
+pub trait ShadeopContext {
     /// Points of the grid.
-    pub fn points(&self) -> usize {
-        self.machinery.machine.n
-    }
+    fn points(&self) -> usize;
 
     /// The active points, increasing; at least one.
-    pub fn active(&self) -> &[u32] {
-        &self.machinery.machine.mask.active
-    }
+    fn active(&self) -> &[u32];
 
     /// Why the grid is shaded.
-    pub fn ray(&self) -> RayKind {
-        self.machinery.machine.grid.ray
-    }
+    fn ray(&self) -> RayKind;
 
     /// The arguments: the result first, if there is one; variables that were asked for behind.
-    pub fn args(&mut self) -> &mut Vec<ShadeopArg> {
-        &mut self.machinery.args
-    }
+    fn args(&mut self) -> &mut Vec<ShadeopArg>;
 
     /// Puts a parameter or global of the shader behind the arguments, and gives its number; `None` when the shader names
     /// none such.
-    pub fn symbol(&mut self, name: &str) -> Option<usize> {
-        self.machinery.symbol(name)
-    }
+    fn symbol(&mut self, name: &str) -> Option<usize>;
 
     /// An attribute of the renderer.
-    pub fn attribute(&mut self, name: &str) -> Option<Param> {
-        self.machinery.machine.services.attribute(name)
-    }
+    fn attribute(&mut self, name: &str) -> Option<Param>;
 
     /// Data about a texture file.
-    pub fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {
-        self.machinery.machine.services.texture_info(texture, name)
-    }
+    fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param>;
 
     /// A message of the function, said once for its words.
-    pub fn complain(&mut self, what: &str) {
-        self.machinery.complain(what);
-    }
+    fn complain(&mut self, what: &str);
 
     /// A filtered lookup at (s, t), with the differences dsdx, dtdx, dsdy, dtdy, into as many channels as `out` has.
-    pub fn texture(
-        &mut self,
-        name: &str,
-        at: [f32; 6],
-        options: &[(&str, OptionValue<'_>)],
-        out: &mut [f32],
-    ) {
-        self.machinery.texture(name, at, options, out);
-    }
+    fn texture(&mut self, name: &str, at: [f32; 6], options: &[(&str, OptionValue<'_>)], out: &mut [f32]);
 
     /// An environment, at the grid's own position of the point whose turn it is.
-    pub fn environment(
-        &mut self,
-        name: &str,
-        at: Spot,
-        options: &[(&str, OptionValue<'_>)],
-        out: &mut [f32],
-    ) {
-        self.machinery.environment(name, at, options, out);
-    }
+    fn environment(&mut self, name: &str, at: Spot, options: &[(&str, OptionValue<'_>)], out: &mut [f32]);
 
     /// A shadow map or set: 0 open, 1 blocked.
-    pub fn shadow(&mut self, name: &str, at: Spot, options: &[(&str, OptionValue<'_>)], out: &mut [f32]) {
-        self.machinery.shadow(name, at, options, out);
-    }
-}
-
-/// Options by name, as [`LookupOptions`]; values stay in `numbers`.
-pub(crate) fn lookup_options<'a>(
-    options: &'a [(&'a str, OptionValue<'a>)],
-    numbers: &'a [[f32; 1]],
-) -> LookupOptions<'a> {
-    let mut o = LookupOptions::default();
-    for ((name, value), number) in options.iter().zip(numbers) {
-        let lane = Some(Lane { values: &number[..], stride: 0 });
-        let text = match value {
-            OptionValue::Text(text) => Some(*text),
-            _ => None,
-        };
-        o.set(name, lane, text);
-    }
-    o
+    fn shadow(&mut self, name: &str, at: Spot, options: &[(&str, OptionValue<'_>)], out: &mut [f32]);
 }
 
 /// Whether an option takes a string.
 pub fn is_text_option(name: &str) -> bool {
     matches!(name, "wrap" | "swrap" | "twrap" | "space" | "up" | "distribution" | "filename" | "filemode")
-}
-
-/// One value for all points.
-pub(crate) fn everywhere(v: &[[f32; 1]; 3]) -> Lane3<'_> {
-    Lane3 { xyz: std::array::from_fn(|c| Lane { values: &v[c][..], stride: 0 }) }
 }

@@ -1,39 +1,13 @@
 //! The texture cache: names to files, files to tiles, tiles to answers.
 
-use crate::file::{MadeShadow, TextureFile, TileMaker};
+use crate::file::TextureFile;
+use crate::made::MadeShadow;
 use crate::shared::Shared;
-use crate::{CacheStatistics, EnvLookup, Lookup, Lookup3d, ShadowLookup, TextureKind, TextureReader};
+use crate::{
+    CacheOptions, CacheStatistics, EnvLookup, Lookup, Lookup3d, ShadowLookup, TextureId, TextureKind,
+};
 use granita_base::{BaseType, Param, ParamData, ParamType, Reporter, SearchPath, Transform};
 use granita_image::FormatRegistry;
-
-/// Bounds and behaviour of a [`TextureCache`].
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct CacheOptions {
-    /// Most bytes of tiles held at once (attribute "limits:texturememory" times 1024).
-    pub memory_bytes: u64,
-    /// Most files open at once, at least 1 (attribute "limits:texturefiles").
-    pub max_files: usize,
-    /// Whether files without tiles or MIP levels are used, with levels made in memory
-    /// (attribute "texture:automipmap").
-    pub automipmap: bool,
-    /// Used in the place of every texture (attribute "texture:substtexture").
-    pub substitute_texture: Option<String>,
-    /// Used in the place of every environment map (attribute "texture:substenv").
-    pub substitute_environment: Option<String>,
-}
-
-impl Default for CacheOptions {
-    /// The defaults of the attributes: 20 MB, 1000 files, automipmap, no substitutes.
-    fn default() -> Self {
-        Self {
-            memory_bytes: 20480 * 1024,
-            max_files: 1000,
-            automipmap: true,
-            substitute_texture: None,
-            substitute_environment: None,
-        }
-    }
-}
 
 /// What a texture is asked for; decides about substitutes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -45,10 +19,6 @@ pub enum Use {
     /// `shadow ()`.
     Shadow,
 }
-
-/// A texture file of one [`TextureCache`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct TextureId(pub(crate) u32);
 
 /// Texture files, opened when first named, of which tiles are read when first looked at.
 ///
@@ -101,16 +71,6 @@ impl TextureCache {
     /// As every function here that takes an id: when the id is of another cache.
     pub fn kind(&self, id: TextureId) -> TextureKind {
         self.file(id).kind
-    }
-
-    /// For many lookups from one thread.
-    pub fn reader(&self) -> TextureReader<'_> {
-        TextureReader::new(self, None)
-    }
-
-    /// The same; tiles of maps without a file come from `maker`. To other readers there is nothing in such maps.
-    pub fn reader_with<'a>(&'a self, maker: &'a dyn TileMaker) -> TextureReader<'a> {
-        TextureReader::new(self, Some(maker))
     }
 
     /// Filtered value of a texture: channels `first_channel` and following into `out`, of which the last

@@ -1,6 +1,6 @@
 //! Six faces of a cube: directions, mosaics, and texels across edges.
 
-use crate::file::{cube_level, is_openexr};
+use crate::level::Level;
 use granita_base::Vec3;
 use granita_image::ImageSpec;
 
@@ -157,6 +157,36 @@ pub(crate) fn texel_across(
     let p = project(layout, direction(layout, face, s, t));
     let index = |v: f32| ((v * n as f32) as i32).clamp(0, n - 1);
     Some((p.face, index(p.s), index(p.t)))
+}
+
+/// Whether files of a format follow OpenEXR's conventions for environment maps.
+pub(crate) fn is_openexr(format: &str) -> bool {
+    matches!(format.to_ascii_lowercase().as_str(), "exr" | "openexr")
+}
+
+/// The size of a face, and the step between faces, of a level that holds a cube.
+pub(crate) fn cube_level(layout: CubeLayout, spec: &ImageSpec, whole: (u32, u32)) -> Option<Level> {
+    let (columns, rows) = layout.cells();
+    let (step_x, step_y) = (whole.0 / columns, whole.1 / rows);
+    let (face_width, face_height) = match layout {
+        // Faces may be padded to whole tiles; then the display window is the size of a face.
+        CubeLayout::Mosaic if (1..=step_x).contains(&spec.full_width) && spec.full_height <= step_y => {
+            (spec.full_width, spec.full_height.max(1))
+        }
+        CubeLayout::Mosaic => (step_x, step_y),
+        CubeLayout::Column if whole.1 != whole.0.checked_mul(6)? => return None,
+        CubeLayout::Column => (whole.0, whole.0),
+    };
+    (face_width > 0 && face_height > 0 && face_width == face_height).then_some(Level {
+        width: whole.0,
+        height: whole.1,
+        face_width,
+        face_height,
+        step_x,
+        step_y,
+        tile_width: spec.tile_width,
+        tile_height: spec.tile_height,
+    })
 }
 
 #[cfg(test)]

@@ -1,15 +1,17 @@
 //! `environment ()`: filtered lookup in maps of all directions. Footprints of more than a texel are means under an ellipse
 //! on the sphere (`solid`); narrower ones are probes between texels, which are here.
 
-use crate::TextureKind;
 use crate::cube;
-use crate::file::{Level, TextureFile};
+use crate::file::TextureFile;
 use crate::footprint::{Ellipse, Mean, Spread, mix};
+use crate::level::Level;
 use crate::lookup::{EnvLookup, Up};
 use crate::plain::by_channels;
 use crate::reader::TextureReader;
-use crate::sampler::{Sampler, cell, levels};
+use crate::sampler::{Sampler, levels};
 use crate::solid::Lobe;
+use crate::wrap::cell;
+use crate::{TextureId, TextureKind};
 use granita_base::Vec3;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -36,13 +38,15 @@ pub(crate) fn to_map(r: Vec3, up: Up) -> Vec3 {
     up.to_map(r)
 }
 
-/// See [`crate::TextureCache::environment`].
-pub(crate) fn environment(
-    reader: &mut TextureReader<'_>,
-    file: &TextureFile,
-    q: &EnvLookup,
-    out: &mut [f32],
-) {
+impl TextureReader<'_> {
+    /// See [`TextureCache::environment`](crate::TextureCache::environment).
+    pub fn environment(&mut self, id: TextureId, lookup: &EnvLookup, out: &mut [f32]) {
+        let file = self.look_up(id);
+        environment(self, file, lookup, out);
+    }
+}
+
+fn environment(reader: &mut TextureReader<'_>, file: &TextureFile, q: &EnvLookup, out: &mut [f32]) {
     if file.is_broken() {
         return by_channels(file, q.first_channel, q.fill, out, |_, _| [0.0; 4]);
     }

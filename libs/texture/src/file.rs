@@ -1,33 +1,18 @@
 //! One texture file: what it says of itself, and how its texels are reached.
 
-use crate::cube::CubeLayout;
-use crate::make;
+use crate::block::Block;
+use crate::cube::{CubeLayout, cube_level, is_openexr};
+use crate::level::{Level, plain_level};
+use crate::made::MadeShadow;
 use crate::picture::{Picture, half, level_count};
-use crate::slices::Block;
-use crate::tiles::{Cell, Layout, Tile};
-use crate::{TextureId, TextureKind, Up, Wrap};
+use crate::pyramid::Levels;
+use crate::tiles::{Cell, Layout, Tile, from_raw};
+use crate::{TextureKind, Up, Wrap};
 use granita_base::{Filter, Transform};
-use granita_image::{ImageInput, ImageSpec, Limits, PixelType, Pixels};
+use granita_image::{ImageInput, Limits, PixelType, Pixels};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
-
-/// Size and tiling of one MIP level.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Level {
-    /// Of the whole picture.
-    pub(crate) width: u32,
-    pub(crate) height: u32,
-    /// Of one face; of the whole picture when it is no cube.
-    pub(crate) face_width: u32,
-    pub(crate) face_height: u32,
-    /// Distance between the upper left corners of neighbouring faces.
-    pub(crate) step_x: u32,
-    pub(crate) step_y: u32,
-    /// Of a tile; the whole level when it is held in memory.
-    pub(crate) tile_width: u32,
-    pub(crate) tile_height: u32,
-}
 
 /// An open file, or none while it is closed.
 pub(crate) type Handle = Mutex<Option<Arc<dyn ImageInput>>>;
@@ -84,71 +69,6 @@ pub(crate) struct TextureFile {
     pub(crate) slices: OnceLock<Vec<Block>>,
     /// Its levels could not be made: all of it is black, and need not be filtered.
     pub(crate) broken: AtomicBool,
-}
-
-/// Whether files of a format follow OpenEXR's conventions for environment maps.
-pub(crate) fn is_openexr(format: &str) -> bool {
-    matches!(format.to_ascii_lowercase().as_str(), "exr" | "openexr")
-}
-
-/// The size of a face, and the step between faces, of a level that holds a cube.
-pub(crate) fn cube_level(layout: CubeLayout, spec: &ImageSpec, whole: (u32, u32)) -> Option<Level> {
-    let (columns, rows) = layout.cells();
-    let (step_x, step_y) = (whole.0 / columns, whole.1 / rows);
-    let (face_width, face_height) = match layout {
-        // Faces may be padded to whole tiles; then the display window is the size of a face.
-        CubeLayout::Mosaic if (1..=step_x).contains(&spec.full_width) && spec.full_height <= step_y => {
-            (spec.full_width, spec.full_height.max(1))
-        }
-        CubeLayout::Mosaic => (step_x, step_y),
-        CubeLayout::Column if whole.1 != whole.0.checked_mul(6)? => return None,
-        CubeLayout::Column => (whole.0, whole.0),
-    };
-    (face_width > 0 && face_height > 0 && face_width == face_height).then_some(Level {
-        width: whole.0,
-        height: whole.1,
-        face_width,
-        face_height,
-        step_x,
-        step_y,
-        tile_width: spec.tile_width,
-        tile_height: spec.tile_height,
-    })
-}
-
-fn plain_level(width: u32, height: u32, tile: (u32, u32)) -> Level {
-    Level {
-        width,
-        height,
-        face_width: width,
-        face_height: height,
-        step_x: width,
-        step_y: height,
-        tile_width: tile.0,
-        tile_height: tile.1,
-    }
-}
-
-/// A depth map that is no file: [`TextureCache::declare`](crate::TextureCache::declare).
-#[derive(Clone, Copy, Debug)]
-pub struct MadeShadow {
-    /// Width and height in pixels.
-    pub resolution: [u32; 2],
-    /// Width and height of a tile.
-    pub tile: u32,
-    /// From "common" space to that of the light's camera, z being the depth.
-    pub world_to_camera: Transform,
-    /// From "common" space to the map, which spans -1 to 1 in x and y, y upwards.
-    pub world_to_screen: Transform,
-}
-
-/// Makes the tiles of maps that were declared ([`TextureCache::declare`](crate::TextureCache::declare)).
-///
-/// A tile may be asked for again after the cache dropped it: it must be the same to the bit. Several threads ask at once.
-pub trait TileMaker: Sync {
-    /// The depths of tile (`tx`, `ty`) of a map, row by row from the top; what lies outside the map is not looked at.
-    /// A tile of any other length than tile x tile counts as one in which nothing is.
-    fn tile(&self, map: TextureId, tx: u32, ty: u32) -> Vec<f32>;
 }
 
 /// What keeps a file from being used as it is.
@@ -369,7 +289,7 @@ impl TextureFile {
         let mut levels: Vec<(Pixels, usize)> =
             self.levels.iter().map(|l| (Pixels::zeros(self.pixel_type, values(l)), 0)).collect();
         let size = (first.width as usize, first.height as usize);
-        let mut smaller = make::Levels::new(self.kind, size, self.channels, (self.swrap, self.twrap));
+        let mut smaller = Levels::new(self.kind, size, self.channels, (self.swrap, self.twrap));
         let mut put = |level: usize, rows: &[f32]| {
             if let Some((pixels, filled)) = levels.get_mut(level) {
                 pixels.copy_from(*filled, &Pixels::from_floats(self.pixel_type, rows), 0, rows.len());
@@ -423,5 +343,11 @@ impl TextureFile {
     /// Black texels in the place of a tile that cannot be read.
     pub(crate) fn black_tile(&self, level: &Level) -> Tile {
         Tile::black(self.pixel_type, level.tile_width as usize, self.channels)
+    }
+
+    /// A stored number as what lookups give.
+    #[inline]
+    pub(crate) fn number(&self, raw: f32) -> f32 {
+        from_raw(self.pixel_type, raw)
     }
 }

@@ -1,5 +1,6 @@
 //! `texture ()`: filtered lookup in a plain picture.
 
+use crate::TextureId;
 use crate::file::TextureFile;
 use crate::footprint::{Mean, Spread, mix};
 use crate::gaussian::Gaussian;
@@ -36,8 +37,15 @@ const WIDE: f64 = 1.5;
 /// Widest footprint that is filtered in the smallest level, in its texels.
 const MOST: f64 = 32.0;
 
-/// See [`crate::TextureCache::texture`].
-pub(crate) fn texture(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup, out: &mut [f32]) {
+impl TextureReader<'_> {
+    /// See [`TextureCache::texture`](crate::TextureCache::texture).
+    pub fn texture(&mut self, id: TextureId, lookup: &Lookup, out: &mut [f32]) {
+        let file = self.look_up(id);
+        texture(self, file, lookup, out);
+    }
+}
+
+fn texture(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup, out: &mut [f32]) {
     if file.is_broken() {
         return by_channels(file, q.first_channel, q.fill, out, |_, _| [0.0; 4]);
     }

@@ -1,11 +1,11 @@
 //! One thread's way into a cache.
 
-use crate::file::{TextureFile, TileMaker};
+use crate::file::TextureFile;
+use crate::made::TileMaker;
 use crate::sampler::{Held, Sampler};
 use crate::shared::Shared;
 use crate::statistics::add;
-use crate::{EnvLookup, Lookup, Lookup3d, ShadowLookup, TextureCache, TextureId};
-use crate::{environment, plain, shadow, slices};
+use crate::{TextureCache, TextureId};
 
 /// Looks up one point after another and keeps the few tiles it used last: threads that ask for many points do not
 /// meet in the cache for each. Made by [`TextureCache::reader`]; answers are those of the cache. What it looked up
@@ -25,7 +25,7 @@ impl std::fmt::Debug for TextureReader<'_> {
 }
 
 impl<'a> TextureReader<'a> {
-    pub(crate) fn new(cache: &'a TextureCache, maker: Option<&'a dyn TileMaker>) -> Self {
+    fn new(cache: &'a TextureCache, maker: Option<&'a dyn TileMaker>) -> Self {
         Self { cache, maker, held: Held::new(cache.shared()), lookups: 0, probes: 0 }
     }
 
@@ -34,28 +34,10 @@ impl<'a> TextureReader<'a> {
         self.cache
     }
 
-    /// See [`TextureCache::texture`].
-    pub fn texture(&mut self, id: TextureId, lookup: &Lookup, out: &mut [f32]) {
+    /// The file to look up a point in.
+    pub(crate) fn look_up(&mut self, id: TextureId) -> &'a TextureFile {
         self.lookups += 1;
-        plain::texture(self, self.cache.file(id), lookup, out);
-    }
-
-    /// See [`TextureCache::texture3d`].
-    pub fn texture3d(&mut self, id: TextureId, lookup: &Lookup3d, out: &mut [f32]) {
-        self.lookups += 1;
-        slices::texture3d(self, self.cache.file(id), lookup, out);
-    }
-
-    /// See [`TextureCache::environment`].
-    pub fn environment(&mut self, id: TextureId, lookup: &EnvLookup, out: &mut [f32]) {
-        self.lookups += 1;
-        environment::environment(self, self.cache.file(id), lookup, out);
-    }
-
-    /// See [`TextureCache::shadow`].
-    pub fn shadow(&mut self, id: TextureId, lookup: &ShadowLookup) -> f32 {
-        self.lookups += 1;
-        shadow::shadow(self, self.cache.file(id), lookup)
+        self.cache.file(id)
     }
 
     pub(crate) fn shared(&self) -> &'a Shared {
@@ -70,6 +52,18 @@ impl<'a> TextureReader<'a> {
         channels: usize,
     ) -> Sampler<'s> {
         Sampler::new((self.cache.shared(), self.maker), &mut self.held, file, first, channels)
+    }
+}
+
+impl TextureCache {
+    /// For many lookups from one thread.
+    pub fn reader(&self) -> TextureReader<'_> {
+        TextureReader::new(self, None)
+    }
+
+    /// The same; tiles of maps without a file come from `maker`. To other readers there is nothing in such maps.
+    pub fn reader_with<'a>(&'a self, maker: &'a dyn TileMaker) -> TextureReader<'a> {
+        TextureReader::new(self, Some(maker))
     }
 }
 

@@ -1,13 +1,15 @@
 //! Texels of one file during one lookup.
 
-use crate::Wrap;
 use crate::cube;
-use crate::file::{Level, TextureFile, TileMaker};
+use crate::file::TextureFile;
 use crate::footprint::mix;
 use crate::gaussian::Gaussian;
+use crate::level::Level;
+use crate::made::TileMaker;
 use crate::shared::Shared;
 use crate::simd::{LANES, Row, Sums};
 use crate::tiles::{Cell, Tile, TileKey};
+use crate::wrap::{Wrap, cell};
 use granita_base::Vec3;
 use std::sync::Arc;
 
@@ -287,15 +289,6 @@ impl<'a> Sampler<'a> {
         let [a, b, c, d] = corners.map(|c| c.unwrap_or(sum));
         mix(mix(a, b, fx), mix(c, d, fx), fy)
     }
-}
-
-/// The texel to the left of (above) a coordinate in a row of `n`, and how far the coordinate is from
-/// that texel's centre towards the next.
-#[inline]
-pub(crate) fn cell(s: f32, n: u32) -> (i32, f32) {
-    let x = s * n as f32 - 0.5;
-    let floor = x.floor();
-    (floor as i32, x - floor)
 }
 
 /// Splits a level of detail into the two levels around it and the share of the coarser one.

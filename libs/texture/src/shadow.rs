@@ -1,11 +1,13 @@
 //! `shadow ()`: percentage-closer filtering of depth maps (Reeves, Salesin and Cook, Rendering
 //! Antialiased Shadows with Depth Maps, SIGGRAPH 1987), of cubes of them, and volume shadow maps.
 
+use crate::TextureId;
 use crate::file::TextureFile;
 use crate::lookup::ShadowLookup;
+use crate::opacity::{opacity_around, opacity_at};
 use crate::reader::TextureReader;
-use crate::sampler::{Sampler, cell};
-use crate::volume;
+use crate::sampler::Sampler;
+use crate::wrap::cell;
 use granita_base::{Transform, Vec3, hash, sample};
 
 /// Fewest and most samples of one lookup.
@@ -45,8 +47,15 @@ fn sane(q: &ShadowLookup) -> Option<ShadowLookup> {
     })
 }
 
-/// See [`crate::TextureCache::shadow`].
-pub(crate) fn shadow(reader: &mut TextureReader<'_>, file: &TextureFile, q: &ShadowLookup) -> f32 {
+impl TextureReader<'_> {
+    /// See [`TextureCache::shadow`](crate::TextureCache::shadow).
+    pub fn shadow(&mut self, id: TextureId, lookup: &ShadowLookup) -> f32 {
+        let file = self.look_up(id);
+        shadow(self, file, lookup)
+    }
+}
+
+fn shadow(reader: &mut TextureReader<'_>, file: &TextureFile, q: &ShadowLookup) -> f32 {
     let (Some(camera), Some(screen), true) =
         (&file.world_to_camera, &file.world_to_screen, file.kind.is_shadow())
     else {
@@ -88,7 +97,7 @@ fn flat_shadow(
         let t = t0 + (t - t0) * q.twidth + in_blur[1] * q.tblur;
         let z = z0 + (z - z0) * 0.5 * (q.swidth.abs() + q.twidth.abs());
         sum += if volume {
-            volume::opacity_at(&mut sampler, lod, s, t, z - q.bias)
+            opacity_at(&mut sampler, lod, s, t, z - q.bias)
         } else {
             occluded(&mut sampler, s, t, z - q.bias)
         };
@@ -183,7 +192,7 @@ fn cube_shadow(
         let depth = place.abs().max_element();
         let z = depth - q.bias;
         sum += if volume {
-            volume::opacity_around(&mut sampler, lod, direction, z)
+            opacity_around(&mut sampler, lod, direction, z)
         } else {
             sampler.around(0, direction, |texel| f32::from(z > texel[0]))
         };

@@ -1,7 +1,8 @@
 //! What all lookups of a cache share: files, tiles, open handles, counters.
 
-use crate::file::{Handle, MadeShadow, Source, TextureFile, TileMaker};
+use crate::file::{Handle, Source, TextureFile};
 use crate::files::Files;
+use crate::made::{MadeShadow, TileMaker};
 use crate::statistics::{Counters, add};
 use crate::tiles::{Cell, Tile, TileCache, TileKey};
 use crate::volume::EMPTY;

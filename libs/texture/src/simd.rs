@@ -9,7 +9,7 @@
 
 #![allow(unsafe_code, reason = "AVX2; measured by the bench of peers")]
 
-use crate::gaussian::Gaussian;
+use crate::gaussian::{Exponents, Gaussian};
 use half::f16;
 
 /// Texels that are taken at once.
@@ -291,14 +291,6 @@ fn exp2<S: Simd>(simd: S, x: S::F) -> S::F {
 #[inline]
 pub(crate) fn exp2_of(x: f32) -> f32 {
     exp2(Portable, [x; LANES])[0]
-}
-
-/// Exponents of 2 along a row: `a dx^2 + b dx + c`, dx being the distance from the centre in texels.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Exponents {
-    pub(crate) a: f32,
-    pub(crate) b: f32,
-    pub(crate) c: f32,
 }
 
 /// One row, from its first texel on. Texel `i` of it belongs to lane `i % 8`, wherever tiles begin.

@@ -5,81 +5,22 @@
 //! A footprint is an ellipse in space: its width across chooses the level, and along it stand probes between eight texels
 //! of the two levels around (as for what is narrow in pictures, see `footprint`).
 
-use crate::Wrap;
+use crate::TextureId;
+use crate::block::Block;
 use crate::file::TextureFile;
 use crate::footprint::{Ellipse, Mean, Spread, mix};
 use crate::lookup::Lookup3d;
-use crate::picture::{half, taps};
 use crate::plain::by_channels;
 use crate::reader::TextureReader;
-use crate::sampler::{cell, levels};
+use crate::sampler::levels;
 use crate::shared::Shared;
-use granita_base::{Filter, Vec3};
+use granita_base::Vec3;
 use granita_image::ImageInput;
 
 /// How many times as wide as in another direction a blur is; beyond it the other direction is blurred more.
 const MAX_BLUR_RATIO: f32 = 8.0;
 /// Most bytes that the largest level may take.
 const MAX_BYTES: u64 = 1 << 32;
-
-/// One level, channels side by side, columns fastest, slices slowest.
-#[derive(Debug)]
-pub(crate) struct Block {
-    size: [usize; 3],
-    channels: usize,
-    data: Vec<f32>,
-}
-
-impl Block {
-    /// Half the size in every direction, each texel the mean of what it covers.
-    fn halved(&self) -> Self {
-        let mut block = Self { size: self.size, channels: self.channels, data: self.data.clone() };
-        for axis in 0..3 {
-            block = block.halved_along(axis);
-        }
-        block
-    }
-
-    fn halved_along(self, axis: usize) -> Self {
-        let (from, to) = (self.size[axis], half(self.size[axis]));
-        if from == to {
-            return self;
-        }
-        let taps = taps(from, to, Filter::Box, Wrap::Clamp);
-        let mut size = self.size;
-        size[axis] = to;
-        // Values between neighbours along the axis, and blocks of all that is on it.
-        let step: usize = self.channels * self.size[..axis].iter().product::<usize>();
-        let outer: usize = self.size[axis + 1..].iter().product();
-        let mut data = Vec::with_capacity(outer * to * step);
-        for block in 0..outer {
-            for t in &taps {
-                data.extend((0..step).map(|k| t.apply(|i| self.data[(block * from + i) * step + k])));
-            }
-        }
-        Self { size, channels: self.channels, data }
-    }
-
-    /// Trilinear value of channels `first .. first + n` at a place in fractions of the block.
-    fn at(&self, p: Vec3, wrap: [Wrap; 3], first: usize, n: usize) -> [f32; 4] {
-        let size = self.size.map(|n| n as u32);
-        let place: [(i32, f32); 3] = std::array::from_fn(|a| cell(wrap[a].reduce(p[a]), size[a]));
-        let index = |a: usize, more: i32| wrap[a].index(place[a].0 + more, size[a] as i32);
-        let texel = |x: Option<i32>, y: Option<i32>, z: Option<i32>| {
-            let mut out = [0.0; 4];
-            if let (Some(x), Some(y), Some(z)) = (x, y, z) {
-                let row = z as usize * self.size[1] + y as usize;
-                let at = (row * self.size[0] + x as usize) * self.channels + first;
-                out[..n].copy_from_slice(&self.data[at..at + n]);
-            }
-            out
-        };
-        let [fx, fy, fz] = place.map(|(_, f)| f);
-        let row = |y, z| mix(texel(index(0, 0), y, z), texel(index(0, 1), y, z), fx);
-        let slice = |z| mix(row(index(1, 0), z), row(index(1, 1), z), fy);
-        mix(slice(index(2, 0)), slice(index(2, 1)), fz)
-    }
-}
 
 /// Reads the slices of a file and makes the smaller levels.
 ///
@@ -128,8 +69,15 @@ impl Shared {
     }
 }
 
-/// See [`crate::TextureCache::texture3d`].
-pub(crate) fn texture3d(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup3d, out: &mut [f32]) {
+impl TextureReader<'_> {
+    /// See [`TextureCache::texture3d`](crate::TextureCache::texture3d).
+    pub fn texture3d(&mut self, id: TextureId, lookup: &Lookup3d, out: &mut [f32]) {
+        let file = self.look_up(id);
+        texture3d(self, file, lookup, out);
+    }
+}
+
+fn texture3d(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup3d, out: &mut [f32]) {
     let blocks = reader.shared().slices(file);
     let Some(base) = blocks.first() else {
         out.fill(q.fill);
@@ -193,27 +141,4 @@ pub(crate) fn texture3d(reader: &mut TextureReader<'_>, file: &TextureFile, q: &
         mean.value()
     });
     reader.probes += count;
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn halving_keeps_the_mean() {
-        let size = [5, 4, 3];
-        let data: Vec<f32> =
-            (0..2 * 60).map(|i| granita_base::hash::unit(granita_base::hash::words(&[i]))).collect();
-        let block = Block { size, channels: 2, data };
-        let mean = |b: &Block, c: usize| {
-            let values = b.data.iter().skip(c).step_by(2);
-            values.clone().sum::<f32>() / values.count() as f32
-        };
-        let (small, half) = (block.halved().halved(), block.halved());
-        assert_eq!((half.size, small.size), ([2, 2, 1], [1, 1, 1]));
-        for c in 0..2 {
-            assert!((mean(&half, c) - mean(&block, c)).abs() < 1e-6);
-            assert!((mean(&small, c) - mean(&block, c)).abs() < 1e-6);
-        }
-    }
 }

@@ -74,6 +74,15 @@ impl Wrap {
     }
 }
 
+/// The texel to the left of (above) a coordinate in a row of `n`, and how far the coordinate is from
+/// that texel's centre towards the next.
+#[inline]
+pub(crate) fn cell(s: f32, n: u32) -> (i32, f32) {
+    let x = s * n as f32 - 0.5;
+    let floor = x.floor();
+    (floor as i32, x - floor)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

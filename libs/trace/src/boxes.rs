@@ -4,7 +4,7 @@ use crate::Ray;
 use crate::build::{self, Item, Span, Topology};
 use crate::layout::{Box3, Link, Node};
 use crate::probe::{Probe, Scale, Wide, still_plane};
-use crate::simd::{self, Simd};
+use crate::simd::{self, Kernel, Simd};
 use granita_base::Bound;
 
 /// Boxes around parts of a scene, to be asked which of them a ray passes.
@@ -33,6 +33,21 @@ pub struct Passage {
 pub struct BoxRoom {
     stack: Vec<(f32, Link)>,
     inside: Vec<(f32, u32)>,
+}
+
+/// What [`BoxTree::visit`] is given.
+struct Visit<'a> {
+    boxes: &'a BoxTree,
+    ray: &'a Ray,
+    room: &'a mut BoxRoom,
+    passed: &'a mut dyn FnMut(Passage) -> f32,
+}
+
+impl Kernel for Visit<'_> {
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) {
+        self.boxes.visit_with(s, self.ray, self.room, self.passed);
+    }
 }
 
 impl BoxTree {
@@ -68,11 +83,11 @@ impl BoxTree {
     /// Tells `passed` of the boxes that the ray passes, those whose insides it may hit first mostly first. `passed`
     /// answers how far the ray goes from then on: boxes beyond are left out. A negative answer ends it.
     pub fn visit(&self, ray: &Ray, room: &mut BoxRoom, passed: &mut dyn FnMut(Passage) -> f32) {
-        simd::visit(self, ray, room, passed);
+        simd::dispatch(Visit { boxes: self, ray, room, passed });
     }
 
     #[inline(always)]
-    pub(crate) fn visit_with<S: Simd>(
+    fn visit_with<S: Simd>(
         &self,
         s: S,
         ray: &Ray,

@@ -47,9 +47,12 @@ mod moving;
 mod order;
 mod probe;
 mod ray;
+mod scene;
 mod simd;
+mod still;
 mod trace;
 mod tracer;
+mod tree;
 
 #[cfg(test)]
 mod tests;
@@ -57,5 +60,6 @@ mod tests;
 pub use boxes::{BoxRoom, BoxTree, Passage};
 pub use mesh::{MeshId, TriangleMesh};
 pub use ray::{Hit, Ray};
+pub use still::Triangles;
 pub use trace::RayRoom;
-pub use tracer::{Tracer, TracerBuilder, Triangles};
+pub use tracer::{Tracer, TracerBuilder};

@@ -8,7 +8,7 @@ use crate::build::{self, Item, Topology};
 use crate::layout::{Block, Box3, Link, Node};
 use crate::probe::{Scale, Wide, still_plane};
 use crate::simd::{Simd, WIDE};
-use crate::trace::Tree;
+use crate::tree::Tree;
 use granita_base::Vec3;
 
 /// A tree over moving triangles.

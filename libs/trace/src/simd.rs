@@ -9,10 +9,6 @@
 
 #![allow(unsafe_code, reason = "AVX2; measured by the bench of rays")]
 
-use crate::Ray;
-use crate::boxes::{BoxRoom, BoxTree, Passage};
-use crate::trace::{Batch, RayRoom, Task};
-
 /// Numbers that nodes are tested with.
 pub(crate) const WIDE: usize = 8;
 /// Numbers that triangles are tested with.
@@ -52,6 +48,12 @@ pub(crate) trait Simd: Copy {
 
     /// Asks for what lies there to be brought near.
     fn prefetch<T>(self, at: &T);
+}
+
+/// Code that is written once and compiled for each kind of vectors.
+pub(crate) trait Kernel {
+    /// Runs it. Implementations are `#[inline(always)]`, so that they are compiled for the machine that `s` stands for.
+    fn run<S: Simd>(self, s: S);
 }
 
 /// What every machine can do; compilers make SSE or NEON of it.
@@ -112,7 +114,7 @@ impl Simd for Portable {
 
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
-    use super::{NARROW, Simd, WIDE};
+    use super::{Kernel, NARROW, Simd, WIDE};
     use std::arch::x86_64::*;
 
     /// The right to use AVX2: exists only where the machine has it.
@@ -171,27 +173,11 @@ mod avx2 {
         }
     }
 
-    /// [`Batch::run`], compiled for AVX2.
+    /// [`Kernel::run`], compiled for AVX2.
     #[target_feature(enable = "avx2")]
-    pub(super) fn run(token: Avx2, batch: &Batch<'_>, task: Task<'_>, room: &mut RayRoom) {
-        batch.run(token, task, room);
+    pub(super) fn run(token: Avx2, kernel: impl Kernel) {
+        kernel.run(token);
     }
-
-    /// [`BoxTree::visit`], compiled for AVX2.
-    #[target_feature(enable = "avx2")]
-    pub(super) fn visit(
-        token: Avx2,
-        boxes: &BoxTree,
-        ray: &Ray,
-        room: &mut BoxRoom,
-        passed: &mut dyn FnMut(Passage) -> f32,
-    ) {
-        boxes.visit_with(token, ray, room, passed);
-    }
-
-    use crate::Ray;
-    use crate::boxes::{BoxRoom, BoxTree, Passage};
-    use crate::trace::{Batch, RayRoom, Task};
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -221,23 +207,13 @@ pub(crate) fn with_large_pages<T>(n: usize) -> Vec<T> {
 #[cfg(target_os = "linux")]
 const LARGE: usize = 4 << 20;
 
-/// Traces a batch with the best that the machine has.
+/// Runs a kernel with the widest vectors that the machine has.
 #[inline]
-pub(crate) fn run(batch: &Batch<'_>, task: Task<'_>, room: &mut RayRoom) {
+pub(crate) fn dispatch(kernel: impl Kernel) {
     #[cfg(target_arch = "x86_64")]
     if let Some(token) = Avx2::new() {
         // SAFETY: the machine has AVX2, which is all that the function asks for.
-        return unsafe { avx2::run(token, batch, task, room) };
+        return unsafe { avx2::run(token, kernel) };
     }
-    batch.run(Portable, task, room);
-}
-
-/// Runs [`BoxTree::visit`] with the widest vectors that the machine has.
-pub(crate) fn visit(boxes: &BoxTree, ray: &Ray, room: &mut BoxRoom, passed: &mut dyn FnMut(Passage) -> f32) {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(token) = Avx2::new() {
-        // SAFETY: the machine has AVX2, which is all that the function asks for.
-        return unsafe { avx2::visit(token, boxes, ray, room, passed) };
-    }
-    boxes.visit_with(Portable, ray, room, passed);
+    kernel.run(Portable);
 }

@@ -2,9 +2,10 @@
 
 use crate::layout::Block;
 use crate::probe::{Met, Probe, Wide};
-use crate::simd::{self, Portable};
-use crate::trace::{Batch, Best, RayRoom, Task, Tree};
-use crate::tracer::Scene;
+use crate::scene::Scene;
+use crate::simd::Portable;
+use crate::trace::{Batch, Best, RayRoom, Task};
+use crate::tree::Tree;
 use crate::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
 use granita_base::{Vec3, hash};
 
@@ -151,7 +152,7 @@ fn wide_is_portable_to_the_bit() {
     let batch = Batch { scene: &tracer.scene, rays: &rays, order: None };
     let (mut wide, mut plain) = (vec![Hit::MISS; rays.len()], vec![Hit::MISS; rays.len()]);
     let mut room = RayRoom::default();
-    simd::run(&batch, Task::Closest(&mut wide), &mut room);
+    batch.trace(Task::Closest(&mut wide), &mut room);
     batch.run(Portable, Task::Closest(&mut plain), &mut room);
     let bits = |h: &Hit| (h.t.to_bits(), h.mesh, h.triangle, h.b1.to_bits(), h.b2.to_bits());
     for (a, b) in wide.iter().zip(&plain) {
@@ -162,7 +163,7 @@ fn wide_is_portable_to_the_bit() {
         assert_eq!(tracer.any_of_one(ray, &mut room), hit.is_hit());
     }
     let (mut wide, mut plain) = (vec![false; rays.len()], vec![false; rays.len()]);
-    simd::run(&batch, Task::Any(&mut wide), &mut room);
+    batch.trace(Task::Any(&mut wide), &mut room);
     batch.run(Portable, Task::Any(&mut plain), &mut room);
     assert_eq!(wide, plain);
     for (ray, k) in rays.iter().zip(0..500) {
@@ -175,7 +176,7 @@ fn wide_is_portable_to_the_bit() {
             };
             let task = Task::Where(&mut hit, &mut accept);
             if wide {
-                simd::run(&batch, task, &mut room)
+                batch.trace(task, &mut room)
             } else {
                 batch.run(Portable, task, &mut room)
             }

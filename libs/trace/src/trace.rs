@@ -4,35 +4,12 @@
 //! compiled for each kind of machine, see `simd`.
 
 use crate::build::LEVELS;
-use crate::layout::{Block, Box3, Link};
+use crate::layout::{Block, Link};
 use crate::probe::{Met, Probe, Wide};
-use crate::simd::{Simd, WIDE};
-use crate::tracer::Scene;
+use crate::scene::Scene;
+use crate::simd::{self, Kernel, Simd, WIDE};
+use crate::tree::Tree;
 use crate::{Hit, Ray};
-
-/// What a tree must be able to show to be gone through.
-pub(crate) trait Tree {
-    /// Whether there is anything in it.
-    fn is_empty(&self) -> bool;
-
-    /// The children of a node that a ray meets up to `tmax`, where it enters them, and what they are.
-    fn enter<S: Simd>(
-        &self,
-        s: S,
-        node: usize,
-        wide: &Wide<S>,
-        tmax: f32,
-    ) -> (u32, [f32; WIDE], &[u32; WIDE]);
-
-    /// The triangles of a block; `room` is where to put them if they do not lie ready.
-    fn block<'a>(&'a self, block: usize, room: &'a mut Block) -> &'a Block;
-
-    /// Box of a triangle of a block.
-    fn bounds(&self, block: &Block, lane: usize) -> Box3;
-
-    /// Asks for what is behind a link.
-    fn prefetch<S: Simd>(&self, s: S, link: Link);
-}
 
 /// Rays to be traced.
 pub(crate) struct Batch<'a> {
@@ -83,7 +60,23 @@ pub(crate) struct Best {
     pub(crate) id: u32,
 }
 
+/// A batch, what is wanted of it, and room for going through trees.
+struct Tracing<'a, 'b, 't>(&'a Batch<'b>, Task<'t>, &'a mut RayRoom);
+
+impl Kernel for Tracing<'_, '_, '_> {
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) {
+        self.0.run(s, self.1, self.2);
+    }
+}
+
 impl Batch<'_> {
+    /// Traces the rays with the widest vectors that the machine has.
+    #[inline]
+    pub(crate) fn trace(&self, task: Task<'_>, room: &mut RayRoom) {
+        simd::dispatch(Tracing(self, task, room));
+    }
+
     #[inline(always)]
     pub(crate) fn run<S: Simd>(&self, s: S, task: Task<'_>, stack: &mut RayRoom) {
         match task {

@@ -1,26 +1,17 @@
 //! Building and tracing.
 
-use crate::build::{self, Item, Topology};
-use crate::layout::{Block, Box3, Link, Node};
+use crate::layout::Box3;
 use crate::moving::MovingTree;
 use crate::order::{self, Sorter};
-use crate::probe::{Met, Probe, Scale, Wide, still_plane};
-use crate::simd::{self, NARROW, Simd, WIDE};
-use crate::trace::{Batch, RayRoom, Task, Tree};
+use crate::probe::Scale;
+use crate::scene::Scene;
+use crate::still::{StillTree, Triangles, corners_elsewhere};
+use crate::trace::{Batch, RayRoom, Task};
 use crate::{Hit, MeshId, Ray, TriangleMesh};
-use granita_base::{Bound, Vec3};
+use granita_base::Bound;
 
 /// Triangles of all meshes of a tracer at most.
 const MAX_TRIANGLES: usize = 1 << 30;
-
-/// Triangles that stand still and lie elsewhere: nothing of them is copied before the tree is built.
-pub trait Triangles: Sync {
-    /// How many there are.
-    fn count(&self) -> usize;
-
-    /// The vertices of one; `None` for one that is never hit.
-    fn triangle(&self, triangle: usize) -> Option<[Vec3; 3]>;
-}
 
 /// Collects meshes.
 #[derive(Default)]
@@ -120,32 +111,6 @@ pub struct Tracer {
     pub(crate) scene: Scene,
 }
 
-/// What rays go through.
-#[derive(Debug)]
-pub(crate) struct Scene {
-    pub(crate) still: StillTree,
-    pub(crate) moving: MovingTree,
-    /// Number of the first triangle of each mesh.
-    first: Vec<u32>,
-    pub(crate) scale: Scale,
-    /// Box around everything in the coordinates of the trees.
-    pub(crate) bounds: Box3,
-}
-
-impl Scene {
-    /// What the world is told of a hit.
-    pub(crate) fn hit(&self, probe: &Probe, met: &Met, id: u32) -> Hit {
-        let mesh = self.first.partition_point(|first| *first <= id) - 1;
-        Hit {
-            t: probe.distance(met.t),
-            mesh: mesh as u32,
-            triangle: id - self.first[mesh],
-            b1: met.b1,
-            b2: met.b2,
-        }
-    }
-}
-
 impl Tracer {
     /// Box around everything that can be hit, over all times; empty without anything.
     pub fn bound(&self) -> Bound {
@@ -167,7 +132,7 @@ impl Tracer {
         for (rays, hits) in rays.chunks(order::MANY).zip(hits.chunks_mut(order::MANY)) {
             let order = self.sorter.order(rays);
             let batch = Batch { scene: &self.scene, rays, order: order.as_deref() };
-            simd::run(&batch, Task::Closest(hits), &mut RayRoom::default());
+            batch.trace(Task::Closest(hits), &mut RayRoom::default());
         }
     }
 
@@ -181,21 +146,21 @@ impl Tracer {
         for (rays, blocked) in rays.chunks(order::MANY).zip(blocked.chunks_mut(order::MANY)) {
             let order = self.sorter.order(rays);
             let batch = Batch { scene: &self.scene, rays, order: order.as_deref() };
-            simd::run(&batch, Task::Any(blocked), &mut RayRoom::default());
+            batch.trace(Task::Any(blocked), &mut RayRoom::default());
         }
     }
 
     /// The closest hit of one ray, as [`Tracer::closest`] finds it.
     pub fn closest_of_one(&self, ray: &Ray, room: &mut RayRoom) -> Hit {
         let mut hit = [Hit::MISS];
-        simd::run(&self.only(ray), Task::Closest(&mut hit), room);
+        self.only(ray).trace(Task::Closest(&mut hit), room);
         hit[0]
     }
 
     /// Whether one ray hits anything, as [`Tracer::any`] finds it.
     pub fn any_of_one(&self, ray: &Ray, room: &mut RayRoom) -> bool {
         let mut blocked = [false];
-        simd::run(&self.only(ray), Task::Any(&mut blocked), room);
+        self.only(ray).trace(Task::Any(&mut blocked), room);
         blocked[0]
     }
 
@@ -209,128 +174,7 @@ impl Tracer {
     /// depend on the hit alone.
     pub fn closest_where(&self, ray: &Ray, accept: &mut dyn FnMut(&Hit) -> bool) -> Hit {
         let mut hit = Hit::MISS;
-        simd::run(&self.only(ray), Task::Where(&mut hit, accept), &mut RayRoom::default());
+        self.only(ray).trace(Task::Where(&mut hit, accept), &mut RayRoom::default());
         hit
     }
 }
-
-/// The vertices of a triangle that lies elsewhere, if it can be hit.
-fn corners_elsewhere(triangles: &dyn Triangles, t: usize) -> Option<[Vec3; 3]> {
-    triangles.triangle(t).filter(|v| v.iter().all(|p| p.is_finite()))
-}
-
-/// The tree of all that stands still.
-#[derive(Debug, Default)]
-pub(crate) struct StillTree {
-    nodes: Vec<Node>,
-    blocks: Vec<Block>,
-}
-
-impl StillTree {
-    fn new(
-        meshes: &[TriangleMesh],
-        elsewhere: &[Option<&dyn Triangles>],
-        first: &[u32],
-        scale: Scale,
-        threads: usize,
-    ) -> Self {
-        let count = |mesh: usize| match elsewhere[mesh] {
-            Some(triangles) => triangles.count(),
-            None if meshes[mesh].times.len() == 1 => meshes[mesh].triangles.len(),
-            None => 0,
-        };
-        let corners = |mesh: usize, t: usize| -> Option<[Vec3; 3]> {
-            if let Some(triangles) = elsewhere[mesh] {
-                return corners_elsewhere(triangles, t).map(|v| v.map(|p| scale.point(p)));
-            }
-            meshes[mesh].triangle_bound(t)?;
-            let [a, b, c] = meshes[mesh].triangles[t].map(|v| meshes[mesh].positions[0].get(v as usize));
-            Some([*a?, *b?, *c?].map(|p| scale.point(p)))
-        };
-        let mut items = Vec::with_capacity((0..meshes.len()).map(count).sum());
-        for (m, first) in first.iter().enumerate() {
-            for t in 0..count(m) {
-                if let Some(vertices) = corners(m, t) {
-                    items.push(Item::new(first + t as u32, &Box3::around(&vertices)));
-                }
-            }
-        }
-        let Topology { mut nodes, blocks: spans } = build::build(&mut items, threads);
-        nodes.shrink_to_fit();
-        // The boxes are not needed any more, and the blocks are about to take their room.
-        let ids: Vec<u32> = items.iter().map(Item::id).collect();
-        drop(items);
-        let mut blocks = simd::with_large_pages(spans.len());
-        blocks.resize(spans.len(), Block::EMPTY);
-        let part = spans.len().div_ceil(threads.max(1)).max(1);
-        std::thread::scope(|scope| {
-            for (spans, blocks) in spans.chunks(part).zip(blocks.chunks_mut(part)) {
-                let (ids, corners) = (&ids, &corners);
-                let fill = move || {
-                    for (span, block) in spans.iter().zip(blocks) {
-                        let own = &ids[span.first as usize..][..span.count as usize];
-                        for (lane, &id) in own.iter().enumerate() {
-                            let mesh = first.partition_point(|f| *f <= id) - 1;
-                            if let Some(vertices) = corners(mesh, (id - first[mesh]) as usize) {
-                                block.set(lane, id, &vertices);
-                            }
-                        }
-                    }
-                };
-                if threads > 1 { _ = scope.spawn(fill) } else { fill() }
-            }
-        });
-        Self { nodes, blocks }
-    }
-
-    /// How many blocks there are.
-    #[cfg(test)]
-    pub(crate) fn len(&self) -> usize {
-        self.blocks.len()
-    }
-
-    fn bytes(&self) -> usize {
-        self.nodes.capacity() * size_of::<Node>() + self.blocks.capacity() * size_of::<Block>()
-    }
-}
-
-impl Tree for StillTree {
-    #[inline(always)]
-    fn is_empty(&self) -> bool {
-        self.nodes.is_empty()
-    }
-
-    #[inline(always)]
-    fn enter<S: Simd>(
-        &self,
-        s: S,
-        node: usize,
-        wide: &Wide<S>,
-        tmax: f32,
-    ) -> (u32, [f32; WIDE], &[u32; WIDE]) {
-        let node = &self.nodes[node];
-        let (mask, near) = wide.enter(s, still_plane(s, node), tmax);
-        (mask, near, node.links())
-    }
-
-    #[inline(always)]
-    fn block<'a>(&'a self, block: usize, _: &'a mut Block) -> &'a Block {
-        &self.blocks[block]
-    }
-
-    #[inline(always)]
-    fn bounds(&self, block: &Block, lane: usize) -> Box3 {
-        Box3::around(&block.vertices(lane).map(Vec3::from_array))
-    }
-
-    #[inline(always)]
-    fn prefetch<S: Simd>(&self, s: S, link: Link) {
-        if link.is_leaf() {
-            s.prefetch(&self.blocks[link.blocks().start]);
-        } else {
-            s.prefetch(&self.nodes[link.0 as usize]);
-        }
-    }
-}
-
-const _: () = assert!(NARROW == 4);

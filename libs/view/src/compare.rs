@@ -1,9 +1,9 @@
 //! How two pictures differ, in numbers.
 
 use crate::picture::Page;
-use crate::source::{Access, Source, tile_size};
+use crate::source::{Access, Source};
 use crate::store::TileStore;
-use crate::tile::{TILE, Tile};
+use crate::tile::{TILE, Tile, tile_size};
 use crate::{Result, ViewError, flip};
 use granita_image::{ImageSpec, PixelType, Pixels};
 use granita_texture::make::ColorSpace;

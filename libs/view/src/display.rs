@@ -1,12 +1,14 @@
 //! From values to what a screen shows: exposure, gamma, choice of channels, false colour, marks.
 
-use crate::draw::BESIDE;
 use crate::layers::{Layer, Meaning};
 use crate::maps::ColorMap;
 use crate::tile::Pick;
 use granita_base::hash;
 use granita_texture::make::ColorSpace;
 use std::sync::Arc;
+
+/// What is beside a picture.
+pub const BESIDE: [u8; 4] = [34, 34, 36, 255];
 
 /// Which channels of a layer are seen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! Drawing: a view of one page, or of two against each other, as bytes for a screen.
 
-use crate::display::{Display, Prepared, Tables};
+use crate::display::{BESIDE, Display, Prepared, Tables};
 use crate::grid::{Eye, Grid, Needs, Scratch, needs};
 use crate::picture::Page;
 use crate::sheet::Sheet;
@@ -95,9 +95,6 @@ impl Canvas {
         [self.bytes[at], self.bytes[at + 1], self.bytes[at + 2]]
     }
 }
-
-/// What is beside a picture.
-pub const BESIDE: [u8; 4] = [34, 34, 36, 255];
 
 /// Rows of the screen that one thread draws at a time.
 const ROWS: usize = 16;

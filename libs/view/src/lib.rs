@@ -41,8 +41,8 @@ mod view;
 
 pub use album::{Group, expand, groups, in_order};
 pub use compare::{ChannelDifference, CompareOptions, Comparison, compare, flip_page};
-pub use display::{Background, Channels, Display, FalseColor, Marks, Prepared, Tables, luminance};
-pub use draw::{BESIDE, Canvas, Mix, Shown, draw, draw_into};
+pub use display::{BESIDE, Background, Channels, Display, FalseColor, Marks, Prepared, Tables, luminance};
+pub use draw::{Canvas, Mix, Shown, draw, draw_into};
 pub use drawing::paint;
 pub use error::{Result, ViewError};
 pub use flip::PIXELS_PER_DEGREE;

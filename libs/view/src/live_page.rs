@@ -1,9 +1,9 @@
 //! A picture that arrives, as a page.
 
 use crate::picture::Page;
-use crate::source::{Access, Source, tile_size};
+use crate::source::{Access, Source};
 use crate::store::TileStore;
-use crate::tile::{TILE, Tile};
+use crate::tile::{TILE, Tile, tile_size};
 use crate::{Live, LiveInfo, Result};
 use granita_image::{ImageSpec, PixelRect, PixelType, Pixels};
 use std::sync::Arc;

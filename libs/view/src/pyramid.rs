@@ -1,9 +1,9 @@
 //! A page in levels: those of its source, and below them ones that are made here, tile by tile.
 
 use crate::Result;
-use crate::source::{Access, Source, tile_size};
+use crate::source::{Access, Source};
 use crate::store::{TileKey, TileStore};
-use crate::tile::{Reduce, TILE, Tile};
+use crate::tile::{Reduce, TILE, Tile, tile_size};
 use granita_image::PixelType;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};

@@ -1,7 +1,6 @@
 //! A rough picture of a page from a few of its rows, for showing until the page itself has been read.
 
-use crate::source::cut;
-use crate::tile::Tile;
+use crate::tile::{Tile, cut};
 use granita_image::{ImageInput, ImageSpec, Pixels};
 use rayon::prelude::*;
 

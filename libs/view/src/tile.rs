@@ -1,6 +1,6 @@
 //! A square block of a picture: the unit in which pictures are read, kept and drawn.
 
-use granita_image::{PixelType, Pixels};
+use granita_image::{BlockCopy, PixelType, Pixels};
 
 /// Width and height of a tile in pixels; tiles at the right and lower edges are cut.
 pub const TILE: u32 = 128;
@@ -159,6 +159,41 @@ fn some_of(
             };
         }
     }
+}
+
+/// Cuts rows from `y0` on, a multiple of the size of a tile, of a level of this size into tiles of `n` channels.
+pub(crate) fn cut(
+    size: (u32, u32),
+    n: usize,
+    y0: u32,
+    pixels: &Pixels,
+    whole: bool,
+) -> Vec<((u32, u32), Tile)> {
+    let rows = (pixels.len() / (size.0 as usize * n)) as u32;
+    let mut tiles = Vec::new();
+    for ty in y0 / TILE..(y0 + rows).div_ceil(TILE) {
+        for tx in 0..size.0.div_ceil(TILE) {
+            let (width, height) = tile_size(size, tx, ty);
+            let mut tile = Tile::zeros(width, height, n, pixels.pixel_type());
+            tile.whole = whole;
+            let copy = BlockCopy {
+                from_width: size.0 as usize,
+                from: ((tx * TILE) as usize, (ty * TILE - y0) as usize),
+                to_width: width as usize,
+                to: (0, 0),
+                size: (width as usize, height as usize),
+                nchannels: n,
+            };
+            copy.run(pixels, &mut tile.pixels);
+            tiles.push(((tx, ty), tile));
+        }
+    }
+    tiles
+}
+
+/// Width and height of tile (tx, ty) of a level of this size.
+pub(crate) fn tile_size(size: (u32, u32), tx: u32, ty: u32) -> (u32, u32) {
+    (size.0.saturating_sub(tx * TILE).min(TILE), size.1.saturating_sub(ty * TILE).min(TILE))
 }
 
 #[cfg(test)]

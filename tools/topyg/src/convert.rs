@@ -4,7 +4,7 @@ use crate::output::Output;
 use granita_base::{Location, Param, Params, Reporter, Severity};
 use granita_cli::Status;
 use granita_pyg::{Writer, WriterOptions};
-use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, State, Stop};
+use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, State, Stop, attr};
 use granita_session::{Input, InputError, Inputs, SessionOptions};
 use std::io;
 use std::path::Path;
@@ -100,10 +100,7 @@ impl Echo<'_> {
             let paths = InputPaths { input: ".", generator: &self.job.generators };
             return self.finder.file(file, paths);
         }
-        let path = match self.state.attribute("string path:input").map(|p| p.data) {
-            Some(granita_base::ParamData::String(v)) => v.join(":"),
-            _ => ".".to_owned(),
-        };
+        let path = attr::PATH_INPUT.ask(&self.state);
         self.finder.find(command, InputPaths { input: &path, generator: &self.job.generators })
     }
 

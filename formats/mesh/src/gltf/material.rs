@@ -2,10 +2,10 @@
 
 use super::buffers::path_of_uri;
 use super::document::{Document, Items, Material, Sampler, TextureRef, TextureTransform, item};
-use crate::emit::{self, Emit, color, float, int, is_screen_picture, string};
+use crate::emit::{self, Emit, color, float, is_screen_picture, string};
 use crate::faults::Faults;
-use granita_base::{Param, Params};
-use granita_scene::{Call, Stop};
+use granita_base::{Color, Param, Params};
+use granita_scene::{Call, Stop, attr};
 use serde_json::Value;
 use std::path::PathBuf;
 
@@ -87,9 +87,9 @@ impl Materials<'_> {
                 ("opaque", 1.0)
             }
         };
-        emit.attribute(color("C", [r, g, b]), 0)?;
-        emit.attribute(color("opacity", [alpha; 3]), 0)?;
-        emit.attribute(int("twosided", i32::from(m.double_sided)), 0)?;
+        emit.attribute(attr::COLOR.param(Color::new(r, g, b)), 0)?;
+        emit.attribute(attr::OPACITY.param(Color::splat(alpha)), 0)?;
+        emit.attribute(attr::TWOSIDED.param(m.double_sided), 0)?;
         let strength =
             m.extensions.get("KHR_materials_emissive_strength").and_then(|e| e.get("emissiveStrength"));
         let strength = strength.and_then(Value::as_f64).unwrap_or(1.0) as f32;

@@ -12,14 +12,14 @@ mod primitive;
 mod scene;
 mod skin;
 
-use crate::emit::{Emit, color, float, object_name, string};
+use crate::emit::{Emit, color, float, object_name};
 use crate::faults::Faults;
 use crate::source::{Opened, Stream, io_error, open};
 use accessor::Reader;
 use buffers::Buffers;
 use document::{Document, item};
-use granita_base::{BaseType, Param, ParamData, ParamType, Params, Reporter, Severity};
-use granita_scene::{Call, Generator, GeneratorError, GeneratorSource, SceneSink};
+use granita_base::{Params, Reporter, Severity};
+use granita_scene::{Call, Generator, GeneratorError, GeneratorSource, SceneSink, attr};
 use material::Materials;
 pub use pictures::GltfPictures;
 use primitive::Built;
@@ -257,19 +257,18 @@ impl Run<'_> {
             let mut params = Vec::new();
             let mut range = |near: f32, far: Option<f32>| {
                 if near > 0.0 && near.is_finite() {
-                    params.push(float("near", near));
+                    params.push(attr::NEAR.param(near));
                 }
-                params.extend(far.filter(|f| *f > near && f.is_finite()).map(|f| float("far", f)));
+                params.extend(far.filter(|f| *f > near && f.is_finite()).map(|f| attr::FAR.param(f)));
             };
             if let Some(p) = &camera.perspective {
                 range(p.znear, p.zfar);
-                params.push(float("fov", p.yfov.to_degrees()));
+                params.push(attr::FOV.param(p.yfov.to_degrees()));
             } else if let Some(o) = &camera.orthographic {
                 range(o.znear, Some(o.zfar));
-                params.push(string("projection", "orthographic"));
+                params.push(attr::PROJECTION.param("orthographic".into()));
                 let screen = [-o.xmag, o.xmag, -o.ymag, o.ymag];
-                let ty = ParamType::array(BaseType::Float, 4);
-                params.push(Param { name: "screen".into(), ty, data: ParamData::from(&screen[..]) });
+                params.push(attr::SCREEN.param(Some(screen)));
             }
             let Some(matrix) = placed.looking() else {
                 self.faults

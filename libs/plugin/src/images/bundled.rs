@@ -250,7 +250,7 @@ unsafe extern "C" fn out_open(
         let (name, spec, params) =
             unsafe { (ffi::text(name).unwrap_or_default(), &*spec, params(nparams, list)) };
         let side = |n: c_int| u32::try_from(n).map_err(|_| format!("{n} is no size"));
-        let (quantize, stored) = if params.get("quantize").is_some() {
+        let (quantize, stored) = if params.get(granita_scene::attr::QUANTIZE.name()).is_some() {
             Quantize::for_output(&*out.format, &params)
         } else {
             let wanted = match spec.format {

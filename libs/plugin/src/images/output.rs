@@ -167,7 +167,7 @@ impl PluginOutput {
         let mut list = List::default();
         image.attributes.iter().for_each(|param| list.add(param));
         quantization(image, &mut list);
-        let asked = image.attributes.get("quantize").and_then(|p| p.data.to_ints());
+        let asked = image.attributes.get(granita_scene::attr::QUANTIZE.name()).and_then(|p| p.data.to_ints());
         let format = match asked.as_deref() {
             Some([0, 0, 0, 0]) => PixelType::Float,
             Some([.., max]) if *max > 255 => PixelType::U16,

@@ -523,8 +523,7 @@ impl Interface<'_> {
         };
         let archives = self.host.archives();
         if archives {
-            let levels = self.sink.attribute("int limits:inputlevels");
-            let levels = levels.and_then(|p| p.data.to_ints()?.first().copied()).unwrap_or(0);
+            let levels = granita_scene::attr::LIMITS_INPUTLEVELS.ask(&*self.sink);
             if self.level >= levels {
                 let within = bound.map_or_else(String::new, |b| format!(" within {b:?}"));
                 let text = format!("Input: a generator of the program is run here{within}");
@@ -536,7 +535,7 @@ impl Interface<'_> {
         if apart {
             self.call(granita_scene::Call::PushAttributes);
         }
-        let sink = crate::generator::Borrowed(&mut *self.sink);
+        let sink = super::Borrowed(&mut *self.sink);
         let host: Box<dyn super::InterfaceHost> =
             if archives { Box::new(super::Archiving) } else { Box::new(()) };
         let mut inner = Interface::new(Box::new(sink), host, self.errors.clone(), self.at.clone());

@@ -5,6 +5,7 @@
 
 use super::{Attributes, CameraView, Projection};
 use granita_base::{Transform, Vec3};
+use granita_scene::attr;
 
 /// How the views of two eyes converge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -46,38 +47,40 @@ pub struct Stereo {
 impl Stereo {
     /// From the attributes; `None` when there is one view. Values that make no sense are reported.
     pub(super) fn new(get: &Attributes<'_>, projection: &Projection) -> Option<Self> {
-        let separation = get.float("stereo:separation", 0.0);
+        let separation = get.finite(attr::STEREO_SEPARATION);
         if separation == 0.0 {
             return None;
         }
-        let word = |name: &str| get.camera.params.string(name).map_or("", |s| &**s);
-        let mut eyes = match word("stereo:projection") {
-            "" | "off-axis" => EyeProjection::OffAxis,
+        let mut eyes = match &*get.camera.get(attr::STEREO_PROJECTION) {
+            "off-axis" => EyeProjection::OffAxis,
             "parallel" => EyeProjection::Parallel,
             "toe-in" => EyeProjection::ToeIn,
             other => {
-                get.complain("stereo:projection", &format!("\"{other}\" is unknown; \"off-axis\" is used"));
+                get.complain(
+                    attr::STEREO_PROJECTION,
+                    &format!("\"{other}\" is unknown; \"off-axis\" is used"),
+                );
                 EyeProjection::OffAxis
             }
         };
-        let shade = match word("stereo:shade") {
-            "" | "center" => ShadedFrom::Center,
+        let shade = match &*get.camera.get(attr::STEREO_SHADE) {
+            "center" => ShadedFrom::Center,
             "left" => ShadedFrom::Left,
             "right" => ShadedFrom::Right,
             other => {
-                get.complain("stereo:shade", &format!("\"{other}\" is unknown; \"center\" is used"));
+                get.complain(attr::STEREO_SHADE, &format!("\"{other}\" is unknown; \"center\" is used"));
                 ShadedFrom::Center
             }
         };
-        let convergence = get.float("stereo:convergence", 0.0);
+        let convergence = get.finite(attr::STEREO_CONVERGENCE);
         if eyes != EyeProjection::Parallel && convergence <= 0.0 {
             let what = format!("{convergence} is no depth before the camera; the two views are parallel");
-            get.complain("stereo:convergence", &what);
+            get.complain(attr::STEREO_CONVERGENCE, &what);
             eyes = EyeProjection::Parallel;
         }
         if eyes == EyeProjection::OffAxis && *projection == Projection::Orthographic {
             let what = "gives an orthographic camera two equal views; \"toe-in\" shows depth";
-            get.complain("stereo:projection", what);
+            get.complain(attr::STEREO_PROJECTION, what);
         }
         Some(Self { separation, convergence, projection: eyes, shade })
     }

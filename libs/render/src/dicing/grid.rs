@@ -5,7 +5,7 @@ use super::motion::points_at;
 use crate::finite;
 use granita_base::{BaseType, ShapeDesc, Transform, Vec3, Vec4, hash};
 use granita_geom::{Dice, DiceData, DicePrimvar};
-use granita_scene::Primitive;
+use granita_scene::{Primitive, attr};
 use granita_shade::{Grid, Lanes3, Primvar, PrimvarData, RayKind, Topology};
 
 /// Where a grid is looked at from.
@@ -104,7 +104,7 @@ pub(crate) fn make_grid(
     };
     if view.ray.level == 0 {
         // Baking looks along the normal (reference 4.4.7).
-        match &*attributes.string("shading:view") {
+        match &*attributes.get(attr::SHADING_VIEW) {
             "outside" => grid.i = negated(&grid.ng),
             "inside" => grid.i = grid.ng.clone(),
             _ => (),
@@ -123,11 +123,10 @@ pub(crate) fn make_grid(
         dice.v.last().map_or(0, |v| v.to_bits()),
     ]);
     grid.primvars = variables.iter().map(|v| to_common(v, n, &to_world, &to_normal)).collect();
-    let color = match attributes.floats("C")[..] {
-        [r, g, b] => Vec3::new(r, g, b),
-        _ => Vec3::ONE,
-    };
-    let constants = [("C", &mut grid.c, color), ("opacity", &mut grid.opacity, finite::opacity(attributes))];
+    let constants = [
+        ("C", &mut grid.c, attributes.get(attr::COLOR)),
+        ("opacity", &mut grid.opacity, finite::opacity(attributes)),
+    ];
     for (name, lanes, constant) in constants {
         *lanes = Lanes3::splat(constant, n);
         if let Some(variable) = grid.primvars.iter().find(|v| &*v.name == name) {

@@ -4,7 +4,7 @@ use super::motion::{Placement, pixels_at, precise_point, shows};
 use crate::{CameraView, Projection};
 use granita_base::{DVec3, Vec3};
 use granita_geom::{Dice, DiceData, Piece, SidePart, SidePoints, SplitDirection, Surface};
-use granita_scene::{AttributeSet, Scene};
+use granita_scene::{AttributeSet, Scene, attr};
 use std::sync::Arc;
 
 /// Points of the lattice that a piece is measured on, along each parameter.
@@ -49,10 +49,10 @@ impl SceneDicing {
     /// From the attributes of a scene.
     pub(crate) fn new(scene: &Scene) -> Self {
         Self {
-            gridsize: scene.int("limits:gridsize"),
-            most_points: scene.int("limits:primitivepoints"),
-            trim_quality: scene.float("trimcurve:quality"),
-            fixed_names: ["dice:fixeduname", "dice:fixedvname"].map(|name| scene.string(name)),
+            gridsize: scene.get(attr::LIMITS_GRIDSIZE),
+            most_points: scene.get(attr::LIMITS_PRIMITIVEPOINTS),
+            trim_quality: scene.get(attr::TRIMCURVE_QUALITY),
+            fixed_names: [attr::DICE_FIXEDUNAME, attr::DICE_FIXEDVNAME].map(|key| scene.get(key)),
         }
     }
 }
@@ -104,22 +104,22 @@ impl DiceSettings {
     pub(crate) fn new(attributes: &AttributeSet, scene: &SceneDicing, camera: &CameraView) -> Self {
         let preview = camera.preview > 0.0;
         let positive = |v: f32, default: f32| if v.is_finite() && v > 0.0 { v } else { default };
-        let quality = if preview { camera.preview } else { attributes.float("shadingquality") };
+        let quality = if preview { camera.preview } else { attributes.get(attr::SHADINGQUALITY) };
         let curvature_deg =
-            if preview { camera.preview_dicecurvature_deg } else { attributes.float("dice:curvature") };
-        let fixed = attributes.floats("dice:fixed");
+            if preview { camera.preview_dicecurvature_deg } else { attributes.get(attr::DICE_CURVATURE) };
+        let fixed = attributes.get(attr::DICE_FIXED);
         let gridsize = scene.gridsize;
         let not_negative = |v: f32| if v.is_finite() { v.max(0.0) } else { 0.0 };
         Self {
             quality: positive(quality, 1.0).clamp(1e-4, MAX_QUALITY),
             gridsize: if gridsize > 0 { (gridsize as usize).clamp(4, 1 << 16) } else { 256 },
             curvature: positive(curvature_deg, 10.0).to_radians(),
-            highcurvature: positive(attributes.float("dice:highcurvature"), 120.0).to_radians(),
-            binary: attributes.int("dice:binary") != 0,
-            rasterorient: attributes.int("dice:rasterorient") != 0,
-            motionfactor: not_negative(attributes.float("dice:motionfactor")),
-            keepcreases: attributes.int("dice:keepcreases") != 0,
-            thincurve_px: not_negative(attributes.float("dice:thincurve")),
+            highcurvature: positive(attributes.get(attr::DICE_HIGHCURVATURE), 120.0).to_radians(),
+            binary: attributes.get(attr::DICE_BINARY),
+            rasterorient: attributes.get(attr::DICE_RASTERORIENT),
+            motionfactor: not_negative(attributes.get(attr::DICE_MOTIONFACTOR)),
+            keepcreases: attributes.get(attr::DICE_KEEPCREASES),
+            thincurve_px: not_negative(attributes.get(attr::DICE_THINCURVE)),
             fixed: match fixed[..] {
                 [u, v] if u > 0.0 && v > 0.0 && u.is_finite() && v.is_finite() => {
                     Some(FixedDicing { rate: [u, v], names: scene.fixed_names.clone() })

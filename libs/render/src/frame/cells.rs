@@ -6,6 +6,7 @@
 use super::job::Job;
 use crate::hider::ShadedGrid;
 use granita_geom::Dice;
+use granita_scene::attr;
 use granita_shade::Grid;
 use std::ops::{Add, Mul};
 
@@ -22,14 +23,14 @@ pub(super) fn kept<O>(dice: &Dice, job: &Job<O>, grid: &Grid, first: usize) -> O
     let attributes = &job.primitive.attributes;
     let (mu, mv) = (dice.nu - 1, dice.nv - 1);
     let mut cells = dice.mask.as_ref().map(|mask| {
-        let inside = &*attributes.string("trimcurve:sense") != "outside";
+        let inside = &*attributes.get(attr::TRIMCURVE_SENSE) != "outside";
         Cells { per_side: mask.per_side, kept: mask.outside.iter().map(|m| *m == inside).collect() }
     });
     // Most grids lie on one side of the curves.
     if let Some(whole) = cells.as_mut().filter(|c| c.kept.iter().all(|k| *k == c.kept[0])) {
         *whole = Cells { per_side: 1, kept: vec![whole.kept[0]; mu * mv] };
     }
-    if attributes.int("twosided") == 0 {
+    if !attributes.get(attr::TWOSIDED) {
         let cells = cells.get_or_insert_with(|| Cells { per_side: 1, kept: vec![true; mu * mv] });
         let away = |i: usize| grid.ng.get(i).dot(grid.i.get(i)) > 0.0;
         let k = cells.per_side;

@@ -11,7 +11,7 @@ use crate::statistics::add;
 use crate::{PixelRect, Projection, preshaded};
 use granita_base::{Bound, ParamData, Params, Severity, Transform, Vec3};
 use granita_geom::{Piece, ShapeKey, SplitDirection, Surface};
-use granita_scene::Primitive;
+use granita_scene::{Primitive, attr};
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
 
@@ -224,7 +224,7 @@ impl<S: FrameShader> Frame<'_, S> {
             report(Severity::Error, format!("{} is left out: {what}", primitive.shape.call_name()));
             return None;
         }
-        let quality = attributes.float("shadingquality");
+        let quality = attributes.get(attr::SHADINGQUALITY);
         if quality > MAX_QUALITY && self.options.dicing_camera.preview == 0.0 {
             report(
                 Severity::Warning,
@@ -242,7 +242,7 @@ impl<S: FrameShader> Frame<'_, S> {
             later,
             existence,
             settings: DiceSettings::new(attributes, &self.dicing, self.options.dicing_camera),
-            culls_hidden: attributes.int("cull:occlusion") != 0,
+            culls_hidden: attributes.get(attr::CULL_OCCLUSION),
             primitive: primitive.clone(),
             object,
             traits,

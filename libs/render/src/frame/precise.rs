@@ -11,6 +11,7 @@ use crate::object::longest_axis;
 use crate::{CameraView, PixelRect};
 use granita_base::{Bound, DMat4, DVec3, Vec3};
 use granita_geom::Surface;
+use granita_scene::attr;
 use granita_shade::Grid;
 
 /// The positions of a grid.
@@ -138,7 +139,7 @@ impl Precise {
     pub(super) fn place<O>(&self, grid: &mut Grid, job: &Job<O>, view: &GridView, camera: &CameraView) {
         let placement = &job.placement;
         // Baking looks along the normal.
-        let bakes = matches!(&*job.primitive.attributes.string("shading:view"), "outside" | "inside");
+        let bakes = matches!(&*job.primitive.attributes.get(attr::SHADING_VIEW), "outside" | "inside");
         let looks_from_eye = !bakes && matches!(view.viewpoint, Viewpoint::From(_));
         let at = |time: f32| -> Vec<DVec3> {
             self.points(placement.to_world.precise_at(time), time, &[]).collect()

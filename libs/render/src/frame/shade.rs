@@ -13,6 +13,7 @@ use crate::preshaded::GridTraits;
 use crate::statistics::{add, add_time};
 use granita_base::{Color, Severity, Vec3};
 use granita_geom::{Dice, Surface};
+use granita_scene::attr;
 use granita_shade::{Grid, Lanes3, RayKind};
 use std::ops::Range;
 use std::time::Instant;
@@ -380,7 +381,7 @@ impl<S: FrameShader> Frame<'_, S> {
         };
         if grid.views.iter().any(outside) {
             let attributes = &job.primitive.attributes;
-            let (name, radius) = (attributes.name(), attributes.float("displace:maxradius"));
+            let (name, radius) = (attributes.name(), attributes.get(attr::DISPLACE_MAXRADIUS));
             self.options.reporter.once(
                 &format!("displacement bound {name}"),
                 Severity::Warning,

@@ -11,9 +11,9 @@ mod seams;
 mod stereo;
 
 use super::*;
-use granita_base::{MotionTransform, Param, Params, ShapeDesc, Transform, Vec3};
+use granita_base::{Color, MotionTransform, Param, Params, ShapeDesc, Transform, Vec3};
 use granita_image::{CreateOptions, Format, FormatRegistry, ImageInput, ImageOutput, Limits};
-use granita_scene::{AttributeSet, Camera, Output, ShapeKey};
+use granita_scene::{AttributeSet, Camera, Output, ShapeKey, attr};
 
 use std::path::Path;
 
@@ -57,17 +57,17 @@ impl<F: Fn(&mut Grid) + Sync> FrameShader for Painted<F> {
     fn object(&self, primitive: &Primitive) -> Arc<ObjectTraits> {
         let attributes = &primitive.attributes;
         Arc::new(ObjectTraits {
-            opaque: attributes.floats("opacity")[..] == [1.0; 3],
-            opaque_in_depth: attributes.floats("opacity")[..] == [1.0; 3]
-                || attributes.int("ray:opaqueshadows") != 0,
-            holdout: match attributes.int("holdout") {
+            opaque: attributes.get(attr::OPACITY) == Color::ONE,
+            opaque_in_depth: attributes.get(attr::OPACITY) == Color::ONE
+                || attributes.get(attr::RAY_OPAQUESHADOWS),
+            holdout: match attributes.get(attr::HOLDOUT) {
                 0 => Holdout::None,
                 1 => Holdout::Matte,
                 _ => Holdout::Shaded,
             },
             displaces: self.displace.is_some(),
-            max_displacement_world: attributes.float("displace:maxradius"),
-            measures: self.displace.is_some() && attributes.float("displace:maxradius") == 0.0,
+            max_displacement_world: attributes.get(attr::DISPLACE_MAXRADIUS),
+            measures: self.displace.is_some() && attributes.get(attr::DISPLACE_MAXRADIUS) == 0.0,
             preshaded: false,
             joins: false,
             saves: false,

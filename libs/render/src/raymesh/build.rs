@@ -13,7 +13,7 @@ use crate::object::ObjectState;
 use crate::shading::{ShaderThread, ShadingContext};
 use granita_base::{Bound, Interp, MotionTransform, ParamData, Severity, Vec3};
 use granita_geom::{Dice, Piece, ShapeKey, SplitDirection, Surface};
-use granita_scene::Primitive;
+use granita_scene::{Primitive, attr};
 use granita_shade::{Grid, PrimvarData, RayKind};
 use granita_trace::{TriangleMesh, Triangles};
 use std::sync::Arc;
@@ -587,7 +587,7 @@ impl<'a> Builder<'a> {
         }
         let strings = add_primvars(mesh, &grid, self.pieces);
         mesh.string_set.push(strings);
-        let kept_value = &*self.object.attributes.string("trimcurve:sense") != "outside";
+        let kept_value = &*self.object.attributes.get(attr::TRIMCURVE_SENSE) != "outside";
         let mask = dice.mask.as_ref().map(|mask| mask.micropolygons(nu));
         for j in 0..nv - 1 {
             for i in 0..nu - 1 {

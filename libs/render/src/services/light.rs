@@ -9,7 +9,7 @@ use crate::lightcache::{Kind, Record, Spot};
 use crate::rayset::RayScene;
 use crate::raytrace::{Leaving, RayPurpose, RayRequest};
 use granita_base::{Color, Vec3, hash};
-use granita_scene::AttributeSet;
+use granita_scene::attr;
 use granita_sdb::{Between, Mode, Packed, Probe};
 use granita_shade::{Batch, Lane, Lanes3, Rect, TraceQuery};
 use granita_trace::Ray;
@@ -59,15 +59,16 @@ impl<'q> Question<'q> {
             |value: Option<f32>, attribute: f32| value.filter(|v| *v >= 0.0).unwrap_or(attribute);
         let (error, distance, least) = match kind {
             Kind::Irradiance => {
-                limits(attributes, "indirect:maxerror", "indirect:maxpixeldist", "indirect:minsamples")
+                (attr::INDIRECT_MAXERROR, attr::INDIRECT_MAXPIXELDIST, attr::INDIRECT_MINSAMPLES)
             }
             Kind::Occlusion => {
-                limits(attributes, "occlusion:maxerror", "occlusion:maxpixeldist", "occlusion:minsamples")
+                (attr::OCCLUSION_MAXERROR, attr::OCCLUSION_MAXPIXELDIST, attr::OCCLUSION_MINSAMPLES)
             }
         };
-        let maxerror = at_least_0(o.maxerror.map(|v| v.get(first)), error);
-        let maxpixeldist = at_least_0(o.maxpixeldist.map(|v| v.get(first)), distance);
-        let tolerance = Tolerance { maxerror, maxpixeldist, minsamples: usize::try_from(least).unwrap_or(0) };
+        let maxerror = at_least_0(o.maxerror.map(|v| v.get(first)), attributes.get(error));
+        let maxpixeldist = at_least_0(o.maxpixeldist.map(|v| v.get(first)), attributes.get(distance));
+        let minsamples = usize::try_from(attributes.get(least)).unwrap_or(0);
+        let tolerance = Tolerance { maxerror, maxpixeldist, minsamples };
         let word = o.filemode.unwrap_or("");
         let mode = run.frame.database_mode(name, word);
         // What rays of indirect light ask for where they hit is not kept: it is many times what is seen.
@@ -159,10 +160,6 @@ impl<'q> Question<'q> {
     }
 }
 
-fn limits(attributes: &AttributeSet, error: &str, distance: &str, least: &str) -> (f32, f32, i32) {
-    (attributes.float(error), attributes.float(distance), attributes.int(least))
-}
-
 /// Where the rays of each lane leave from: on the borders of a surface a little inside of them. Other surfaces often end in the
 /// very border (floor and wall), and rays that begin on them would pass through.
 fn places(run: &Run<'_, '_>, query: &TraceQuery<'_>) -> Vec<Vec3> {
@@ -244,13 +241,13 @@ fn gather(run: &mut Run<'_, '_>, kind: Kind, query: &TraceQuery<'_>) -> Option<V
     if !run.may_trace() || query.batch.active.is_empty() {
         return None;
     }
-    let attribute = match kind {
-        Kind::Irradiance => "indirect:spatialdb",
-        Kind::Occlusion => "occlusion:spatialdb",
+    let database = match kind {
+        Kind::Irradiance => attr::INDIRECT_SPATIALDB,
+        Kind::Occlusion => attr::OCCLUSION_SPATIALDB,
     };
     let name = match query.options.filename.filter(|name| !name.is_empty()) {
         Some(name) => name.to_owned(),
-        None => run.object_attributes.string(attribute).to_string(),
+        None => run.object_attributes.get(database).to_string(),
     };
     if !varies(query, run) {
         return gather_alike(run, kind, query, &name, call);

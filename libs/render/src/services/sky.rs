@@ -5,7 +5,7 @@ use super::{Run, SKY, count, option};
 use crate::directions::{Around, Directions, Drawn, TOGETHER};
 use granita_base::{Transform, Vec3, hash};
 use granita_shade::{EnvironmentQuery, Lanes3, LookupResult, Rect};
-use granita_texture::{EnvLookup, TextureCache, Up, Use};
+use granita_texture::{EnvLookup, Up, Use};
 use std::sync::Arc;
 
 /// Most samples.
@@ -100,6 +100,10 @@ impl Run<'_, '_> {
         let of_all = o.samples.is_none_or(|s| s.stride == 0).then(|| count(o.samples, 0));
         let wanted = (query.channels + 1).min(CHANNELS);
         let mut room = None;
+        let up = o.up.and_then(Up::from_word);
+        let angle = Some(0.5 * Directions::cell());
+        // Found by name once, when the cells are not enough.
+        let mut map = None;
         let twins = self.twins.clone();
         let mut twins = twins.iter().peekable();
         for &lane in query.batch.active {
@@ -132,8 +136,19 @@ impl Run<'_, '_> {
                     for (k, &Drawn { dir, chance, mut seen }) in drawn.iter().enumerate() {
                         // The cells know the first channels alone.
                         if first_channel != 0 || fill != 0.0 {
-                            let how = EnvLookup { r: dir, first_channel, fill, ..EnvLookup::default() };
-                            look_up(&self.frame.textures, query, &how, &mut seen[..wanted]);
+                            let frame = self.frame;
+                            let find = || frame.textures.find_for(query.name, Use::Environment);
+                            if let Some(id) = *map.get_or_insert_with(find) {
+                                let how = EnvLookup {
+                                    r: dir,
+                                    angle,
+                                    up,
+                                    first_channel,
+                                    fill,
+                                    ..EnvLookup::default()
+                                };
+                                self.thread.textures().environment(id, &how, &mut seen[..wanted]);
+                            }
                         }
                         let share = 1.0 / (chance * all as f32);
                         seen[..query.channels].iter_mut().for_each(|v| *v *= share);
@@ -181,12 +196,4 @@ impl Run<'_, '_> {
 /// The bits of a number, two places apart.
 fn spread(x: u32) -> u32 {
     (0..16).fold(0, |out, bit| out | (x >> bit & 1) << (2 * bit))
-}
-
-/// What the map itself has in a direction.
-fn look_up(textures: &TextureCache, query: &EnvironmentQuery<'_>, how: &EnvLookup, values: &mut [f32]) {
-    let Some(id) = textures.find_for(query.name, Use::Environment) else { return };
-    let angle = Some(0.5 * Directions::cell());
-    let up = query.options.up.and_then(Up::from_word);
-    textures.reader().environment(id, &EnvLookup { angle, up, ..*how }, values);
 }

@@ -3,10 +3,8 @@
 use super::current::{orientation, string};
 use super::transforms::hint;
 use super::{Phase, State};
-use crate::attribute::{
-    AttributeRow, Known, Scope, TABLE, attribute_default, attribute_row, known, suggestion,
-};
-use granita_base::{BaseType, Location, Param, ParamData, ParamType, Severity};
+use crate::attribute::{AttributeRow, Known, Scope, TABLE, attr, attribute_default, attribute_row, known};
+use granita_base::{BaseType, Location, Param, ParamData, ParamType, Severity, suggestion};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -63,10 +61,10 @@ fn converted(param: &Param, row: &AttributeRow) -> Result<ParamData, String> {
         return Err(format!("\"{}\" is not a number", row.name));
     }
     if let Some(word) = string_of(&data)
-        && !row.words.is_empty()
-        && !row.words.contains(&word)
+        && !row.words().is_empty()
+        && !row.words().contains(&word)
     {
-        let hint = hint(suggestion(word, row.words.iter().copied()));
+        let hint = hint(suggestion(word, row.words().iter().copied()));
         return Err(format!("\"{}\" cannot be \"{word}\"{hint}", row.name));
     }
     Ok(data)
@@ -125,29 +123,20 @@ impl State {
                 self.report(Severity::Error, at, "attribute", text);
             }
             Scope::Camera => {
-                self.tell_caveat(row, &param, at);
                 self.camera_values.insert(param.name.clone(), param);
             }
             Scope::Global => {
-                self.tell_caveat(row, &param, at);
                 self.set_global(param);
             }
         }
     }
 
-    /// Says, once per attribute, that setting it to this value does not do what it should.
-    pub(super) fn tell_caveat(&self, row: &AttributeRow, param: &Param, at: &Location) {
-        if let Some(text) = row.caveat(&param.data) {
-            self.report(Severity::Warning, at, "caveat", text);
-        }
-    }
-
     /// Kept to be asked for; "pyg:indent" is relative to what it was (reference 4.3.12).
     fn set_writer(&mut self, mut param: Param) {
-        if &*param.name == "pyg:indent" {
-            let int = |p: &Param| p.data.to_ints().and_then(|v| v.first().copied()).unwrap_or(0);
-            let old = self.writer_values.get("pyg:indent").map_or(0, int);
-            param.data = old.saturating_add(int(&param)).max(0).into();
+        let indent = attr::PYG_INDENT;
+        if &*param.name == indent.name() {
+            let old = indent.of(self.writer_values.get(indent.name()));
+            param = indent.param(old.saturating_add(indent.of(Some(&param))).max(0));
         }
         self.writer_values.insert(param.name.clone(), param);
     }
@@ -167,7 +156,6 @@ impl State {
 
     fn set_object(&mut self, known: &Known, param: Param, at: &Location) {
         let row = known.row;
-        self.tell_caveat(row, &param, at);
         match row.name {
             "geometryset" => {
                 let change = string(&param).unwrap_or("").to_owned();
@@ -282,7 +270,7 @@ impl State {
         let row = attribute_row(name)?;
         let data = match name {
             "transform" => {
-                let shutter = self.cameras.first().and_then(|c| c.params.float("shutter")).unwrap_or(0.0);
+                let shutter = self.cameras.first().map_or(0.0, |c| c.get(attr::SHUTTER)[0]);
                 ParamData::from(&self.current.set.to_world.at(shutter).to_rows()[..])
             }
             "renderer:versionstring" | "renderer:version" => return version_attribute(name),

@@ -1,6 +1,6 @@
 //! The current attribute state: edited in place, frozen on demand, shared while it does not change.
 
-use crate::AttributeSet;
+use crate::{AttributeSet, attr};
 use granita_base::{MotionTransform, Param, Transform};
 use std::sync::Arc;
 
@@ -63,8 +63,8 @@ pub(super) fn flips_normals(set: &AttributeSet, world_to_camera: Option<&Transfo
 
 /// The "orientation" in force: never "reverse".
 pub(super) fn orientation(set: &AttributeSet) -> &'static str {
-    let word = set.values.get("orientation").and_then(string).unwrap_or("outside");
-    ["inside", "lh", "rh"].into_iter().find(|w| *w == word).unwrap_or("outside")
+    let word = set.get(attr::ORIENTATION);
+    ["inside", "lh", "rh"].into_iter().find(|w| *w == &*word).unwrap_or("outside")
 }
 
 /// The first string of a parameter.

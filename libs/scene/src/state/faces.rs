@@ -4,9 +4,10 @@
 use super::State;
 use super::current::flips_normals;
 use super::transforms::hint;
-use crate::attribute::suggestion;
 use crate::{AttributeSet, ShapeKey};
-use granita_base::{BaseType, Location, Param, ParamData, ParamType, Params, Severity, ShapeDesc};
+use granita_base::{
+    BaseType, Location, Param, ParamData, ParamType, Params, Severity, ShapeDesc, suggestion,
+};
 use std::sync::Arc;
 
 /// Faces that share a state, and the parameters of the mesh with all other faces as holes.

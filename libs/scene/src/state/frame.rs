@@ -4,9 +4,9 @@ use super::attributes::{attribute_names, convert, typed};
 use super::current::rebase_set;
 use super::transforms::hint;
 use super::{Phase, Saved1, State};
-use crate::attribute::{Scope, TABLE, attribute_row, suggestion};
+use crate::attribute::{Scope, TABLE, attr, attribute_row};
 use crate::{AttributeSet, Camera, Output, Scene, Stop};
-use granita_base::{Location, MotionTransform, Param, Params, Severity};
+use granita_base::{Location, MotionTransform, Params, Severity, suggestion};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -38,12 +38,9 @@ impl State {
                 let mut sets = set.geometry_sets.to_vec();
                 sets.push(name.clone());
                 sets.sort();
-                let list = sets.join(",");
+                let value = attr::GEOMETRYSET.param(sets.join(",").into());
                 set.geometry_sets = sets.into();
-                if let Some(row) = attribute_row("geometryset") {
-                    let value = Param { name: row.name.into(), ty: row.ty, data: list.as_str().into() };
-                    Arc::make_mut(&mut set.values).insert(value.name.clone(), value);
-                }
+                Arc::make_mut(&mut set.values).insert(value.name.clone(), value);
             }
         });
     }
@@ -59,7 +56,6 @@ impl State {
             match attribute_row(&param.name).filter(|r| r.scope == Scope::Camera) {
                 Some(row) => match convert(param, row) {
                     Ok(param) => {
-                        self.tell_caveat(row, &param, at);
                         all.set(param);
                     }
                     Err(text) => {
@@ -92,9 +88,6 @@ impl State {
             };
             match checked {
                 Ok(param) => {
-                    if let Some(row) = row {
-                        self.tell_caveat(row, &param, at);
-                    }
                     params.set(param);
                 }
                 Err(text) => {
@@ -239,7 +232,7 @@ impl State {
         if scene.primitives.is_empty() || scene.inputs.unread > 0 {
             return;
         }
-        let dynamic = |o: &Output| o.params.int("dynamic").is_some_and(|v| v != 0);
+        let dynamic = |o: &Output| o.get(attr::DYNAMIC);
         for (camera, (change, at)) in &self.lost_sets {
             let shows = |set: &Arc<str>| set == camera || &**set == "camera";
             if !scene.outputs.iter().any(|o| o.camera == *camera && !dynamic(o))

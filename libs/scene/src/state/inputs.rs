@@ -1,8 +1,9 @@
 //! `Input` (reference 2.9): read at once, or put off until a camera or a ray may need what it holds.
 
-use super::current::{Current, string};
+use super::current::Current;
 use super::save::Saved;
 use super::{Phase, State};
+use crate::attr;
 use crate::{InputCounts, InputPaths, InputReader, LightId, Stop, UnreadInput};
 use granita_base::{Location, MotionTransform, Params, Severity};
 use std::collections::BTreeMap;
@@ -112,10 +113,8 @@ impl State {
         bound: Option<[f32; 6]>,
         at: &Location,
     ) -> Result<(), Stop> {
-        let path = |name: &str| crate::attribute::lookup(self.globals.get(name), name);
-        let (input, generator) = (path("path:input"), path("path:generator"));
-        let word = |p: &Option<granita_base::Param>| p.as_ref().and_then(string).unwrap_or(".").to_owned();
-        let (input, generator) = (word(&input), word(&generator));
+        let [input, generator] =
+            [attr::PATH_INPUT, attr::PATH_GENERATOR].map(|key| key.of(self.globals.get(key.name())));
         let paths = InputPaths { input: &input, generator: &generator };
         let Some(found) = self.renderer.input(&command, paths, at)? else { return Ok(()) };
         let link = Link { identity: found.identity, command };

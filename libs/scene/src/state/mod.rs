@@ -19,7 +19,7 @@ mod transforms;
 pub use attributes::version_attribute;
 pub use shapes::predeclared;
 
-use crate::{Call, Camera, FrameRenderer, Light, LightId, Output, Primitive, SceneSink, Stop};
+use crate::{Call, Camera, FrameRenderer, Light, LightId, Output, Primitive, SceneSink, Stop, attr};
 use current::Current;
 use granita_base::{Location, Param, Params, Reporter, Severity};
 use inputs::Inputs;
@@ -207,9 +207,7 @@ impl State {
     }
 
     fn is_rerender(&self) -> bool {
-        crate::attribute::lookup(self.globals.get("rerender"), "rerender")
-            .and_then(|p| p.data.to_ints()?.first().copied())
-            .is_some_and(|v| v != 0)
+        attr::RERENDER.of(self.globals.get(attr::RERENDER.name()))
     }
 }
 

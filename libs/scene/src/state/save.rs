@@ -3,8 +3,8 @@
 use super::State;
 use super::transforms::hint;
 use crate::AttributeSet;
-use crate::attribute::{Scope, attribute_row, suggestion};
-use granita_base::{Location, MotionTransform, Severity};
+use crate::attribute::{Scope, attribute_row};
+use granita_base::{Location, MotionTransform, Severity, suggestion};
 use std::sync::Arc;
 
 /// A named state, or a part of one.

@@ -3,9 +3,8 @@
 use super::State;
 use super::attributes::typed;
 use super::transforms::hint;
-use crate::attribute::suggestion;
 use crate::{Connection, Light, LightId, ShaderGroup, ShaderInstance, ShaderUsage};
-use granita_base::{Location, ParamData, Params, Severity};
+use granita_base::{Location, ParamData, Params, Severity, suggestion};
 use std::sync::Arc;
 
 /// Shaders between `ShaderGroupBegin` and `ShaderGroupEnd`.

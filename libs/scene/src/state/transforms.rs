@@ -36,7 +36,7 @@ impl State {
                 None => {
                     let known = ["world", "camera", "screen", "raster", "NDC", "common"];
                     let names = known.into_iter().chain(self.saved.keys().map(|k| &**k));
-                    let hint = hint(crate::attribute::suggestion(&space, names));
+                    let hint = hint(granita_base::suggestion(&space, names));
                     let text = format!("SetTransform: no coordinate system \"{space}\"{hint}");
                     self.report(Severity::Error, at, name, text);
                     Change::Append(Transform::IDENTITY)

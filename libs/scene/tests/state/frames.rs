@@ -2,7 +2,7 @@
 
 use crate::fixture::*;
 use granita_base::{Param, Params, Vec3};
-use granita_scene::{Call, LightId, TransformTarget};
+use granita_scene::{Call, LightId, TransformTarget, attr};
 use std::sync::Arc;
 
 #[test]
@@ -78,7 +78,7 @@ fn stacks_restore_and_imbalance_is_told() {
     ]);
     let scene = run.scene();
     assert_eq!([0, 1, 2].map(|i| origin(&scene, i).x), [2.0, 1.0, 0.0]);
-    let red = |i: usize| scene.primitives[i].attributes.floats("C")[1] == 0.0;
+    let red = |i: usize| scene.primitives[i].attributes.get(attr::COLOR)[1] == 0.0;
     assert_eq!([red(0), red(1), red(2)], [true, true, false]);
     assert!(run.messages().is_empty());
 
@@ -192,7 +192,7 @@ fn attribute_sets_are_shared() {
     let scene = run.scene();
     let set = |i: usize| &scene.primitives[i].attributes;
     assert!((1..100).all(|i| Arc::ptr_eq(set(0), set(i))));
-    assert_eq!((set(0).float("shadingquality"), set(100).float("shadingquality")), (2.0, 3.0));
+    assert_eq!((set(0).get(attr::SHADINGQUALITY), set(100).get(attr::SHADINGQUALITY)), (2.0, 3.0));
     // Another transformation shares the values.
     let mut run = Run::new();
     run.calls([

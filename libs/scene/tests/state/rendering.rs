@@ -2,7 +2,7 @@
 
 use crate::fixture::*;
 use granita_base::{BaseType, Location, Param, ParamData, Params, ShapeDesc, Transform, TrimDesc, Vec3};
-use granita_scene::{Call, SceneSink, Stop, TransformTarget};
+use granita_scene::{Call, SceneSink, Stop, TransformTarget, attr};
 use std::sync::Arc;
 
 #[test]
@@ -81,7 +81,7 @@ fn after_render() {
     let kept = run.kept.0.lock().unwrap();
     assert_eq!((kept[0].0.primitives.len(), kept[1].0.primitives.len()), (1, 2));
     assert_eq!(origin(&kept[1].0, 1), Vec3::ZERO);
-    assert_eq!(kept[1].0.int("limits:gridsize"), 64);
+    assert_eq!(kept[1].0.get(attr::LIMITS_GRIDSIZE), 64);
     assert!(run.messages().is_empty());
 }
 
@@ -283,7 +283,10 @@ fn the_table_is_the_reference_s() {
         assert!(scopes.contains(&row.scope), "{name}");
         match row.default {
             _ if default.is_empty() => assert_eq!(row.default, DefaultValue::Unset, "{name}"),
-            DefaultValue::Text(text) => assert_eq!(text, default.trim_matches('"'), "{name}"),
+            DefaultValue::Text(text) | DefaultValue::OneOf(&[text, ..]) => {
+                assert_eq!(text, default.trim_matches('"'), "{name}");
+            }
+            DefaultValue::OneOf(&[]) => panic!("{name} has no words"),
             DefaultValue::Unset => assert_eq!(default, "-", "{name}"),
             DefaultValue::Floats(v) => {
                 let want: Vec<f32> = default.split(' ').map(|w| w.parse().unwrap()).collect();

@@ -2,8 +2,13 @@
 
 use crate::fixture::*;
 use granita_base::{TrimDesc, Vec3};
-use granita_scene::{Call, TransformTarget};
+use granita_scene::{AttributeSet, Call, TransformTarget, attr};
 use std::sync::Arc;
+
+/// The number in a user attribute; 0 when it is not set.
+fn user(set: &AttributeSet, name: &str) -> f32 {
+    set.values.get(name).and_then(|p| p.data.to_floats()).map_or(0.0, |v| v[0])
+}
 
 #[test]
 fn saving_and_restoring() {
@@ -43,7 +48,7 @@ fn saving_and_restoring() {
     let look = |i: usize| {
         let set = &scene.primitives[i].attributes;
         let shader = set.surface.as_ref().unwrap().layers[0].shader.to_string();
-        (origin(&scene, i).x, set.floats("C")[0], shader, set.float("user:temperature"))
+        (origin(&scene, i).x, set.get(attr::COLOR)[0], shader, user(set, "user:temperature"))
     };
     assert_eq!(look(0), (0.0, 1.0, "matte".into(), 98.6));
     assert_eq!(look(1), (1.0, 0.0, "plastic".into(), 98.6));
@@ -90,7 +95,7 @@ fn parts_of_the_state_are_saved_apart() {
             set.volume.is_some(),
             set.lights.len() == 1,
             set.trim.is_some(),
-            set.float("user:x") == 2.0,
+            user(set, "user:x") == 2.0,
             &*set.name() == "thing",
             set.geometry_sets.len() == 2,
         ]
@@ -168,14 +173,14 @@ fn modify_everything_and_what_comes_later() {
     let scene = run.scene();
     let state = |i: usize| {
         let set = &scene.primitives[i].attributes;
-        let numbers = (set.float("shadingquality"), set.int("twosided"), set.int("holdout"));
-        (set.name().to_string(), numbers, set.float("dice:curvature"))
+        let numbers = (set.get(attr::SHADINGQUALITY), set.get(attr::TWOSIDED), set.get(attr::HOLDOUT));
+        (set.name().to_string(), numbers, set.get(attr::DICE_CURVATURE))
     };
-    assert_eq!(state(0), ("renamed".into(), (0.5, 0, 1), 3.0));
-    assert_eq!(state(1), ("b".into(), (0.5, 1, 0), 10.0));
-    assert_eq!(state(2), ("b".into(), (0.5, 1, 0), 10.0));
-    assert_eq!(state(3), ("renamed".into(), (0.5, 0, 1), 3.0));
-    assert_eq!(state(4), ("renamed".into(), (0.5, 0, 1), 3.0));
+    assert_eq!(state(0), ("renamed".into(), (0.5, false, 1), 3.0));
+    assert_eq!(state(1), ("b".into(), (0.5, true, 0), 10.0));
+    assert_eq!(state(2), ("b".into(), (0.5, true, 0), 10.0));
+    assert_eq!(state(3), ("renamed".into(), (0.5, false, 1), 3.0));
+    assert_eq!(state(4), ("renamed".into(), (0.5, false, 1), 3.0));
     assert!(run.messages().is_empty(), "{:?}", run.messages());
 }
 
@@ -202,7 +207,7 @@ fn modify_reaches_declared_objects() {
     let scene = run.scene();
     let state = |i: usize| {
         let set = &scene.primitives[i].attributes;
-        (set.lights.len(), origin(&scene, i).x, set.floats("C")[0])
+        (set.lights.len(), origin(&scene, i).x, set.get(attr::COLOR)[0])
     };
     assert_eq!(state(0), (1, 0.0, 1.0));
     assert_eq!(state(1), (0, 1.0, 0.0));

@@ -1,6 +1,6 @@
 //! Images in the memory of the program: the renderer sends them, and the program's end hands them to their owner.
 
-use super::serve::Told;
+use super::told::Told;
 use granita_base::{Param, Params};
 use granita_image::{
     CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType, Pixels, Result,

@@ -1,7 +1,7 @@
 //! Values given with a shader instance.
 
 use crate::run::strings::Strings;
-use granita_base::{BaseType, Param, ParamData, Severity};
+use granita_base::{BaseType, Param, ParamData, ParamType, Severity};
 use granita_gsl::ir::{Symbol, ValueType};
 use std::sync::Arc;
 
@@ -55,4 +55,10 @@ fn refuse(symbol: &Symbol, param: &Param, report: &mut dyn FnMut(Severity, Strin
         format!("parameter \"{}\" is a {}{array}, not {what}", symbol.name, symbol.ty.value.word()),
     );
     None
+}
+
+/// Whether data of a declared type is a value of the language's type; integers are floats.
+pub(crate) fn same_type(ty: ParamType, value: ValueType, array: Option<u32>) -> bool {
+    let base = if ty.base == BaseType::Int { BaseType::Float } else { ty.base };
+    Some(base) == value.base_type() && ty.array == array
 }

@@ -2,14 +2,17 @@
 
 use super::analyse::{Facts, Saves, analyse};
 use super::given::given;
+use super::layer::{BetterCode, Code, Layer, ParamPlan};
 use super::optimize::{Known, is_inert, optimize};
 use super::relink::Relink;
+use super::source::{ConnectionSource, LayerSource, LinkOptions};
 use super::wires::{End, Named, Tap, Wire, compatible, element_of, refuse, resolve};
+use crate::program::{At, Place};
 use crate::run::strings::Strings;
-use crate::tape::{Tape, fuse};
+use crate::tape::fuse;
 use crate::{Grid, ShadeError};
-use granita_base::{Params, Severity};
-use granita_gsl::ir::{Block, ConstValue, Global, Module, ShaderKind, SymbolId, SymbolKind, ValueType};
+use granita_base::Severity;
+use granita_gsl::ir::{Block, ConstValue, Global, Module, ShaderKind, SymbolKind, ValueType};
 use std::collections::{BTreeMap, HashSet};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -20,118 +23,12 @@ const MAX_NUMBERS: usize = 1 << 20;
 /// The next group's number.
 static NEXT_ID: AtomicU64 = AtomicU64::new(1);
 
-/// One layer, as a scene gives it.
-#[derive(Clone, Debug)]
-pub struct LayerSource<'a> {
-    /// The compiled shader.
-    pub module: Arc<Module>,
-    /// Values given with it; spatial ones are in the layer's "shader" space.
-    pub params: &'a Params,
-    /// Name of the layer, for connections and messages.
-    pub name: Option<&'a str>,
-}
-
-/// One `ConnectShaders` (reference 2.6).
-#[derive(Clone, Copy, Debug)]
-pub struct ConnectionSource<'a> {
-    /// Layer that gives.
-    pub source_layer: &'a str,
-    /// Its parameter or a global, with an optional index: `"out"`, `"c[1]"`.
-    pub source: &'a str,
-    /// Layer that takes; comes later in the group.
-    pub target_layer: &'a str,
-    /// Its parameter or a global, with an optional index.
-    pub target: &'a str,
-}
-
-/// How to link.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LinkOptions {
-    /// Whether the code is made better with what is known of the instance: constants folded, what nobody needs
-    /// left out, what is computed twice computed once. The results are the same to the bit.
-    pub optimize: bool,
-}
-
-impl Default for LinkOptions {
-    fn default() -> Self {
-        Self { optimize: true }
-    }
-}
-
 /// What linking a layer takes from the group.
 struct Linking<'a> {
     wires: &'a [Resolved],
     options: LinkOptions,
     /// Lengths of variable-length parameters, by layer and number.
     fixed: &'a BTreeMap<(usize, usize), u32>,
-}
-
-/// Where a symbol lives.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum At {
-    /// Register.
-    Slot(u32),
-    /// Constant of the group.
-    Const(u32),
-}
-
-/// A symbol as the executor sees it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
-    pub(crate) at: At,
-    pub(crate) value: ValueType,
-    /// Elements, with the true length of variable-length parameters; 1 when not an array.
-    pub(crate) elements: u32,
-    pub(crate) array: bool,
-    /// Values of inactive lanes need not be kept.
-    pub(crate) scratch: bool,
-}
-
-/// How a parameter gets its value, beside primitive variables.
-#[derive(Debug)]
-pub(crate) struct ParamPlan {
-    pub(crate) symbol: SymbolId,
-    pub(crate) name: Arc<str>,
-    /// Value of the instance.
-    pub(crate) given: Option<Arc<[f32]>>,
-    pub(crate) wires: Vec<Wire>,
-}
-
-/// A linked layer.
-#[derive(Debug)]
-pub(crate) struct Layer {
-    pub(crate) module: Arc<Module>,
-    /// By symbol.
-    pub(crate) places: Vec<Place>,
-    pub(crate) params: Vec<ParamPlan>,
-    /// Connections into globals.
-    pub(crate) globals: Vec<Wire>,
-    /// Globals that later layers take as this layer leaves them, and where they are kept.
-    pub(crate) kept: Vec<(Global, u32)>,
-    /// The code as it was compiled.
-    pub(crate) plain: Code,
-    /// Better code, for grids where no primitive variable replaces what it relies on.
-    pub(crate) better: Option<BetterCode>,
-    /// Does nothing but compute its parameters: need not run when nobody takes one.
-    pub(crate) inert: bool,
-    /// Layers (by number) that take something from this one.
-    pub(crate) feeds: Vec<usize>,
-}
-
-/// Code that can run.
-#[derive(Debug, Default)]
-pub(crate) struct Code {
-    pub(crate) body: Block,
-    /// What its `Straight` operations stand for.
-    pub(crate) tapes: Vec<Tape>,
-}
-
-/// Optimised code of a layer.
-#[derive(Debug)]
-pub(crate) struct BetterCode {
-    pub(crate) code: Code,
-    /// Parameters (by number) whose values it relies on.
-    pub(crate) assumed: Vec<usize>,
 }
 
 /// Shaders that run one after the other on the same points, ready to run. Immutable and shared by all
@@ -159,7 +56,7 @@ pub struct Group {
     outputs: Vec<Arc<str>>,
     said: Mutex<HashSet<String>>,
     /// How to link it again; where it has parameters of variable length only.
-    again: Option<Box<Relink>>,
+    again: Option<Box<Relink<Self>>>,
 }
 
 impl Group {
@@ -188,12 +85,12 @@ impl Group {
         report: &mut dyn FnMut(Severity, String),
     ) -> Result<Self, ShadeError> {
         let mut group = Self::link_lengths(layers, connections, options, &BTreeMap::new(), report)?;
-        group.again = Relink::of(&group, layers, connections, options).map(Box::new);
+        group.again = Relink::of(&group.layers, layers, connections, options).map(Box::new);
         Ok(group)
     }
 
     /// As [`Group::link_with`]; `fixed` are lengths of variable-length parameters, by layer and number.
-    pub(super) fn link_lengths(
+    fn link_lengths(
         layers: &[LayerSource<'_>],
         connections: &[ConnectionSource<'_>],
         options: LinkOptions,
@@ -261,7 +158,17 @@ impl Group {
     /// The group with its variable-length parameters as long as the primitive variables of a grid that replace
     /// them (reference 5.3.2); `None` when they are already.
     pub(crate) fn for_grid(&self, grid: &Grid) -> Option<Arc<Self>> {
-        self.again.as_ref()?.group(self, grid)
+        let relink = self.again.as_ref()?;
+        relink.variant(grid, |layers, connections, lengths| {
+            // What is wrong was said when the group was linked first.
+            let mut group =
+                Self::link_lengths(layers, connections, relink.options, lengths, &mut |_, _| {}).ok()?;
+            group.attach(self.usage).ok()?;
+            if self.keeps() {
+                group.keep_parameters();
+            }
+            Some(group)
+        })
     }
 
     /// What the group is used as: the type of its shaders, or what [`Group::attach`] made it.

@@ -1,8 +1,9 @@
 //! Groups linked again for primitive variables that are longer or shorter than the parameters they replace.
 
-use super::group::{ConnectionSource, Group, LayerSource, LinkOptions};
+use super::given::same_type;
+use super::layer::Layer;
+use super::source::{ConnectionSource, LayerSource, LinkOptions};
 use crate::Grid;
-use crate::run::params::same_type;
 use granita_base::Params;
 use granita_gsl::ir::{Module, ValueType};
 use std::collections::BTreeMap;
@@ -12,16 +13,16 @@ use std::sync::{Arc, Mutex, PoisonError};
 const MAX_VARIANTS: usize = 64;
 
 /// Lengths by layer and parameter.
-type Lengths = BTreeMap<(usize, usize), u32>;
+pub(super) type Lengths = BTreeMap<(usize, usize), u32>;
 
-/// What a group with variable-length parameters was linked from.
+/// What a group `G` with variable-length parameters was linked from, and its variants.
 #[derive(Debug)]
-pub(crate) struct Relink {
+pub(super) struct Relink<G> {
     layers: Vec<(Arc<Module>, Params, Option<String>)>,
     connections: Vec<[String; 4]>,
-    options: LinkOptions,
+    pub(super) options: LinkOptions,
     open: Vec<Open>,
-    variants: Mutex<BTreeMap<Lengths, Arc<Group>>>,
+    variants: Mutex<BTreeMap<Lengths, Arc<G>>>,
 }
 
 /// A parameter of variable length, and how long it is.
@@ -33,16 +34,16 @@ struct Open {
     length: u32,
 }
 
-impl Relink {
-    /// Of a group that was just linked; `None` when all its lengths are fixed.
+impl<G> Relink<G> {
+    /// Of layers that were just linked; `None` when all their lengths are fixed.
     pub(super) fn of(
-        group: &Group,
+        linked: &[Layer],
         layers: &[LayerSource<'_>],
         connections: &[ConnectionSource<'_>],
         options: LinkOptions,
     ) -> Option<Self> {
         let mut open = Vec::new();
-        for (k, layer) in group.layers.iter().enumerate() {
+        for (k, layer) in linked.iter().enumerate() {
             for (p, plan) in layer.params.iter().enumerate() {
                 let ty = layer.module.symbol(plan.symbol).ty;
                 if ty.open && ty.array.is_some() {
@@ -64,8 +65,13 @@ impl Relink {
         })
     }
 
-    /// The variant for a grid; `None` when the group itself fits, or nothing else can be linked.
-    pub(super) fn group(&self, own: &Group, grid: &Grid) -> Option<Arc<Group>> {
+    /// The variant for a grid, made by `link` where it is not there yet; `None` when the group itself fits, or nothing else
+    /// can be linked.
+    pub(super) fn variant(
+        &self,
+        grid: &Grid,
+        link: impl FnOnce(&[LayerSource<'_>], &[ConnectionSource<'_>], &Lengths) -> Option<G>,
+    ) -> Option<Arc<G>> {
         let mut lengths = Lengths::new();
         for open in &self.open {
             let Some(primvar) = grid.primvars.iter().find(|p| p.name == open.name) else { continue };
@@ -77,7 +83,7 @@ impl Relink {
         if lengths.is_empty() {
             return None;
         }
-        let known = |map: &BTreeMap<Lengths, Arc<Group>>| map.get(&lengths).cloned();
+        let known = |map: &BTreeMap<Lengths, Arc<G>>| map.get(&lengths).cloned();
         if let Some(group) = known(&self.variants.lock().unwrap_or_else(PoisonError::into_inner)) {
             return Some(group);
         }
@@ -100,14 +106,7 @@ impl Relink {
                 target,
             })
             .collect();
-        // What is wrong was said when the group was linked first.
-        let mut group =
-            Group::link_lengths(&layers, &connections, self.options, &lengths, &mut |_, _| {}).ok()?;
-        group.attach(own.usage()).ok()?;
-        if own.keeps() {
-            group.keep_parameters();
-        }
-        let group = Arc::new(group);
+        let group = Arc::new(link(&layers, &connections, &lengths)?);
         let mut variants = self.variants.lock().unwrap_or_else(PoisonError::into_inner);
         if variants.len() >= MAX_VARIANTS {
             variants.clear();

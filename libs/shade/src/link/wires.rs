@@ -1,6 +1,6 @@
 //! Connections between layers: names with indexes to places, and which types go together.
 
-use crate::ConnectionSource;
+use super::source::ConnectionSource;
 use granita_base::Severity;
 use granita_gsl::ir::{Global, Module, ValueType};
 

@@ -1,7 +1,7 @@
 //! Assignment, operators, indexing and construction.
 
-use super::{binary, component, compute, compute_as, matrix, spaces, unary};
-use crate::link::At;
+use super::{binary, component, compute, compute_as, matrix, part_lane, spaces, unary};
+use crate::program::At;
 use crate::run::kernel::{blend, blend_one, fold2, map1};
 use crate::run::lanes::{Binary, Ternary, Unary};
 use crate::run::machine::{Machine, promote};
@@ -340,18 +340,4 @@ fn construct(m: &mut Machine<'_>, op: &Op, dst: SymbolId) {
             map1(out.part(c), lane, |x| x);
         }
     });
-}
-
-/// Component `c` of a value written as one or all of its components.
-pub(super) fn part_lane<'v>(
-    m: &'v Machine<'_>,
-    parts: &[SymbolId],
-    c: usize,
-    ty: ValueType,
-) -> crate::Lane<'v> {
-    if parts.len() == 1 {
-        component(&m.view(parts[0]), c, ty)
-    } else {
-        m.view(parts[c.min(parts.len() - 1)]).lane(0)
-    }
 }

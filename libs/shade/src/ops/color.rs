@@ -4,6 +4,7 @@
 //! "YIQ" is the NTSC matrix of FCC 1953. Hue runs from 0 to 1.
 
 use super::compute;
+use crate::run::lanes::LUMINANCE;
 use crate::run::machine::Machine;
 use granita_base::{Color, Vec3};
 use granita_gsl::Func;
@@ -63,9 +64,6 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     });
 }
 
-/// Luminance of the primaries.
-pub(crate) const LUMINANCE: [f32; 3] = [0.212_639, 0.715_168_7, 0.072_192_32];
-
 /// Y of the colour: how bright it looks.
 pub(crate) fn luminance(c: Color) -> f32 {
     let [r, g, b] = LUMINANCE;
@@ -108,7 +106,7 @@ pub(crate) fn from_rgb(space: ColorSpace, c: Color) -> Color {
         ColorSpace::Xyz => rows(
             c,
             [0.412_390_8, 0.357_584_34, 0.180_480_8],
-            [0.212_639, 0.715_168_7, 0.072_192_32],
+            LUMINANCE,
             [0.019_330_82, 0.119_194_78, 0.950_532_15],
         ),
     }

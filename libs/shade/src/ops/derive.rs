@@ -5,9 +5,10 @@
 //! decides. At ray hits the neighbours are lanes of their own; unrelated points have no differences.
 
 use super::{compute_as, result_type};
+use crate::differences::{backward, both_differences, forward, minus};
 use crate::run::machine::Machine;
 use crate::run::store::Out;
-use crate::{Lane, Rect, Topology, Uneven};
+use crate::{Lane, Rect, Topology};
 use granita_base::Vec3;
 use granita_gsl::Func;
 use granita_gsl::ir::{Global, Op, SymbolId};
@@ -69,40 +70,6 @@ pub(crate) fn difference(m: &Machine<'_>, x: Lane<'_>, direction: Direction, out
     }
 }
 
-/// Differences along u and v at one point, as [`line_difference`] computes them.
-fn both_differences(v: &[f32], Rect { first, nu, nv }: Rect, lane: usize) -> [f32; 2] {
-    let along = |i: usize, count: usize, stride: usize| {
-        let at = |k: usize| v[lane - i * stride + k * stride];
-        match (i, count) {
-            (_, 0 | 1) => 0.0,
-            (_, 2) => minus(at(1), at(0)),
-            (0, _) => forward(at(0), at(1), at(2)),
-            (i, n) if i + 1 == n => backward(at(i), at(i - 1), at(i - 2)),
-            _ => 0.5 * minus(at(i + 1), at(i - 1)),
-        }
-    };
-    let at = lane - first;
-    [along(at % nu, nu, 1), along(at / nu, nv, nu)]
-}
-
-/// See [`crate::Grid::find_uneven`]: the inverse of how much the places change along the lines of the grid. Where that has none,
-/// a point stays as it is.
-pub(crate) fn uneven(topology: &Topology, places: &[Vec<f32>; 2]) -> Vec<Uneven> {
-    const LEAST: f32 = 0.2;
-    let Some(rect) = topology.rects().next() else { return Vec::new() };
-    let mut list = Vec::new();
-    for lane in rect.lanes() {
-        let [[uu, uv], [vu, vv]] = places.each_ref().map(|x| both_differences(x, rect, lane));
-        let even = [uu - 1.0, uv, vu, vv - 1.0].iter().all(|x| x.abs() < 1e-3);
-        let det = uu * vv - uv * vu;
-        if !even && det.abs() >= LEAST {
-            let of = [[vv / det, -vu / det], [-uv / det, uu / det]];
-            list.push(Uneven { lane: lane as u32, of });
-        }
-    }
-    list
-}
-
 /// One row or column, all active.
 fn line_difference(v: &[f32], start: usize, stride: usize, count: usize, out: &mut [f32]) {
     let at = |i: usize| start + i * stride;
@@ -123,24 +90,6 @@ fn line_difference(v: &[f32], start: usize, stride: usize, count: usize, out: &m
             out[at(last)] = backward(v[at(last)], v[at(last - 1)], v[at(last - 2)]);
         }
     }
-}
-
-/// `a - b`, but 0 for what is the same to the bit: an infinity does not change along the grid, and a
-/// uniform value is the same value in every lane.
-#[inline]
-fn minus(a: f32, b: f32) -> f32 {
-    if a.to_bits() == b.to_bits() { 0.0 } else { a - b }
-}
-
-/// Slope at `a` of the parabola through three equidistant values.
-fn forward(a: f32, b: f32, c: f32) -> f32 {
-    // Written by differences: constants give exactly 0.
-    2.0 * minus(b, a) - 0.5 * minus(c, a)
-}
-
-/// The same at the other end: not `-forward`, whose zero would be negative.
-fn backward(a: f32, b: f32, c: f32) -> f32 {
-    2.0 * minus(a, b) - 0.5 * minus(a, c)
 }
 
 /// One row or column, with points missing.
@@ -333,30 +282,6 @@ pub(crate) fn normals_of(m: &mut Machine<'_>, p: &Out) -> Out {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn uneven_points_differ_as_even_ones_do() {
-        // A plane over a grid whose border points were moved, some of them onto each other.
-        let (nu, nv) = (5, 4);
-        let even = |place: fn(usize, usize) -> usize| (0..20).map(|lane| place(lane, nu) as f32).collect();
-        let mut places: [Vec<f32>; 2] = [even(|lane, nu| lane % nu), even(|lane, nu| lane / nu)];
-        places[0][1] = 1.33;
-        places[0][2] = 2.67;
-        places[0][3] = 2.67;
-        places[1][9] = 1.5;
-        places[1][14] = 1.5;
-        let plane: Vec<f32> = (0..20).map(|i| 3.0 * places[0][i] - 2.0 * places[1][i] + 1.0).collect();
-        let list = uneven(&Topology::Rect { nu, nv }, &places);
-        for lane in 0..20 {
-            let [du, dv] = both_differences(&plane, Rect { first: 0, nu, nv }, lane);
-            let one = [[1.0, 0.0], [0.0, 1.0]];
-            let of = list.iter().find(|u| u.lane as usize == lane).map_or(one, |u| u.of);
-            let even = of.map(|of| of[0] * du + of[1] * dv);
-            assert!((even[0] - 3.0).abs() < 1e-4 && (even[1] + 2.0).abs() < 1e-4, "{lane}: {even:?}");
-        }
-        // All that is not beside one of them is left alone.
-        assert!(list.iter().all(|u| u.lane != 6 + nu as u32 && u.lane != 15));
-    }
 
     #[test]
     fn parabolas_have_exact_slopes_up_to_the_borders() {

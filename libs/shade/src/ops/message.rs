@@ -1,9 +1,9 @@
 //! Messages between shaders, attributes, texture information (reference 5.8.13, 5.8.14).
 
 use super::constant;
-use crate::link::{At, usage_word};
+use crate::link::{same_type, usage_word};
+use crate::program::At;
 use crate::run::machine::{Machine, RaySample, Sent};
-use crate::run::params::same_type;
 use crate::run::store::Slot;
 use crate::{HitValues, Lanes3, Primvar, PrimvarData};
 use granita_base::{BaseType, Param, ParamData};

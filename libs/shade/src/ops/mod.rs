@@ -25,13 +25,11 @@ mod spaces;
 mod spline;
 mod text;
 
-pub(crate) use color::LUMINANCE;
-pub(crate) use derive::uneven;
 pub use pattern::{NoiseForm, noise_at};
 
 use crate::Group;
 use crate::Lane;
-use crate::link::{At, Place};
+use crate::program::{At, Place};
 use crate::run::lanes::{Binary, Ternary, Unary};
 use crate::run::machine::Machine;
 use crate::run::simd;
@@ -158,6 +156,15 @@ fn component<'v>(view: &View<'v>, c: usize, ty: ValueType) -> Lane<'v> {
         return Lane { values: ZERO, stride: 0 };
     }
     view.lane(c)
+}
+
+/// Component `c` of a value written as one or all of its components.
+fn part_lane<'v>(m: &'v Machine<'_>, parts: &[SymbolId], c: usize, ty: ValueType) -> Lane<'v> {
+    if parts.len() == 1 {
+        component(&m.view(parts[0]), c, ty)
+    } else {
+        m.view(parts[c.min(parts.len() - 1)]).lane(0)
+    }
 }
 
 /// Whether so few lanes are active that they had better be computed one by one.

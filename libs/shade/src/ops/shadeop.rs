@@ -3,20 +3,19 @@
 
 use crate::run::machine::Machine;
 use crate::run::store::View;
-use crate::shadeop::{OptionValue, Spot, everywhere, lookup_options};
 use crate::{
-    Batch, EnvironmentQuery, Lane, Lanes3, LookupResult, ShadeopArg, ShadeopContext, ShadeopData,
-    ShadowQuery, TextureQuery,
+    Batch, EnvironmentQuery, Lane, Lane3, Lanes3, LookupOptions, LookupResult, OptionValue, RayKind,
+    ShadeopArg, ShadeopContext, ShadeopData, ShadowQuery, Spot, TextureQuery,
 };
-use granita_base::Vec3;
+use granita_base::{Param, Vec3};
 use granita_gsl::ShadeopCall;
 use granita_gsl::ir::{Global, Op, SourcePos, SymbolId, SymbolKind, ValueType};
 use std::sync::Arc;
 
-/// What a [`ShadeopContext`] works on.
-pub(crate) struct Machinery<'c, 'm> {
-    pub(crate) machine: &'c mut Machine<'m>,
-    pub(crate) args: Vec<ShadeopArg>,
+/// A run of a function within a run of a shader.
+struct Machinery<'c, 'm> {
+    machine: &'c mut Machine<'m>,
+    args: Vec<ShadeopArg>,
     at: SourcePos,
     name: &'c str,
     /// Lookups so far: each stands for the next active point, whose random numbers it draws.
@@ -52,12 +51,11 @@ pub(super) fn run(m: &mut Machine<'_>, op: &Op) {
         args.push(arg);
     }
     let result = std::mem::take(&mut m.st.lookup);
-    let machinery = Machinery { machine: m, args, at: op.at, name: call.name, lookups: 0, result };
-    let mut context = ShadeopContext { machinery };
-    if let Err(why) = function.run(&mut context) {
-        context.complain(&why);
+    let mut machinery = Machinery { machine: m, args, at: op.at, name: call.name, lookups: 0, result };
+    if let Err(why) = function.run(&mut machinery) {
+        machinery.complain(&why);
     }
-    let Machinery { machine: m, args, result, .. } = context.machinery;
+    let Machinery { machine: m, args, result, .. } = machinery;
     m.st.lookup = result;
     for ((symbol, _), arg) in symbols.into_iter().zip(args).filter(|(_, arg)| arg.output) {
         put(m, symbol, &arg);
@@ -124,12 +122,46 @@ fn numbers(options: &[(&str, OptionValue<'_>)]) -> Vec<[f32; 1]> {
 }
 
 impl Machinery<'_, '_> {
-    pub(crate) fn complain(&mut self, what: &str) {
+    /// The point that a lookup stands for.
+    fn turn(&mut self) -> [u32; 1] {
+        let active = &self.machine.mask.active;
+        let point = active.get(self.lookups % active.len().max(1)).copied().unwrap_or(0);
+        self.lookups += 1;
+        [point]
+    }
+}
+
+impl ShadeopContext for Machinery<'_, '_> {
+    fn points(&self) -> usize {
+        self.machine.n
+    }
+
+    fn active(&self) -> &[u32] {
+        &self.machine.mask.active
+    }
+
+    fn ray(&self) -> RayKind {
+        self.machine.grid.ray
+    }
+
+    fn args(&mut self) -> &mut Vec<ShadeopArg> {
+        &mut self.args
+    }
+
+    fn attribute(&mut self, name: &str) -> Option<Param> {
+        self.machine.services.attribute(name)
+    }
+
+    fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {
+        self.machine.services.texture_info(texture, name)
+    }
+
+    fn complain(&mut self, what: &str) {
         let what = format!("shadeop `{}`: {what}", self.name);
         self.machine.complain(self.at, &what);
     }
 
-    pub(crate) fn symbol(&mut self, name: &str) -> Option<usize> {
+    fn symbol(&mut self, name: &str) -> Option<usize> {
         let m = &*self.machine;
         let symbols = &m.code().module.symbols;
         let found = symbols
@@ -151,21 +183,7 @@ impl Machinery<'_, '_> {
         Some(self.args.len() - 1)
     }
 
-    /// The point that a lookup stands for.
-    fn turn(&mut self) -> [u32; 1] {
-        let active = &self.machine.mask.active;
-        let point = active.get(self.lookups % active.len().max(1)).copied().unwrap_or(0);
-        self.lookups += 1;
-        [point]
-    }
-
-    pub(crate) fn texture(
-        &mut self,
-        name: &str,
-        at: [f32; 6],
-        options: &[(&str, OptionValue<'_>)],
-        out: &mut [f32],
-    ) {
+    fn texture(&mut self, name: &str, at: [f32; 6], options: &[(&str, OptionValue<'_>)], out: &mut [f32]) {
         let active = self.turn();
         let (at, numbers) = (at.map(|v| [v]), numbers(options));
         let lane = |k: usize| Lane { values: &at[k][..], stride: 0 };
@@ -186,13 +204,7 @@ impl Machinery<'_, '_> {
         give(&self.result.value, &self.result.alpha, active[0], out);
     }
 
-    pub(crate) fn environment(
-        &mut self,
-        name: &str,
-        at: Spot,
-        options: &[(&str, OptionValue<'_>)],
-        out: &mut [f32],
-    ) {
+    fn environment(&mut self, name: &str, at: Spot, options: &[(&str, OptionValue<'_>)], out: &mut [f32]) {
         let active = self.turn();
         let numbers = numbers(options);
         let (r, dx, dy) = (ones(at.at), ones(at.dx), ones(at.dy));
@@ -216,13 +228,7 @@ impl Machinery<'_, '_> {
         give(&self.result.value, &self.result.alpha, active[0], out);
     }
 
-    pub(crate) fn shadow(
-        &mut self,
-        name: &str,
-        at: Spot,
-        options: &[(&str, OptionValue<'_>)],
-        out: &mut [f32],
-    ) {
+    fn shadow(&mut self, name: &str, at: Spot, options: &[(&str, OptionValue<'_>)], out: &mut [f32]) {
         let active = self.turn();
         let numbers = numbers(options);
         let (p, dx, dy) = (ones(at.at), ones(at.dx), ones(at.dy));
@@ -265,4 +271,26 @@ fn give(value: &[Vec<f32>], alpha: &[f32], point: u32, out: &mut [f32]) {
         let channel = value.get(c).map_or(alpha, |channel| &channel[..]);
         *out = channel.get(point as usize).copied().unwrap_or(0.0);
     }
+}
+
+/// Options by name, as [`LookupOptions`]; values stay in `numbers`.
+fn lookup_options<'a>(
+    options: &'a [(&'a str, OptionValue<'a>)],
+    numbers: &'a [[f32; 1]],
+) -> LookupOptions<'a> {
+    let mut o = LookupOptions::default();
+    for ((name, value), number) in options.iter().zip(numbers) {
+        let lane = Some(Lane { values: &number[..], stride: 0 });
+        let text = match value {
+            OptionValue::Text(text) => Some(*text),
+            _ => None,
+        };
+        o.set(name, lane, text);
+    }
+    o
+}
+
+/// One value for all points.
+fn everywhere(v: &[[f32; 1]; 3]) -> Lane3<'_> {
+    Lane3 { xyz: std::array::from_fn(|c| Lane { values: &v[c][..], stride: 0 }) }
 }

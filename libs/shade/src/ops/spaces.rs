@@ -1,8 +1,7 @@
 //! Values in named coordinate systems: transformations, constructors, units (reference 5.8.3).
 
-use super::arith::part_lane;
 use super::matrix::{inverse, matrix_of, set_matrix};
-use super::{color, compute, compute_as};
+use super::{color, compute, compute_as, part_lane};
 use crate::run::kernel::map1;
 use crate::run::machine::Machine;
 use granita_base::{Transform, Vec3};

@@ -1,6 +1,7 @@
 //! The public door: runs linked groups.
 
-use crate::link::{At, element_of};
+use crate::link::element_of;
+use crate::program::At;
 use crate::run::machine::{Emission, Machine, State};
 use crate::run::store::Mask;
 use crate::{Grid, Group, IlluminateQuery, LightResult, Message, Services};

@@ -242,6 +242,9 @@ pub(super) fn length(out: &mut [f32], a: [Lane<'_>; 3]) {
     out.iter_mut().for_each(|x| *x = x.sqrt());
 }
 
+/// What red, green and blue of the primaries of ITU-R BT.709 with white D65 count in `luminance`.
+pub(crate) const LUMINANCE: [f32; 3] = [0.212_639, 0.715_168_7, 0.072_192_32];
+
 /// `out = a . b`.
 #[inline(always)]
 pub(super) fn dot(out: &mut [f32], a: [Lane<'_>; 3], b: [Lane<'_>; 3]) {

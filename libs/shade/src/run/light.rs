@@ -1,7 +1,7 @@
 //! `lights`, `emit` and `trace` (reference 5.5.5).
 
-use crate::link::At;
 use crate::ops::lookup::{self, Parts};
+use crate::program::At;
 use crate::run::machine::{Emission, Machine, RaySample};
 use crate::run::store::Out;
 use crate::{Batch, IlluminateQuery, LightInfo, LightResult, LightSample, TraceQuery, TraceResult};

@@ -1,6 +1,7 @@
 //! A run of a group over a grid: registers, mask and the outside world.
 
-use crate::link::{At, Layer, Place};
+use crate::link::Layer;
+use crate::program::{At, Place};
 use crate::run::kernel::{blend, blend_one};
 use crate::run::store::{Mask, Out, Pool, Slot, View, Work};
 use crate::run::strings::{Regexes, StringTable};

@@ -1,7 +1,8 @@
 //! How globals and parameters get their values before a layer runs (reference 5.3.2), and how values
 //! leave after it.
 
-use crate::link::{At, ParamPlan, Tap, Wire};
+use crate::link::{ParamPlan, Tap, Wire, same_type};
+use crate::program::At;
 use crate::run::machine::{Machine, promote};
 use crate::run::store::Slot;
 use crate::{IlluminateQuery, Lane3, Lanes3, Primvar, PrimvarData};
@@ -314,10 +315,4 @@ fn part(tap: &Tap) -> (usize, usize) {
         (None, None) => size * tap.elements as usize,
     };
     (first, count)
-}
-
-/// Whether data of a declared type is a value of the language's type; integers are floats.
-pub(crate) fn same_type(ty: ParamType, value: ValueType, array: Option<u32>) -> bool {
-    let base = if ty.base == BaseType::Int { BaseType::Float } else { ty.base };
-    Some(base) == value.base_type() && ty.array == array
 }

@@ -1,9 +1,11 @@
 //! From operations to tapes.
 
-use super::run::alone;
-use super::{Code, Input, Output, Ref, Step, Symbols, Tape, source};
-use crate::link::{At, Place, blocks_mut, occurrences};
-use crate::run::lanes::{Binary as B, Ternary as T, Unary as U};
+use super::{Code, Input, Output, Ref, Step, Symbols, Tape};
+use crate::Lane;
+use crate::link::{blocks_mut, occurrences};
+use crate::program::{At, Place};
+use crate::run::lanes::{Binary as B, LUMINANCE, Ternary as T, Unary as U};
+use crate::run::simd;
 use granita_gsl::Func;
 use granita_gsl::ir::{Block, Op, OpCode, Stmt, Symbol, SymbolId, SymbolKind, ValueType};
 use std::collections::HashMap;
@@ -392,7 +394,7 @@ impl Builder<'_> {
                 .to_vec()
             }
             Func::Luminance => {
-                let weights = crate::ops::LUMINANCE.map(Self::constant);
+                let weights = LUMINANCE.map(Self::constant);
                 vec![self.dot(weights, triple(0))]
             }
             func => {
@@ -453,5 +455,25 @@ impl Builder<'_> {
         let own = self.inputs.iter().enumerate().filter(|(k, _)| kept(&read, *k)).map(|(_, i)| *i).collect();
         outputs.iter_mut().flat_map(|o| &mut o.parts).for_each(|r| *r = new(*r));
         Tape { len, inputs: own, steps, outputs, plans: super::Plans::default() }
+    }
+}
+
+/// One step for single numbers.
+pub(super) fn alone(code: Code, args: [&[f32; 1]; 3]) -> f32 {
+    let mut out = [0.0];
+    let [a, b, c] = args.map(|values| Lane { values, stride: 0 });
+    match code {
+        Code::One(f) => simd::unary(f, &mut out, a),
+        Code::Two(f) => simd::binary(f, &mut out, a, b),
+        Code::Three(f) => simd::ternary(f, &mut out, a, b, c),
+    }
+    out[0]
+}
+
+/// The register and component where a value can be read, or the constant that it is.
+fn source(at: At, component: usize, constants: &[Arc<[f32]>]) -> Result<Input, f32> {
+    match at {
+        At::Slot(slot) => Ok(Input { slot, component: component as u32 }),
+        At::Const(k) => Err(constants[k as usize][component]),
     }
 }

@@ -15,11 +15,11 @@
 mod build;
 mod plan;
 mod run;
+mod strips;
 
 pub(crate) use build::fuse;
-pub(crate) use run::{NARROW, Room, Strips, WIDE, strips};
+pub(crate) use strips::{NARROW, Room, Strips, WIDE, strips};
 
-use crate::link::At;
 use crate::run::lanes::{Binary, Ternary, Unary};
 use granita_gsl::ir::SymbolId;
 use std::sync::OnceLock;
@@ -117,14 +117,6 @@ impl Tape {
             list = &node.next;
         }
         None
-    }
-}
-
-/// The register and component where a value can be read, and whether it is a constant: for [`build`].
-fn source(at: At, component: usize, constants: &[std::sync::Arc<[f32]>]) -> Result<Input, f32> {
-    match at {
-        At::Slot(slot) => Ok(Input { slot, component: component as u32 }),
-        At::Const(k) => Err(constants[k as usize][component]),
     }
 }
 

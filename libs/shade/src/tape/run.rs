@@ -1,93 +1,11 @@
 //! Runs plans.
 
+use super::Tape;
+use super::build::alone;
 use super::plan::{Part, Plan};
-use super::{Code, Tape};
-use crate::Lane;
-use crate::run::lanes;
+use super::strips::{LINE, Room, Strips, WIDE};
 use crate::run::machine::Machine;
 use crate::run::simd;
-use crate::run::store::{Mask, Out, Slot};
-
-/// Points of a strip.
-pub(crate) const WIDE: usize = 64;
-/// Points of a strip where the end of the grid is near, or few points are active.
-pub(crate) const NARROW: usize = 16;
-
-/// Numbers of a cache line.
-const LINE: usize = 16;
-
-/// Memory of tapes from run to run.
-#[derive(Debug, Default)]
-pub(crate) struct Room {
-    scalars: Vec<f32>,
-    rows: Vec<f32>,
-    outs: Vec<Out>,
-}
-
-/// What a plan works on.
-pub(crate) struct Strips<'a> {
-    plan: &'a Plan,
-    slots: &'a [Slot],
-    mask: &'a Mask,
-    /// Points of the grid.
-    n: usize,
-    room: &'a mut Room,
-}
-
-/// Takes the points `from..to` through all steps, `W` at a time.
-#[inline(always)]
-pub(crate) fn strips<const W: usize>(task: &mut Strips<'_>, from: usize, to: usize) {
-    let Strips { plan, slots, mask, n, room } = task;
-    let Room { scalars, rows, outs } = &mut **room;
-    // Loads that straddle cache lines cost twice.
-    let aligned = rows.as_ptr().align_offset(LINE * size_of::<f32>());
-    let (rows, _) = rows[aligned..].as_chunks_mut::<W>();
-    for (row, &k) in rows[plan.loads.len()..].iter_mut().zip(&plan.splats) {
-        row.fill(scalars[k as usize]);
-    }
-    let whole = mask.count() == *n;
-    for start in (from..to).step_by(W) {
-        let len = W.min(to - start);
-        if !whole && !mask.on[start..start + len].contains(&true) {
-            continue;
-        }
-        for (row, input) in rows.iter_mut().zip(&plan.loads) {
-            let at = input.component as usize * *n + start;
-            copy(row, &slots[input.slot as usize].data[at..at + len]);
-        }
-        for step in &plan.steps {
-            let (before, rest) = rows.split_at_mut(step.out as usize);
-            let out: &mut [f32; W] = &mut rest[0];
-            let arg = |k: usize| Lane { values: &before[step.args[k] as usize][..], stride: 1 };
-            match step.code {
-                Code::One(f) => lanes::unary(f, out, arg(0)),
-                Code::Two(f) => lanes::binary(f, out, arg(0), arg(1)),
-                Code::Three(f) => lanes::ternary(f, out, arg(0), arg(1), arg(2)),
-            }
-        }
-        for (result, out) in plan.results.iter().zip(&mut *outs) {
-            for (c, part) in result.parts.iter().enumerate() {
-                if let Part::Row(k) = *part {
-                    let to = &mut out.part(c)[start..start + len];
-                    let row = &rows[k as usize];
-                    match <&mut [f32; W]>::try_from(&mut *to) {
-                        Ok(to) => *to = *row,
-                        Err(_) => to.copy_from_slice(&row[..len]),
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// The first numbers of a row.
-#[inline(always)]
-fn copy<const W: usize>(row: &mut [f32; W], from: &[f32]) {
-    match <&[f32; W]>::try_from(from) {
-        Ok(all) => *row = *all,
-        Err(_) => row[..from.len()].copy_from_slice(from),
-    }
-}
 
 impl Machine<'_> {
     /// Runs a tape in the active lanes; `false` when its operations must be run one by one.
@@ -157,16 +75,4 @@ impl Machine<'_> {
             simd::strips_narrow(&mut task, wide_end, n);
         }
     }
-}
-
-/// One step for single numbers.
-pub(super) fn alone(code: Code, args: [&[f32; 1]; 3]) -> f32 {
-    let mut out = [0.0];
-    let [a, b, c] = args.map(|values| Lane { values, stride: 0 });
-    match code {
-        Code::One(f) => simd::unary(f, &mut out, a),
-        Code::Two(f) => simd::binary(f, &mut out, a, b),
-        Code::Three(f) => simd::ternary(f, &mut out, a, b, c),
-    }
-    out[0]
 }

@@ -1,7 +1,5 @@
 //! Colour: gamma and the common colour spaces, into linear light before MIP levels are made and out of it after.
 
-use super::MakeOptions;
-
 /// A colour space of `-colorconvert`. All have Rec. 709 primaries but ACEScg.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ColorSpace {
@@ -111,27 +109,16 @@ fn power(v: f32, g: f32) -> f32 {
 /// What happens to the colours of the inputs, and to those of the texture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Conversion {
-    ingamma: f32,
-    outgamma: f32,
-    spaces: (ColorSpace, ColorSpace),
+    pub(super) ingamma: f32,
+    pub(super) outgamma: f32,
+    pub(super) spaces: (ColorSpace, ColorSpace),
     /// Alpha, which has no colour.
-    alpha: Option<usize>,
+    pub(super) alpha: Option<usize>,
     /// Colours are still to be multiplied by it.
-    multiply: bool,
+    pub(super) multiply: bool,
 }
 
 impl Conversion {
-    /// As the options say, for pixels with alpha in this channel, not yet multiplied in if `straight`.
-    pub(crate) fn new(options: &MakeOptions, alpha: Option<usize>, straight: bool) -> Self {
-        Self {
-            ingamma: options.ingamma,
-            outgamma: options.outgamma,
-            spaces: options.color_convert.unwrap_or((ColorSpace::Linear, ColorSpace::Linear)),
-            alpha,
-            multiply: straight && alpha.is_some(),
-        }
-    }
-
     /// Whether inputs stay as they are.
     pub(crate) fn keeps_inputs(&self) -> bool {
         let (from, to) = self.spaces;
@@ -221,6 +208,7 @@ impl Conversion {
 
 #[cfg(test)]
 mod tests {
+    use super::super::MakeOptions;
     use super::*;
 
     #[test]
@@ -255,7 +243,7 @@ mod tests {
     #[test]
     fn conversion_spares_alpha_and_signs() {
         let options = MakeOptions { ingamma: 2.0, outgamma: 2.0, ..MakeOptions::default() };
-        let c = Conversion::new(&options, Some(3), false);
+        let c = options.conversion(Some(3), false);
         let mut v = [0.5, -0.5, 1.0, 0.5];
         c.to_linear(&mut v, 4);
         assert_eq!(v, [0.25, -0.25, 1.0, 0.5]);
@@ -263,7 +251,7 @@ mod tests {
         assert_eq!(v, [0.5, -0.5, 1.0, 0.5]);
         // Grey with alpha: the second channel is no colour.
         let mut v = [0.5, 0.5];
-        Conversion::new(&options, Some(1), true).to_linear(&mut v, 2);
+        options.conversion(Some(1), true).to_linear(&mut v, 2);
         assert_eq!(v, [0.125, 0.5]);
     }
 
@@ -273,7 +261,7 @@ mod tests {
             color_convert: Some((ColorSpace::Srgb, ColorSpace::AcesCg)),
             ..MakeOptions::default()
         };
-        let c = Conversion::new(&options, Some(3), true);
+        let c = options.conversion(Some(3), true);
         let bytes: Vec<u8> = (0..=255).collect();
         let mut a = vec![0.0; 256];
         c.bytes_to_linear(&bytes, 4, &mut a);

@@ -1,6 +1,6 @@
 //! What to make, and how.
 
-use super::color::ColorSpace;
+use super::color::{ColorSpace, Conversion};
 use crate::Wrap;
 use granita_base::Filter;
 use granita_image::PixelType;
@@ -116,6 +116,19 @@ pub struct MakeOptions {
     /// What one texture may take of memory, in bytes, where it depends on the size of the picture: rows of it, all of it
     /// where it is made or decoded as a whole. Nothing is made that needs more.
     pub memory_bytes: u64,
+}
+
+impl MakeOptions {
+    /// What happens to the colours of pixels with alpha in this channel, not yet multiplied in if `straight`.
+    pub(crate) fn conversion(&self, alpha: Option<usize>, straight: bool) -> Conversion {
+        Conversion {
+            ingamma: self.ingamma,
+            outgamma: self.outgamma,
+            spaces: self.color_convert.unwrap_or((ColorSpace::Linear, ColorSpace::Linear)),
+            alpha,
+            multiply: straight && alpha.is_some(),
+        }
+    }
 }
 
 impl Default for MakeOptions {

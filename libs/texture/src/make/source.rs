@@ -2,9 +2,9 @@
 
 use super::color::Conversion;
 use super::options::{BrokenValues, MakeOptions};
-use super::stage::Stage;
 use crate::error::{Result, TextureError};
 use crate::picture::Picture;
+use crate::stage::Stage;
 use granita_image::{BlockCopy, FormatRegistry, ImageInput, ImageSpec, PixelType, Pixels};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
@@ -92,7 +92,7 @@ impl Source {
     /// What its colours go through.
     pub(crate) fn conversion(&self, options: &MakeOptions) -> Conversion {
         let straight = self.spec.attributes.int("unassociatedalpha").unwrap_or(0) != 0;
-        Conversion::new(options, self.spec.alpha_channel(), straight)
+        options.conversion(self.spec.alpha_channel(), straight)
     }
 
     /// What the user should know.

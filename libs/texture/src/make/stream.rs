@@ -3,11 +3,12 @@
 use super::output::Plan;
 use super::scan::Scan;
 use super::source::{Band, Reader, Source, Units, pixels};
-use super::stage::{Forecast, Measure, Resample, Stage};
 use super::writer::{Shelf, Writer};
-use super::{Costs, Made, MakeOptions, Progress, level_sizes, power_of_two};
+use super::{Costs, Made, MakeOptions, Progress, power_of_two};
+use crate::cube::is_openexr;
 use crate::error::Result;
-use crate::file::is_openexr;
+use crate::pyramid::level_sizes;
+use crate::stage::{Forecast, Measure, Resample, Stage};
 use crate::{TextureKind, Up, Wrap};
 use granita_base::Filter;
 use granita_image::{FormatRegistry, ImageSpec};

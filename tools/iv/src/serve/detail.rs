@@ -6,7 +6,7 @@
 //! rectangles touch at the same scale are sent once. A scale that is not less than the picture's, nothing in sight and more than
 //! [`BLOCKS`] ask for nothing.
 
-use super::page::{BLOCK, MOST_SIDE, RECTS, blocks, parts, reduction};
+use super::blocks::{BLOCK, MOST_SIDE, RECTS, blocks, parts, reduction};
 use granita_image::PixelRect;
 use granita_view::LiveInfo;
 use serde_json::Value;

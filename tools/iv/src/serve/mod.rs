@@ -3,6 +3,7 @@
 //! One port serves one page, which holds all that it needs, and its web socket. Both are found only under a random word
 //! in the address, which is printed. A page sees, and changes nothing here: its exposure, zoom and place are its own.
 
+mod blocks;
 mod detail;
 mod http;
 mod page;

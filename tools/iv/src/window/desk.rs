@@ -1,6 +1,6 @@
 //! What is looked at and how: everything about the window but the window.
 
-use super::entries::{Entries, Seen};
+use super::entries::{Choice, Entries, Seen};
 use super::keys::Action;
 use super::tasks::{Answers, Asked, Tasks};
 use crate::listen::Wanted;
@@ -16,25 +16,6 @@ use std::time::{Duration, Instant};
 
 /// How often files are looked at for changes.
 const WATCH: Duration = Duration::from_millis(500);
-
-/// Which part of a picture is looked at.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Choice {
-    pub(crate) page: usize,
-    pub(crate) layer: usize,
-    pub(crate) level: usize,
-    /// `None`: what suits the page.
-    pub(crate) arrangement: Option<Arrangement>,
-    /// The values of the layer stretched from black to white.
-    pub(crate) normalize: bool,
-    /// Whether integers are encoded; `None`: as the page says.
-    pub(crate) encoded: Option<bool>,
-}
-
-impl Choice {
-    pub(crate) const FIRST: Self =
-        Self { page: 0, layer: 0, level: 0, arrangement: None, normalize: false, encoded: None };
-}
 
 /// What the shell around it has to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

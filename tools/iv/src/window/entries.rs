@@ -1,6 +1,5 @@
 //! The list of pictures: files, and those that arrive. Files are opened when they are looked at.
 
-use super::desk::Choice;
 use granita_image::{FormatRegistry, Request};
 use granita_view::{
     Arrangement, Display, Group, Live, LiveInfo, LivePage, Page, Picture, Sheet, Shown, Stamp, TileStore,
@@ -14,6 +13,25 @@ use std::sync::Arc;
 
 /// Files that are open at once.
 const OPEN: usize = 24;
+
+/// Which part of a picture is looked at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Choice {
+    pub(crate) page: usize,
+    pub(crate) layer: usize,
+    pub(crate) level: usize,
+    /// `None`: what suits the page.
+    pub(crate) arrangement: Option<Arrangement>,
+    /// The values of the layer stretched from black to white.
+    pub(crate) normalize: bool,
+    /// Whether integers are encoded; `None`: as the page says.
+    pub(crate) encoded: Option<bool>,
+}
+
+impl Choice {
+    pub(crate) const FIRST: Self =
+        Self { page: 0, layer: 0, level: 0, arrangement: None, normalize: false, encoded: None };
+}
 
 /// What is drawn of an entry.
 #[derive(Clone, Debug)]

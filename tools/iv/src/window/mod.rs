@@ -3,6 +3,7 @@
 //! [`desk::Desk`] knows what is looked at and how, and draws it (the whole picture is one bitmap of the size of the window,
 //! which needs no graphics hardware); [`shell::Shell`] is between it and the screen.
 
+mod app;
 mod blit;
 mod desk;
 mod entries;
@@ -11,6 +12,7 @@ mod lost;
 mod panels;
 mod script;
 mod shell;
+mod steps;
 mod tasks;
 
 use crate::args::Args;

@@ -19,7 +19,10 @@
 //! | `expect TEXT` | the status line, the side panel or the message has this in it, or the exit status is 1 |
 //! | `quit` | the end |
 
+use eframe::egui::Event;
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// One line.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,6 +88,28 @@ fn step(line: &str) -> Option<Step> {
         "quit" => Step::Quit,
         _ => return None,
     })
+}
+
+/// A script that runs.
+pub(super) struct Running {
+    pub(super) steps: VecDeque<Step>,
+    /// Events, frame by frame.
+    pub(super) events: VecDeque<Vec<Event>>,
+    pub(super) frames: u32,
+    pub(super) until: Option<Instant>,
+    /// Frames in a row in which there was nothing to wait for.
+    pub(super) quiet: u32,
+    pub(super) bench: Option<Bench>,
+    pub(super) screenshot: Option<PathBuf>,
+}
+
+/// Frames that are being measured.
+pub(super) struct Bench {
+    pub(super) left: u32,
+    pub(super) frames: u32,
+    pub(super) complete: u32,
+    pub(super) since: Instant,
+    pub(super) direction: f64,
 }
 
 #[cfg(test)]

@@ -4,18 +4,14 @@ use super::Outcome;
 use super::blit::Blit;
 use super::desk::{Desk, Errand};
 use super::keys;
-use super::panels;
-use super::script::Step;
+use super::script::{Running, Step};
 use eframe::{egui, egui_wgpu};
-use egui::{
-    Color32, ColorImage, Event, Key, Modifiers, PointerButton, Pos2, TextureHandle, TextureOptions, Vec2,
-};
-use granita_cli::Status;
+use egui::{Color32, ColorImage, Event, Modifiers, PointerButton, Pos2, TextureHandle, TextureOptions, Vec2};
 use granita_image::{PixelRect, Request};
 use granita_view::{Mix, save_canvas, save_pixels};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// A drag that is going on.
@@ -36,28 +32,7 @@ pub(crate) struct Prompt {
     pub(crate) pixels: bool,
 }
 
-/// A script that runs.
-struct Running {
-    steps: VecDeque<Step>,
-    /// Events, frame by frame.
-    events: VecDeque<Vec<Event>>,
-    frames: u32,
-    until: Option<Instant>,
-    /// Frames in a row in which there was nothing to wait for.
-    quiet: u32,
-    bench: Option<Bench>,
-    screenshot: Option<PathBuf>,
-}
-
-struct Bench {
-    left: u32,
-    frames: u32,
-    complete: u32,
-    since: Instant,
-    direction: f64,
-}
-
-type Shot = Arc<Mutex<Option<Arc<ColorImage>>>>;
+pub(super) type Shot = Arc<Mutex<Option<Arc<ColorImage>>>>;
 
 /// The application, as the window system sees it.
 pub(crate) struct Shell {
@@ -76,15 +51,15 @@ pub(crate) struct Shell {
     pressed: Option<(Pos2, Modifiers)>,
     last_click: Option<(Instant, Pos2)>,
     pub(crate) prompt: Option<Prompt>,
-    full_screen: bool,
-    script: Option<Running>,
-    outcome: Outcome,
-    shot: Shot,
-    shown_title: String,
+    pub(super) full_screen: bool,
+    pub(super) script: Option<Running>,
+    pub(super) outcome: Outcome,
+    pub(super) shot: Shot,
+    pub(super) shown_title: String,
     /// The present entry, and since when; of the first one since the program began to make the window.
     since: (usize, Instant),
     /// After how long there was something everywhere of it, and when it was complete.
-    first_picture: [Option<Duration>; 2],
+    pub(super) first_picture: [Option<Duration>; 2],
 }
 
 impl Shell {
@@ -135,7 +110,7 @@ impl Shell {
         (f64::from(at.x), f64::from(at.y))
     }
 
-    fn run(&mut self, errand: Errand, ctx: &egui::Context) {
+    pub(super) fn run(&mut self, errand: Errand, ctx: &egui::Context) {
         match errand {
             Errand::FullScreen => {
                 self.full_screen = !self.full_screen;
@@ -174,7 +149,7 @@ impl Shell {
         }
     }
 
-    fn handle(&mut self, event: &Event, ppp: f32, ctx: &egui::Context) {
+    pub(super) fn handle(&mut self, event: &Event, ppp: f32, ctx: &egui::Context) {
         match event {
             Event::Key { key, pressed: true, modifiers, .. } if self.prompt.is_none() => {
                 if let Some(action) = keys::action_of(*key, *modifiers)
@@ -315,7 +290,7 @@ impl Shell {
     }
 
     /// Draws the picture and puts it on the screen.
-    fn show_picture(&mut self, ui: &mut egui::Ui) {
+    pub(super) fn show_picture(&mut self, ui: &mut egui::Ui) {
         let ppp = ui.ctx().pixels_per_point();
         let side = |v: f32| (v * ppp).round().clamp(1.0, 16384.0) as u32;
         let most = ui.input(|i| i.max_texture_side) as u32;
@@ -366,286 +341,4 @@ impl Shell {
     }
 
     // The script.
-
-    fn fail(&self, what: &str) {
-        granita_cli::print(&format!("script: {what}\n"));
-        *self.outcome.lock().unwrap_or_else(PoisonError::into_inner) = Status::WithErrors;
-    }
-
-    /// Whether the script can go on with its next step.
-    fn can_go_on(&mut self) -> bool {
-        let settled = self.desk.complete && self.desk.is_settled();
-        let Some(script) = &mut self.script else { return false };
-        if !script.events.is_empty() || script.screenshot.is_some() || script.bench.is_some() {
-            return false;
-        }
-        if script.frames > 0 {
-            script.frames -= 1;
-            return false;
-        }
-        if script.until.is_some_and(|t| Instant::now() < t) {
-            return false;
-        }
-        script.until = None;
-        if script.steps.front() == Some(&Step::Wait) {
-            script.quiet = if settled { script.quiet + 1 } else { 0 };
-            if script.quiet < 4 {
-                return false;
-            }
-            script.quiet = 0;
-            script.steps.pop_front();
-        }
-        true
-    }
-
-    fn go_on(&mut self, ctx: &egui::Context) {
-        self.take_screenshot();
-        self.bench_frame();
-        while self.can_go_on() {
-            let Some(script) = &mut self.script else { return };
-            if script.steps.front() == Some(&Step::Wait) {
-                break;
-            }
-            let Some(step) = script.steps.pop_front() else { break };
-            self.step(step, ctx);
-        }
-        let settled = self.desk.is_settled();
-        if let Some(script) = &self.script {
-            // What is being read has the window drawn again when it is there.
-            match script.steps.front() == Some(&Step::Wait) && !settled {
-                true => ctx.request_repaint_after(Duration::from_millis(50)),
-                false => ctx.request_repaint(),
-            }
-        }
-    }
-
-    fn step(&mut self, step: Step, ctx: &egui::Context) {
-        let Some(script) = &mut self.script else { return };
-        let ppp = ctx.pixels_per_point();
-        let point = |x: f32, y: f32| Pos2::new(x / ppp, y / ppp);
-        let modifiers = |text: &str| Modifiers {
-            shift: text.contains("Shift+"),
-            ctrl: text.contains("Ctrl+"),
-            command: text.contains("Ctrl+"),
-            ..Modifiers::NONE
-        };
-        let button = |pos, pressed, modifiers| Event::PointerButton {
-            pos,
-            button: PointerButton::Primary,
-            pressed,
-            modifiers,
-        };
-        match step {
-            Step::Wait => {}
-            Step::Frames(n) => script.frames = n,
-            Step::Sleep(s) => {
-                script.until = Some(Instant::now() + Duration::from_secs_f64(s.clamp(0.0, 60.0)))
-            }
-            Step::Key(text) => {
-                if let Some((key, modifiers)) = keys::parse(&text) {
-                    let event =
-                        |pressed| Event::Key { key, physical_key: None, pressed, repeat: false, modifiers };
-                    script.events.extend([vec![event(true)], vec![event(false)]]);
-                }
-            }
-            Step::Move(x, y) => script.events.push_back(vec![Event::PointerMoved(point(x, y))]),
-            Step::Click(x, y, text) => {
-                let (p, m) = (point(x, y), modifiers(&text));
-                script.events.push_back(vec![Event::PointerMoved(p), button(p, true, m)]);
-                script.events.push_back(vec![button(p, false, m)]);
-            }
-            Step::Drag([x0, y0, x1, y1], text) => {
-                let m = modifiers(&text);
-                script
-                    .events
-                    .push_back(vec![Event::PointerMoved(point(x0, y0)), button(point(x0, y0), true, m)]);
-                for i in 1..=8 {
-                    let f = i as f32 / 8.0;
-                    let p = point(x0 + (x1 - x0) * f, y0 + (y1 - y0) * f);
-                    script.events.push_back(vec![Event::PointerMoved(p)]);
-                }
-                script.events.push_back(vec![button(point(x1, y1), false, m)]);
-            }
-            Step::Scroll(x, y, n) => {
-                script.events.push_back(vec![Event::PointerMoved(point(x, y))]);
-                script.events.push_back(vec![Event::MouseWheel {
-                    unit: egui::MouseWheelUnit::Line,
-                    delta: Vec2::new(0.0, n),
-                    phase: egui::TouchPhase::Move,
-                    source: egui::MouseWheelSource::Unknown,
-                    modifiers: Modifiers::NONE,
-                }]);
-            }
-            Step::Type(text) => script.events.push_back(vec![Event::Text(text)]),
-            Step::File(path) => {
-                self.desk.entries.add(vec![path]);
-                let last = self.desk.entries.len() - 1;
-                self.desk.show(last);
-            }
-            Step::Screenshot(path) => {
-                script.screenshot = Some(path);
-                let shot = self.shot.clone();
-                ctx.request_screenshot(move |image| {
-                    *shot.lock().unwrap_or_else(PoisonError::into_inner) = Some(image);
-                });
-            }
-            Step::Canvas(path) => {
-                if let Err(error) = save_canvas(&self.desk.canvas, &path, &self.desk.formats) {
-                    self.fail(&error.to_string());
-                }
-            }
-            Step::Print => granita_cli::print(&self.everything_said(ppp)),
-            Step::Expect(text) => {
-                let said = self.everything_said(ppp);
-                if !said.contains(&text) {
-                    self.fail(&format!("expected \"{text}\" in:\n{said}"));
-                }
-            }
-            Step::Bench(n) => {
-                script.bench =
-                    Some(Bench { left: n, frames: 0, complete: 0, since: Instant::now(), direction: 1.0 });
-            }
-            Step::Quit => {
-                self.script = None;
-                ctx.send_viewport_cmd(egui::ViewportCommand::Close);
-            }
-        }
-    }
-
-    /// The status line, the side panel and the message as text.
-    fn everything_said(&mut self, ppp: f32) -> String {
-        let [first, complete] = self.first_picture.map(|d| d.map_or(0.0, |d| d.as_secs_f64()));
-        let mut lines = vec![panels::status(self, ppp)];
-        lines.extend(panels::numbers(&mut self.desk));
-        lines.extend(self.desk.message.as_ref().map(|(text, _)| text.clone()));
-        lines.push(format!("first picture after {first:.3} s, complete after {complete:.3} s"));
-        lines.join("\n") + "\n"
-    }
-
-    fn take_screenshot(&mut self) {
-        let image = self.shot.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let Some(image) = image else { return };
-        let Some(path) = self.script.as_mut().and_then(|s| s.screenshot.take()) else { return };
-        let [width, height] = image.size.map(|side| side as u32);
-        let bytes = image.pixels.iter().flat_map(|p| p.to_array()).collect();
-        let canvas = granita_view::Canvas::new(width, height, bytes);
-        if let Err(error) = save_canvas(&canvas, &path, &self.desk.formats) {
-            self.fail(&error.to_string());
-        }
-    }
-
-    /// One frame of the bench: pans to the right and down, and back at the edges.
-    fn bench_frame(&mut self) {
-        let complete = self.desk.complete;
-        let Some(script) = &mut self.script else { return };
-        let Some(bench) = &mut script.bench else { return };
-        bench.frames += 1;
-        bench.complete += u32::from(complete);
-        if bench.left > 0 {
-            bench.left -= 1;
-            let bounds = {
-                let current = self.desk.entries.current;
-                self.desk.seen(current).map(|s| s.sheet.bounds)
-            };
-            if let Some([left, top, right, bottom]) = bounds {
-                let (x, y) = self.desk.view.center;
-                if x >= right || y >= bottom {
-                    bench.direction = -1.0;
-                } else if x <= left || y <= top {
-                    bench.direction = 1.0;
-                }
-            }
-            let by = -bench.direction;
-            self.desk.pan(24.0 * by, 14.0 * by);
-            return;
-        }
-        let seconds = bench.since.elapsed().as_secs_f64();
-        let (now, most) = self.desk.store.bytes();
-        let visible = self.desk.visible_bytes();
-        granita_cli::print(&format!(
-            "bench: {} frames in {seconds:.2} s: {:.1} frames/s, {} of them complete; tiles {:.1} MiB, at most {:.1}, in sight {:.1}\n",
-            bench.frames,
-            f64::from(bench.frames) / seconds,
-            bench.complete,
-            now as f64 / 1048576.0,
-            most as f64 / 1048576.0,
-            visible as f64 / 1048576.0,
-        ));
-        script.bench = None;
-    }
-}
-
-impl eframe::App for Shell {
-    fn raw_input_hook(&mut self, _ctx: &egui::Context, raw_input: &mut egui::RawInput) {
-        if let Some(script) = &mut self.script {
-            // Nobody else has a hand in it.
-            raw_input.events.retain(|e| {
-                !matches!(
-                    e,
-                    Event::PointerMoved(_)
-                        | Event::PointerButton { .. }
-                        | Event::Key { .. }
-                        | Event::PointerGone
-                )
-            });
-            if let Some(events) = script.events.pop_front() {
-                for event in &events {
-                    if let Event::PointerButton { modifiers, .. } | Event::Key { modifiers, .. } = event {
-                        raw_input.events.push(Event::ModifiersChanged(*modifiers));
-                    }
-                }
-                raw_input.events.extend(events);
-            }
-        }
-        let dropped: Vec<PathBuf> = raw_input.dropped_files.iter().map(|f| f.path().to_owned()).collect();
-        if !dropped.is_empty() {
-            let files = granita_view::expand(&dropped, &self.desk.formats);
-            let first = self.desk.entries.len();
-            self.desk.entries.add(files);
-            self.desk.show(first);
-        }
-    }
-
-    fn ui(&mut self, ui: &mut egui::Ui, _frame: &mut eframe::Frame) {
-        let ctx = ui.ctx().clone();
-        let ppp = ctx.pixels_per_point();
-        let events = ctx.input(|i| i.events.clone());
-        // Tab and the like are keys of the picture, not ways through the panels.
-        if self.prompt.is_none() {
-            ctx.memory_mut(|m| {
-                if let Some(id) = m.focused() {
-                    m.surrender_focus(id);
-                }
-            });
-        }
-        for event in &events {
-            self.handle(event, ppp, &ctx);
-        }
-        if self.prompt.is_some()
-            && events.iter().any(|e| matches!(e, Event::Key { key: Key::Escape, pressed: true, .. }))
-        {
-            self.prompt = None;
-        }
-        if !self.full_screen || self.desk.list_open || self.desk.side_open {
-            panels::around(self, ui);
-        }
-        self.area = ui.available_rect_before_wrap();
-        self.show_picture(ui);
-        panels::over(self, ui);
-        if let Some(errand) = self.desk.pending.take() {
-            self.run(errand, &ctx);
-        }
-        let title = format!("{} - iv", self.desk.entries.name(self.desk.entries.current));
-        if title != self.shown_title {
-            ctx.send_viewport_cmd(egui::ViewportCommand::Title(title.clone()));
-            self.shown_title = title;
-        }
-        // Files are looked at for changes.
-        ctx.request_repaint_after(Duration::from_millis(500));
-        self.go_on(&ctx);
-    }
-
-    fn clear_color(&self, _visuals: &egui::Visuals) -> [f32; 4] {
-        [34.0 / 255.0, 34.0 / 255.0, 36.0 / 255.0, 1.0]
-    }
 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use granita_base::{CurveBasis, hash};
+use granita_scene::attr;
 
 /// Numbers from a seed.
 struct Random(u32, u32);
@@ -41,7 +42,7 @@ impl<F: Fn(&mut Grid) + Sync> FrameShader for Moved<F> {
             opaque_in_depth: true,
             holdout: Holdout::None,
             displaces: self.displace.is_some(),
-            max_displacement_world: primitive.attributes.float("displace:maxradius"),
+            max_displacement_world: primitive.attributes.get(attr::DISPLACE_MAXRADIUS),
             measures: false,
             preshaded: false,
             joins: false,

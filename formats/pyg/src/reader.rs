@@ -1,0 +1,101 @@
+//! Statements of a scene one by one: flat ones become calls, and what scripts need of the way there is kept.
+
+use crate::flat::{Parser, Statement, Why};
+use crate::python::Python;
+use crate::value::Value;
+use crate::{PygError, PygOptions, calls, hint, names};
+use granita_base::{Location, Reporter, Severity};
+use granita_scene::{SceneSink, Stop};
+use std::io;
+use std::sync::Arc;
+
+pub(crate) struct Reader<'a> {
+    pub(crate) file: Arc<str>,
+    pub(crate) parser: Parser,
+    pub(crate) sink: &'a mut dyn SceneSink,
+    pub(crate) options: &'a PygOptions,
+    pub(crate) reporter: &'a Reporter,
+    /// Runs what is not flat.
+    pub(crate) script: Script,
+}
+
+/// Whether to go on reading.
+#[derive(PartialEq)]
+pub(crate) enum Next {
+    More,
+    End,
+}
+
+/// Makes a call of its name and arguments, and passes it on; mistakes are reported.
+pub(crate) fn pass_on(
+    name: &str,
+    args: Vec<Value>,
+    at: &Location,
+    sink: &mut dyn SceneSink,
+    reporter: &Reporter,
+) -> Result<(), Stop> {
+    match calls::call(name, args) {
+        Some(Ok(call)) => sink.call(call, at)?,
+        Some(Err(mistake)) => {
+            let text = format!("{mistake}: the call is ignored{}", object(sink));
+            reporter.say(Severity::Error, at, text);
+        }
+        // What it returns is not used.
+        None if name == "GetAttribute" => {}
+        None => {
+            let hint = hint(granita_base::suggestion(name, names::CALLS));
+            let cause = format!("pyg unknown call {name}");
+            reporter.counted(&cause, Severity::Error, at, format!("unknown call \"{name}\"{hint}"));
+        }
+    }
+    Ok(())
+}
+
+/// The script in a scene file, as far as it has come.
+#[derive(Default)]
+pub(crate) struct Script {
+    pub(crate) python: Option<Python>,
+    /// It changed what the names of calls mean: nothing is flat any more.
+    pub(crate) rebound: bool,
+    /// Statements that could not be read and were passed over.
+    pub(crate) unread: usize,
+    /// Whether anything could be read.
+    pub(crate) read: bool,
+    /// Statements that ended with an exception.
+    pub(crate) raised: usize,
+    /// Interpreters that ended early.
+    pub(crate) deaths: usize,
+}
+
+/// The name of the object that is being made, for messages; nothing when it has none.
+pub(crate) fn object(sink: &dyn SceneSink) -> String {
+    match &*granita_scene::attr::NAME.ask(sink) {
+        "" => String::new(),
+        name => format!(" (object \"{name}\")"),
+    }
+}
+
+impl Reader<'_> {
+    /// The next statement; names that only the script knows make it one for Python.
+    pub(crate) fn statement(&mut self) -> Result<Statement, PygError> {
+        let (scripted, rebound) = (self.script.python.is_some(), self.script.rebound);
+        self.parser.may_drop = !scripted;
+        let is_flat =
+            |name: &str| !rebound && (names::is_call(name) || !(scripted || names::is_python_builtin(name)));
+        self.parser.statement(&is_flat).map_err(|source| self.io(source))
+    }
+
+    pub(crate) fn io(&self, source: io::Error) -> PygError {
+        PygError::Io { path: self.file.to_string(), source }
+    }
+
+    pub(crate) fn flat_call(&mut self, name: &str, args: Vec<Value>, line: u32) -> Result<(), PygError> {
+        self.script.read = true;
+        let at = Location::line(&self.file, line);
+        Ok(pass_on(name, args, &at, self.sink, self.reporter)?)
+    }
+
+    pub(crate) fn malformed(&self, why: Why) -> PygError {
+        PygError::Malformed { what: why.what, at: Location::line(&self.file, why.line) }
+    }
+}

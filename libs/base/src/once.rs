@@ -1,0 +1,79 @@
+//! Values that are made once each, when they are first asked for.
+
+use std::collections::HashMap;
+use std::hash::Hash;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+/// Values by key, each made by the first thread that asks for it.
+///
+/// The map is locked only while the place of a value is looked up. Threads that ask for the same value wait until it is there;
+/// threads that ask for others do not wait. What makes a value may ask for other values, but not for its own.
+///
+/// ```
+/// let squares = granita_base::OnceMap::default();
+/// assert_eq!(squares.get_or_make(3, || 9), 9);
+/// assert_eq!(squares.get_or_make(3, || unreachable!()), 9);
+/// ```
+#[derive(Debug)]
+pub struct OnceMap<K, V>(Mutex<HashMap<K, Arc<OnceLock<V>>>>);
+
+impl<K, V> Default for OnceMap<K, V> {
+    fn default() -> Self {
+        Self(Mutex::default())
+    }
+}
+
+impl<K: Eq + Hash, V: Clone> OnceMap<K, V> {
+    /// The value of a key; `make` makes it when nobody has asked for it before.
+    pub fn get_or_make(&self, key: K, make: impl FnOnce() -> V) -> V {
+        let place = {
+            let mut places = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            places.entry(key).or_default().clone()
+        };
+        place.get_or_init(make).clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::OnceMap;
+    use std::sync::Barrier;
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    #[test]
+    fn each_value_is_made_once() {
+        let (map, made) = (OnceMap::default(), AtomicU32::new(0));
+        std::thread::scope(|scope| {
+            for _ in 0..8 {
+                scope.spawn(|| {
+                    for key in 0..100 {
+                        let make = || {
+                            made.fetch_add(1, Ordering::Relaxed);
+                            key * key
+                        };
+                        assert_eq!(map.get_or_make(key, make), key * key);
+                    }
+                });
+            }
+        });
+        assert_eq!(made.into_inner(), 100);
+    }
+
+    /// Two values are made at the same time: each waits for the other's making to have begun.
+    #[test]
+    fn values_are_made_beside_each_other() {
+        let (map, both) = (OnceMap::default(), Barrier::new(2));
+        std::thread::scope(|scope| {
+            for key in 0..2 {
+                let (map, both) = (&map, &both);
+                scope.spawn(move || {
+                    map.get_or_make(key, || {
+                        both.wait();
+                        map.get_or_make(key + 10, || key)
+                    })
+                });
+            }
+        });
+        assert_eq!(map.get_or_make(1, || unreachable!()), 1);
+    }
+}

@@ -1,0 +1,188 @@
+//! The formats of a session: which one reads a file, and which one writes it.
+
+use crate::one;
+use crate::{CreateOptions, Format, ImageError, ImageInput, ImageOutput, Limits, Result};
+use granita_base::Files;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Finds formats beyond those of a registry, when they are asked for.
+pub trait FormatFinder: Send + Sync {
+    /// The format of this very name that comes before the registry's own: the user named it.
+    fn preferred(&self, name: &str) -> Option<Arc<dyn Format>>;
+
+    /// The format that is installed under this very name; it comes after the registry's own.
+    fn named(&self, name: &str) -> Option<Arc<dyn Format>>;
+
+    /// One that says that it writes, or reads, files with this extension; it comes after the registry's own.
+    fn listed(&self, extension: &str, writes: bool) -> Option<Arc<dyn Format>>;
+
+    /// All that read, to be tried one after the other.
+    fn readers(&self) -> Vec<Arc<dyn Format>>;
+}
+
+/// The formats known to one session, in order of registration.
+#[derive(Clone, Default)]
+pub struct FormatRegistry {
+    formats: Vec<Arc<dyn Format>>,
+    /// Names that stand for one of the formats; they have no files of their own.
+    names: Vec<Arc<dyn Format>>,
+    limits: Limits,
+    finder: Option<Arc<dyn FormatFinder>>,
+}
+
+impl std::fmt::Debug for FormatRegistry {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_list().entries(self.formats.iter().map(|f| f.name())).finish()
+    }
+}
+
+impl FormatRegistry {
+    /// No formats.
+    pub fn new(limits: Limits) -> Self {
+        Self { formats: Vec::new(), names: Vec::new(), limits, finder: None }
+    }
+
+    /// Adds a format; of two with one name the later counts.
+    pub fn register(&mut self, format: Arc<dyn Format>) {
+        self.formats.retain(|f| f.name() != format.name());
+        self.formats.push(format);
+    }
+
+    /// Adds a name that stands for other formats: it is found by [`FormatRegistry::by_name`], and is not one of
+    /// [`FormatRegistry::formats`].
+    pub fn register_name(&mut self, name: Arc<dyn Format>) {
+        self.names.push(name);
+    }
+
+    /// Looks for formats that are asked for with `finder` as well; clones that are made later do so too.
+    pub fn find_with(&mut self, finder: Arc<dyn FormatFinder>) {
+        self.finder = Some(finder);
+    }
+
+    /// By name or alias, or by extension.
+    pub fn by_name(&self, name: &str) -> Option<Arc<dyn Format>> {
+        let same = |other: &str| other.eq_ignore_ascii_case(name);
+        let finder = self.finder.as_ref();
+        let own = || {
+            self.formats
+                .iter()
+                .find(|f| same(f.name()) || f.aliases().iter().any(|a| same(a)))
+                .or_else(|| self.formats.iter().find(|f| f.extensions().iter().any(|e| same(e))))
+                .or_else(|| self.names.iter().find(|f| same(f.name())))
+                .cloned()
+        };
+        finder
+            .and_then(|f| f.preferred(name))
+            .or_else(own)
+            .or_else(|| finder.and_then(|f| f.named(name)))
+            .or_else(|| finder.and_then(|f| f.listed(name, true)))
+    }
+
+    /// What its readers may take in.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// All formats, in order of registration.
+    pub fn formats(&self) -> &[Arc<dyn Format>] {
+        &self.formats
+    }
+
+    /// Names of all formats.
+    pub fn names(&self) -> Vec<&'static str> {
+        self.formats.iter().map(|f| f.name()).collect()
+    }
+
+    /// Opens a file, or one of its images: `parts.exr#2` is the third image of `parts.exr`, unless there is a file of
+    /// that very name. Formats that recognise its first bytes are tried first, then those of its extension.
+    ///
+    /// # Errors
+    /// What the system says; [`ImageError::Unsupported`] when no format knows it or it has no such image; the format's
+    /// own.
+    pub fn open(&self, path: &Path) -> Result<Box<dyn ImageInput>> {
+        match one::split_path(path) {
+            Some((file, image)) if !self.limits.files.is_file(path) => {
+                one::one_image(self.open_file(&file)?, path, image)
+            }
+            _ => self.open_file(path),
+        }
+    }
+
+    /// Opens a picture that lies in memory by its first bytes; `path` stands for it in errors.
+    ///
+    /// # Errors
+    /// [`ImageError::Unsupported`] when no format knows it; the format's own.
+    pub fn open_bytes(&self, path: &Path, bytes: Arc<[u8]>) -> Result<Box<dyn ImageInput>> {
+        let head = &bytes[..bytes.len().min(64)];
+        match self.formats.iter().find(|f| f.recognizes(head)) {
+            Some(format) => format.open_bytes(path, bytes, &self.limits),
+            None => Err(self.unknown(path)),
+        }
+    }
+
+    fn unknown(&self, path: &Path) -> ImageError {
+        ImageError::Unsupported {
+            path: path.to_owned(),
+            what: format!("not an image of a known format ({})", self.names().join(", ")),
+        }
+    }
+
+    fn open_file(&self, path: &Path) -> Result<Box<dyn ImageInput>> {
+        use std::io::Read;
+        let io = |source| ImageError::Io { path: path.to_owned(), source };
+        let mut head = Vec::with_capacity(64);
+        self.limits.files.open(path).map_err(io)?.take(64).read_to_end(&mut head).map_err(io)?;
+        if head.is_empty() {
+            return Err(ImageError::Unsupported {
+                path: path.to_owned(),
+                what: "the file is empty".to_owned(),
+            });
+        }
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        let format = (self.formats.iter().find(|f| f.recognizes(&head)))
+            .or_else(|| self.formats.iter().find(|f| f.extensions().contains(&extension.as_str())));
+        let Some(finder) = &self.finder else {
+            return match format {
+                Some(format) => format.open(path, &self.limits),
+                None => Err(self.unknown(path)),
+            };
+        };
+        let mut refused = None;
+        if let Some(plugin) = finder.preferred(&extension) {
+            match plugin.open(path, &self.limits) {
+                Ok(input) => return Ok(input),
+                Err(error) => refused = Some(error),
+            }
+        }
+        if let Some(format) = format {
+            // Not what the plugin says: the bundled format knows the file by its contents.
+            return format.open(path, &self.limits);
+        }
+        if let Some(plugin) = finder.named(&extension).or_else(|| finder.listed(&extension, false)) {
+            return plugin.open(path, &self.limits);
+        }
+        let probed = finder.readers().into_iter().find_map(|plugin| plugin.open(path, &self.limits).ok());
+        probed.ok_or_else(|| refused.unwrap_or_else(|| self.unknown(path)))
+    }
+
+    /// How its files are opened.
+    pub fn files(&self) -> &Files {
+        &self.limits.files
+    }
+
+    /// Creates a file in the format called `format`, by [`FormatRegistry::files`].
+    pub fn create(
+        &self,
+        path: &Path,
+        format: &str,
+        options: &CreateOptions<'_>,
+    ) -> Result<Box<dyn ImageOutput>> {
+        self.by_name(format)
+            .ok_or_else(|| ImageError::Unsupported {
+                path: path.to_owned(),
+                what: format!("unknown image format \"{format}\" (known: {})", self.names().join(", ")),
+            })?
+            .create(path, &CreateOptions::new(options.spec, options.levels).with_files(self.files()))
+    }
+}

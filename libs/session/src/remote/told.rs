@@ -1,0 +1,170 @@
+//! What a program is told by its renderer.
+
+use super::{GREETING, message_bytes};
+use crate::SharedProgress;
+use crate::commands::PriorityRequest;
+use crate::patient::PULSE;
+use granita_base::Reporter;
+use granita_base::report::VERBOSITY_INFO;
+use granita_pyg::frames::send;
+use granita_render::{Priority, Progress};
+use std::io::Write;
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What the program is told: messages, progress, answers. Clones share the connection.
+#[derive(Clone)]
+pub struct Told(Arc<Inner>);
+
+struct Inner {
+    to: Mutex<Box<dyn Write + Send>>,
+    /// Steps of the frame.
+    total: AtomicU64,
+    /// The share that was told last, in 256ths.
+    share: AtomicU64,
+    /// The program wants the frame that it asked for to end.
+    ends: AtomicBool,
+    /// Set by [`Session::obey`](crate::Session::obey).
+    stop: Mutex<Option<Arc<AtomicBool>>>,
+    /// Set by [`Session::obey`](crate::Session::obey) as well.
+    priority: Mutex<Option<Arc<Priority>>>,
+    /// What the program would have first of the frame that it asked for.
+    request: Mutex<Option<PriorityRequest>>,
+    /// Images that were sent: they are told apart by their numbers.
+    images: AtomicU32,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl std::fmt::Debug for Told {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Told")
+    }
+}
+
+impl Told {
+    /// Greets the program.
+    pub fn new(to: Box<dyn Write + Send>) -> Self {
+        let told = Self(Arc::new(Inner {
+            to: Mutex::new(to),
+            total: AtomicU64::new(0),
+            share: AtomicU64::new(0),
+            ends: AtomicBool::new(false),
+            stop: Mutex::default(),
+            priority: Mutex::default(),
+            request: Mutex::default(),
+            images: AtomicU32::new(0),
+        }));
+        told.say(b'H', &[GREETING.as_bytes()]);
+        let inner = Arc::downgrade(&told.0);
+        std::thread::spawn(move || {
+            while let Some(inner) = inner.upgrade() {
+                Self(inner).say(b'B', &[]);
+                std::thread::sleep(PULSE);
+            }
+        });
+        told
+    }
+
+    /// The number of the next image that is sent.
+    pub(super) fn image_number(&self) -> u32 {
+        self.0.images.fetch_add(1, Ordering::Relaxed)
+    }
+
+    /// For the session's messages. All of them go: the program's own verbosity counts.
+    pub fn reporter(&self) -> Reporter {
+        let told = self.clone();
+        let reporter = Reporter::new(Box::new(move |message| told.say(b'M', &[&message_bytes(message)])));
+        reporter.set_verbosity(VERBOSITY_INFO);
+        reporter
+    }
+
+    /// For the session's progress.
+    pub fn progress(&self) -> SharedProgress {
+        SharedProgress(Arc::new(self.clone()))
+    }
+
+    pub(super) fn say(&self, kind: u8, parts: &[&[u8]]) {
+        let mut to = self.0.to.lock().unwrap_or_else(PoisonError::into_inner);
+        // Nobody is left to tell when the program is gone.
+        let _ = send(&mut **to, kind, parts);
+    }
+
+    /// What ends the session's frames.
+    pub(super) fn set_stop(&self, stop: Arc<AtomicBool>) {
+        *lock(&self.0.stop) = Some(stop);
+    }
+
+    /// What orders the buckets of the session's frames.
+    pub(super) fn set_frame_priority(&self, priority: Arc<Priority>) {
+        *lock(&self.0.priority) = Some(priority);
+    }
+
+    /// Forgets what was asked of a frame that has ended.
+    pub(super) fn forget_requests(&self) {
+        self.0.ends.store(false, Ordering::Release);
+        *lock(&self.0.request) = None;
+    }
+
+    /// Ends the frame that is rendered, or that is about to be.
+    pub(super) fn end_frame(&self) {
+        self.0.ends.store(true, Ordering::Release);
+        self.pass_end_on();
+    }
+
+    /// Changes the order of the buckets of the frame that is rendered, or that is about to be.
+    pub(super) fn set_priority(&self, request: PriorityRequest) {
+        *lock(&self.0.request) = Some(request);
+        self.apply_request();
+    }
+
+    fn apply_request(&self) {
+        let request = *lock(&self.0.request);
+        if let (Some(request), Some(priority)) = (request, &*lock(&self.0.priority)) {
+            request.apply(priority);
+        }
+    }
+
+    fn pass_end_on(&self) {
+        let stop = self.0.stop.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(stop) = stop.as_ref().filter(|_| self.0.ends.load(Ordering::Acquire)) {
+            stop.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+/// Whole frames, which `granita_pyg::serve` makes.
+impl Write for Told {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let mut to = self.0.to.lock().unwrap_or_else(PoisonError::into_inner);
+        to.write_all(bytes)?;
+        to.flush()?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Progress for Told {
+    fn begin(&self, total: u64) {
+        self.0.total.store(total, Ordering::Relaxed);
+        self.0.share.store(0, Ordering::Relaxed);
+        self.pass_end_on();
+        // What was requested before the frame began was forgotten then.
+        self.apply_request();
+    }
+
+    fn done(&self, steps: u64) {
+        let total = self.0.total.load(Ordering::Relaxed).max(1);
+        let share = (steps as f64 / total as f64 * 256.0) as u64;
+        if self.0.share.fetch_max(share, Ordering::Relaxed) < share {
+            self.say(b'R', &[&(share as f32 / 256.0).to_le_bytes()]);
+        }
+    }
+
+    fn end(&self) {}
+}

@@ -1,0 +1,33 @@
+//! What rays go through: the trees of all meshes.
+
+use crate::Hit;
+use crate::layout::Box3;
+use crate::moving::MovingTree;
+use crate::probe::{Met, Probe, Scale};
+use crate::still::StillTree;
+
+/// What rays go through.
+#[derive(Debug)]
+pub(crate) struct Scene {
+    pub(crate) still: StillTree,
+    pub(crate) moving: MovingTree,
+    /// Number of the first triangle of each mesh.
+    pub(crate) first: Vec<u32>,
+    pub(crate) scale: Scale,
+    /// Box around everything in the coordinates of the trees.
+    pub(crate) bounds: Box3,
+}
+
+impl Scene {
+    /// What the world is told of a hit.
+    pub(crate) fn hit(&self, probe: &Probe, met: &Met, id: u32) -> Hit {
+        let mesh = self.first.partition_point(|first| *first <= id) - 1;
+        Hit {
+            t: probe.distance(met.t),
+            mesh: mesh as u32,
+            triangle: id - self.first[mesh],
+            b1: met.b1,
+            b2: met.b2,
+        }
+    }
+}

@@ -1,0 +1,273 @@
+//! Circles of files: files of a crate import each other in one direction.
+//!
+//! A file *names* another one when a path of its code, outside of tests, leads to something that the other one defines,
+//! through whatever `use` lines on the way. A module and its own descendants may name each other. A circle is a set of
+//! files of which each reaches all the others by such names.
+
+mod tree;
+
+use crate::workspace::Workspace;
+use petgraph::algo::tarjan_scc;
+use petgraph::graph::{DiGraph, NodeIndex};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use tree::{Reader, Target, Tree};
+
+/// The circles that are still there, each a sorted list of files. The table only gets shorter: a file that has left
+/// its circle is taken out of it.
+const KNOWN: &[&[&str]] = &[
+    &[
+        "libs/render/src/arealight.rs",
+        "libs/render/src/dynamic.rs",
+        "libs/render/src/lights.rs",
+        "libs/render/src/raycache.rs",
+        "libs/render/src/raymesh/build.rs",
+        "libs/render/src/rayset.rs",
+        "libs/render/src/raytrace.rs",
+        "libs/render/src/services.rs",
+        "libs/render/src/shading.rs",
+    ],
+    &[
+        "libs/render/src/camera.rs",
+        "libs/render/src/dicing/motion.rs",
+        "libs/render/src/dicing/rate.rs",
+        "libs/render/src/hider/visible.rs",
+        "libs/render/src/object.rs",
+        "libs/render/src/preview.rs",
+        "libs/render/src/spaces.rs",
+    ],
+    &["libs/render/src/frame.rs", "libs/render/src/renderer.rs", "libs/render/src/unread.rs"],
+    &["libs/render/src/frame/job.rs", "libs/render/src/frame/limits.rs"],
+    &["libs/render/src/hider/blurred.rs", "libs/render/src/hider/raster.rs"],
+];
+
+/// Files that name each other, sorted by path.
+struct Circle {
+    files: BTreeSet<PathBuf>,
+    /// The names that hold it together, by the two files.
+    names: BTreeMap<(PathBuf, PathBuf), Vec<Line>>,
+}
+
+/// A line that names something of another file.
+struct Line {
+    number: usize,
+    path: String,
+}
+
+/// All breaches, one message each.
+///
+/// # Errors
+/// A file that is missing or is not Rust.
+pub(crate) fn check(workspace: &Workspace) -> Result<Vec<String>, String> {
+    let reader = |path: &Path| workspace.text(path);
+    let mut found: Vec<Circle> = Vec::new();
+    for root in workspace.crates.iter().flat_map(|member| &member.roots) {
+        for circle in circles(root, &reader)? {
+            if !found.iter().any(|other| other.files == circle.files) {
+                found.push(circle);
+            }
+        }
+    }
+    let known: Vec<BTreeSet<PathBuf>> =
+        KNOWN.iter().map(|files| files.iter().map(PathBuf::from).collect()).collect();
+    Ok(compare(&found, &known))
+}
+
+/// What differs between the circles that are there and those that are known.
+fn compare(found: &[Circle], known: &[BTreeSet<PathBuf>]) -> Vec<String> {
+    let mut faults: Vec<String> = found
+        .iter()
+        .filter(|circle| !known.iter().any(|files| circle.files.is_subset(files)))
+        .map(describe)
+        .collect();
+    for file in known.iter().flatten() {
+        if !found.iter().any(|circle| circle.files.contains(file)) {
+            faults.push(format!(
+                "{}: is in no circle any more: take it out of the table of known circles",
+                file.display()
+            ));
+        }
+    }
+    faults
+}
+
+fn describe(circle: &Circle) -> String {
+    let mut text = format!("{} files name each other in a circle:", circle.files.len());
+    for file in &circle.files {
+        text.push_str(&format!("\n  {}", file.display()));
+        for ((_, to), lines) in circle.names.iter().filter(|((from, _), _)| from == file) {
+            text.push_str(&format!("\n    -> {}", to.display()));
+            for line in lines {
+                text.push_str(&format!("\n         {}:{}: {}", file.display(), line.number, line.path));
+            }
+        }
+    }
+    text
+}
+
+/// The circles of the crate with this root file, in order of their first files.
+fn circles(root: &Path, reader: Reader) -> Result<Vec<Circle>, String> {
+    let tree = Tree::read(root, reader)?;
+    let names = names(&tree);
+    let mut graph: DiGraph<&PathBuf, ()> = DiGraph::new();
+    let mut nodes: BTreeMap<&PathBuf, NodeIndex> = BTreeMap::new();
+    for (from, to) in names.keys() {
+        let [from, to] = [from, to].map(|file| *nodes.entry(file).or_insert_with(|| graph.add_node(file)));
+        graph.add_edge(from, to, ());
+    }
+    let sets: Vec<BTreeSet<PathBuf>> = tarjan_scc(&graph)
+        .iter()
+        .filter(|files| files.len() > 1)
+        .map(|files| files.iter().map(|node| graph[*node].clone()).collect())
+        .collect();
+    let mut circles: Vec<Circle> =
+        sets.into_iter().map(|files| Circle { files, names: BTreeMap::new() }).collect();
+    for ((from, to), lines) in names {
+        if let Some(circle) = circles.iter_mut().find(|c| c.files.contains(&from) && c.files.contains(&to)) {
+            circle.names.insert((from, to), lines);
+        }
+    }
+    circles.sort_by(|a, b| a.files.cmp(&b.files));
+    Ok(circles)
+}
+
+/// Which file names which, and where; without modules and their own descendants.
+fn names(tree: &Tree) -> BTreeMap<(PathBuf, PathBuf), Vec<Line>> {
+    let mut names: BTreeMap<(PathBuf, PathBuf), Vec<Line>> = BTreeMap::new();
+    for (id, module) in tree.modules.iter().enumerate() {
+        for mention in module.mentions.iter().filter(|m| !tree.is_imported(m, id)) {
+            // A `use` of a module names nothing yet: the paths that start with it do.
+            let Some(Target::Item(definer)) = tree.resolve(&mention.path, id) else { continue };
+            let [from, to] = [id, definer].map(|m| tree.file_module(m));
+            if tree.contains(from, to) || tree.contains(to, from) {
+                continue;
+            }
+            let files = (module.file.clone(), tree.modules[to].file.clone());
+            let lines = names.entry(files).or_default();
+            lines.push(Line { number: mention.line, path: mention.path.join("::") });
+        }
+    }
+    names
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The circles of a made-up crate, each as its files.
+    fn of(files: &[(&str, &str)]) -> Vec<Vec<String>> {
+        let reader = |path: &Path| {
+            files.iter().find(|(name, _)| Path::new(name) == path).map(|(_, text)| (*text).to_owned())
+        };
+        let found = circles(Path::new(files[0].0), &reader).unwrap();
+        found.iter().map(|c| c.files.iter().map(|f| f.display().to_string()).collect()).collect()
+    }
+
+    #[test]
+    fn two_files_that_use_each_other_are_a_circle_and_one_direction_is_none() {
+        let root = ("src/lib.rs", "mod a; mod b;");
+        let a = ("src/a.rs", "use crate::b::B; pub struct A(B);");
+        let b = ("src/b.rs", "pub struct B;");
+        assert_eq!(of(&[root, a, b]), Vec::<Vec<String>>::new());
+        let b = ("src/b.rs", "pub struct B; fn f(_: &super::a::A) {}");
+        assert_eq!(of(&[root, a, b]), [["src/a.rs", "src/b.rs"]]);
+    }
+
+    #[test]
+    fn a_circle_of_three_comes_apart_from_what_hangs_on_it() {
+        let files = [
+            ("src/main.rs", "mod a; mod b; mod c; mod d; fn main() { d::run() }"),
+            ("src/a.rs", "pub fn a() { crate::b::b() }"),
+            ("src/b.rs", "pub fn b() { println!(\"{}\", crate::c::C) }"),
+            ("src/c.rs", "use super::a; pub const C: u8 = 1; fn c() { a::a() }"),
+            ("src/d.rs", "use crate::a::a; pub fn run() { a() }"),
+        ];
+        assert_eq!(of(&files), [["src/a.rs", "src/b.rs", "src/c.rs"]]);
+    }
+
+    #[test]
+    fn a_parent_and_its_children_are_none_and_siblings_are_one() {
+        let root = ("src/lib.rs", "mod a;");
+        let child = ("src/a/x.rs", "use super::A; pub struct X(A);");
+        let other = ("src/a/y.rs", "pub struct Y;");
+        assert!(
+            of(&[root, ("src/a.rs", "mod x; mod y; pub struct A; fn f(_: x::X) {}"), child, other])
+                .is_empty()
+        );
+        // By way of the parent's imports.
+        let parent = ("src/a/mod.rs", "mod x; mod y; use x::X; pub(crate) use y::Y;");
+        let child = ("src/a/x.rs", "use super::Y; pub struct X(Y);");
+        let other = ("src/a/y.rs", "pub struct Y; fn f(_: super::X) {}");
+        assert_eq!(of(&[root, parent, child, other]), [["src/a/x.rs", "src/a/y.rs"]]);
+    }
+
+    #[test]
+    fn names_are_followed_through_the_root_globs_and_renames() {
+        let files = [
+            ("src/lib.rs", "mod a; mod b; mod c; pub use a::*; pub use b::B as Better;"),
+            ("src/a.rs", "pub struct A; fn f(_: crate::Better) {}"),
+            ("src/b.rs", "use super::*; pub struct B; fn f(_: C) {}"),
+            ("src/c.rs", "use crate::A; pub struct C(A);"),
+        ];
+        assert!(of(&files).is_empty(), "the root does not export C");
+        let files = [
+            ("src/lib.rs", "mod a; mod b; mod c; pub use a::*; pub use b::B as Better; use c::C;"),
+            files[1],
+            files[2],
+            files[3],
+        ];
+        assert_eq!(of(&files), [["src/a.rs", "src/b.rs", "src/c.rs"]]);
+    }
+
+    #[test]
+    fn tests_and_inner_modules_count_as_what_they_are() {
+        let root = ("src/lib.rs", "mod a; mod b;");
+        let a = ("src/a.rs", "pub struct A; #[cfg(test)] mod tests { use crate::b::B; }");
+        let b = ("src/b.rs", "pub struct B(crate::a::A);");
+        assert!(of(&[root, a, b]).is_empty());
+        let a = ("src/a.rs", "pub struct A; mod inner { fn f(_: crate::b::B) {} }");
+        assert_eq!(of(&[root, a, b]), [["src/a.rs", "src/b.rs"]]);
+    }
+
+    #[test]
+    fn macros_are_read_and_moved_files_found() {
+        let files = [
+            ("x/main.rs", "#[path = \"../y/a.rs\"] mod a; mod b;"),
+            ("y/a.rs", "pub fn a() { assert!(crate::b::Kind::Small == crate::b::Kind::Big) }"),
+            ("x/b/mod.rs", "pub enum Kind { Small, Big } fn b() { crate::a::a() }"),
+        ];
+        assert_eq!(of(&files), [["x/b/mod.rs", "y/a.rs"]]);
+    }
+
+    #[test]
+    fn what_a_macro_defines_belongs_to_its_file() {
+        let files = [
+            ("lib.rs", "mod a; mod b;"),
+            ("a.rs", "use crate::b; fn a() { b::made() } pub const A: u8 = 1;"),
+            (
+                "b.rs",
+                "macro_rules! make { ($name:ident) => { pub fn $name() -> u8 { crate::a::A } } } make!(made);",
+            ),
+        ];
+        assert_eq!(of(&files), [["a.rs", "b.rs"]]);
+    }
+
+    #[test]
+    fn the_table_of_known_circles_only_gets_shorter() {
+        let files = [
+            ("lib.rs", "mod a; mod b;"),
+            ("a.rs", "pub struct A(crate::b::B);"),
+            ("b.rs", "pub struct B; fn f(_: crate::a::A) {}"),
+        ];
+        let reader = |path: &Path| {
+            files.iter().find(|(name, _)| Path::new(name) == path).map(|(_, text)| (*text).to_owned())
+        };
+        let found = circles(Path::new("lib.rs"), &reader).unwrap();
+        let known = |files: &[&str]| vec![files.iter().map(PathBuf::from).collect::<BTreeSet<_>>()];
+        assert_eq!(compare(&found, &known(&["a.rs", "b.rs"])), Vec::<String>::new());
+        let new = compare(&found, &[]);
+        assert!(new.len() == 1 && new[0].contains("a.rs:1: crate::b::B"), "{new:?}");
+        let old = compare(&found, &known(&["a.rs", "b.rs", "c.rs"]));
+        assert!(old.len() == 1 && old[0].starts_with("c.rs: is in no circle any more"), "{old:?}");
+    }
+}
