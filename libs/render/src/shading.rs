@@ -117,6 +117,7 @@ impl ShadingContext {
             automipmap: scene.int("texture:automipmap") != 0,
             substitute_texture: named("texture:substtexture"),
             substitute_environment: named("texture:substenv"),
+            common_origin: camera.common_origin,
         };
         let textures = TextureCache::new(
             environment.registry.clone(),

@@ -3,11 +3,11 @@
 use crate::file::{MadeShadow, TextureFile, TileMaker};
 use crate::shared::Shared;
 use crate::{CacheStatistics, EnvLookup, Lookup, Lookup3d, ShadowLookup, TextureKind, TextureReader};
-use granita_base::{BaseType, Param, ParamData, ParamType, Reporter, SearchPath, Transform};
+use granita_base::{BaseType, Param, ParamData, ParamType, Reporter, SearchPath, Transform, Vec3};
 use granita_image::FormatRegistry;
 
 /// Bounds and behaviour of a [`TextureCache`].
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct CacheOptions {
     /// Most bytes of tiles held at once (attribute "limits:texturememory" times 1024).
     pub memory_bytes: u64,
@@ -20,6 +20,8 @@ pub struct CacheOptions {
     pub substitute_texture: Option<String>,
     /// Used in the place of every environment map (attribute "texture:substenv").
     pub substitute_environment: Option<String>,
+    /// Where in the world "common" space begins. The matrices of files are of the world, lookups and answers in "common" space.
+    pub common_origin: Vec3,
 }
 
 impl Default for CacheOptions {
@@ -31,6 +33,7 @@ impl Default for CacheOptions {
             automipmap: true,
             substitute_texture: None,
             substitute_environment: None,
+            common_origin: Vec3::ZERO,
         }
     }
 }
