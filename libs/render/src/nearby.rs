@@ -5,10 +5,12 @@
 //! Rendering, 4th edition, 6.1); grids, rays, lights and maps of all its cameras agree with each other there. In all other
 //! frames "common" space is the world, to the bit.
 
-use crate::CameraView;
 use crate::camera::Projection;
 use crate::object::longest_axis;
+use crate::{CameraView, ShaderLibrary};
 use granita_base::{BaseType, DVec3, MotionTransform, Param, ParamData, Params, Transform, Vec3};
+use granita_gsl::Func;
+use granita_gsl::ir::{Block, EmitForm, OpCode, Stmt};
 use granita_scene::{AttributeSet, Camera, Light, Primitive, Scene, ShaderGroup, ShaderInstance, ShapeKey};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -58,7 +60,7 @@ pub(crate) fn common_origin(camera: &CameraView) -> Vec3 {
 
 /// A scene whose transformations lead to "common" space, which begins at `origin` of the world; the scene itself where
 /// that is the world.
-pub(crate) fn moved(scene: &Arc<Scene>, origin: Vec3) -> Arc<Scene> {
+pub(crate) fn moved(scene: &Arc<Scene>, origin: Vec3, library: &dyn ShaderLibrary) -> Arc<Scene> {
     let mut mover = Mover { origin: origin.as_dvec3(), ..Mover::default() };
     if origin == Vec3::ZERO && !scene.primitives.iter().any(|p| mover.is_far(&p.attributes.to_world)) {
         return scene.clone();
@@ -72,7 +74,7 @@ pub(crate) fn moved(scene: &Arc<Scene>, origin: Vec3) -> Arc<Scene> {
     }
     for light in &mut near.lights {
         let (group, attributes) =
-            (mover.group(&light.group), mover.attributes(&light.attributes, Vec3::ZERO));
+            (mover.light(&light.group, library), mover.attributes(&light.attributes, Vec3::ZERO));
         *light = Arc::new(Light { group, attributes, ..Light::clone(light) });
     }
     for space in near.coordinate_systems.values_mut() {
@@ -161,6 +163,26 @@ impl Mover {
         near
     }
 
+    /// Of lights that only know directions, the spaces far away are taken to where "common" space begins: two points near the
+    /// origin of one say the direction between them exactly.
+    fn light(&mut self, group: &ShaderGroup, library: &dyn ShaderLibrary) -> ShaderGroup {
+        let mut moved = self.group(group);
+        let knows_directions = |layer: &Arc<ShaderInstance>| {
+            library.load(&layer.shader).is_ok_and(|module| directions_alone(&module.body))
+        };
+        if group.layers.iter().all(knows_directions) {
+            for (new, old) in moved.layers.iter_mut().zip(&group.layers) {
+                if self.origin != DVec3::ZERO && self.is_far(&old.to_world) && !old.to_world.is_moving() {
+                    let mut rows = old.to_world.first().to_rows();
+                    rows[12..15].fill(0.0);
+                    let to_world = Transform::from_rows(&rows).into();
+                    *new = Arc::new(ShaderInstance { to_world, ..ShaderInstance::clone(old) });
+                }
+            }
+        }
+        moved
+    }
+
     fn group(&mut self, group: &ShaderGroup) -> ShaderGroup {
         let layers = group.layers.iter().map(|layer| self.shader(layer)).collect();
         ShaderGroup { layers, connections: group.connections.clone() }
@@ -171,6 +193,22 @@ impl Mover {
         let moved = || Arc::new(ShaderInstance { to_world, ..ShaderInstance::clone(layer) });
         self.shaders.entry(Arc::as_ptr(layer) as usize).or_insert_with(moved).clone()
     }
+}
+
+/// Whether a light shader sends light along directions only, and transforms no points.
+fn directions_alone(block: &Block) -> bool {
+    block.iter().all(|statement| match statement {
+        Stmt::Op(op) => op.code != OpCode::Call(Func::Transform),
+        Stmt::Emit { form, body, .. } => {
+            matches!(form, EmitForm::Distant { .. } | EmitForm::Reflection) && directions_alone(body)
+        }
+        Stmt::If { then, otherwise, .. } => directions_alone(then) && directions_alone(otherwise),
+        Stmt::Loop { test, body, step, .. } => [test, body, step].into_iter().all(directions_alone),
+        Stmt::Scope { body, .. } | Stmt::Lights { body, .. } | Stmt::Trace { body, .. } => {
+            directions_alone(body)
+        }
+        Stmt::Leave(_) | Stmt::Break | Stmt::Continue | Stmt::Exit => true,
+    })
 }
 
 /// The keys of a primitive with `off` taken off their points; `None` where that brings no part of it near, or moves a point by
@@ -236,4 +274,61 @@ fn without(param: &Param, width: usize, off: Vec3) -> Option<Taken> {
     }
     let param = Param { data: ParamData::from(&values[..]), ..param.clone() };
     (low.is_finite() && high.is_finite()).then_some(Taken { param, error, low, high })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::{Fixture, param};
+    use granita_base::{Reporter, ShapeDesc};
+
+    fn camera(place: Vec3, params: Params) -> CameraView {
+        let world_to_camera = Transform::translate(-place).into();
+        CameraView::new(&Camera { name: "main".into(), world_to_camera, params }, &Reporter::silent())
+    }
+
+    #[test]
+    fn common_space_begins_near_cameras_that_are_far() {
+        let of = |x: f32, y: f32, z: f32| common_origin(&camera(Vec3::new(x, y, z), Params::new()));
+        assert_eq!(of(3e4, -3e4, 3e4), Vec3::ZERO);
+        assert_eq!(of(1e7, -33.0, 31.0), Vec3::new(1e7, -64.0, 0.0));
+        // A light that looks from far away at what is near the origin.
+        let parallel = Params(vec![param("string projection", "orthographic")]);
+        assert_eq!(common_origin(&camera(Vec3::Z * -1e6, parallel.clone())), Vec3::ZERO);
+        assert_eq!(common_origin(&camera(Vec3::new(1e6, 0.0, -1e6), parallel)), Vec3::X * 1e6);
+        let narrow = Params(vec![param("float fov", 0.01_f32)]);
+        assert_eq!(common_origin(&camera(Vec3::Z * -1e6, narrow)), Vec3::ZERO);
+    }
+
+    #[test]
+    fn points_that_are_far_in_their_own_space_come_near() {
+        let mut f = Fixture::new(&[]);
+        let points = |x: f32| Params(vec![param("vertex point P", &[x, 2.0, 3.0][..])]);
+        let at = |x: f32| AttributeSet {
+            to_world: Transform::translate(Vec3::X * x).into(),
+            ..AttributeSet::default()
+        };
+        let shape = ShapeDesc::Points { n: 1 };
+        f.add(shape.clone(), points(1e7), at(0.0));
+        f.add(shape.clone(), points(0.5), at(1e7));
+        // It is far away, wherever its numbers begin.
+        f.add(shape, points(0.5), at(0.0));
+        let (scene, _, environment) = f.finish();
+        let near = moved(&scene, Vec3::X * 1e7, &*environment.shaders);
+        let found: Vec<(f32, f32, f32)> = near
+            .primitives
+            .iter()
+            .map(|p| {
+                let x = p.keys[0].params.floats("P").unwrap()[0];
+                let set = &p.attributes;
+                (x, set.to_world.first().point(Vec3::X * x).x, set.object_to_world(0.0).point(Vec3::ZERO).x)
+            })
+            .collect();
+        assert_eq!(found, [(0.0, 0.0, -1e7), (0.5, 0.5, 0.0), (0.5, 0.5 - 1e7, -1e7)]);
+        // In the world itself nothing is touched, but what is brought back to its origin from far away.
+        assert!(Arc::ptr_eq(
+            &moved(&scene, Vec3::ZERO, &*environment.shaders).primitives[0],
+            &scene.primitives[0]
+        ));
+    }
 }

@@ -55,7 +55,7 @@ impl Renderer {
         let reporter = &environment.reporter;
         let views = self.views(scene);
         let origin = views.first().map_or(Vec3::ZERO, nearby::common_origin);
-        let scene = &nearby::moved(scene, origin);
+        let scene = &nearby::moved(scene, origin, &*environment.shaders);
         let views: Vec<CameraView> = views.into_iter().map(|view| view.nearby(origin)).collect();
         let first = views
             .first()

@@ -1,6 +1,6 @@
 //! The finished scene: immutable, ready to render.
 //!
-//! All transformations lead **to world space**. "common" space is world space.
+//! All transformations lead **to world space**. "common" space is world space, unless who renders moves the scene.
 
 use crate::{LightSet, Values};
 use granita_base::{Location, MotionTransform, Param, Params, ShapeDesc, Transform, TrimDesc, Vec3};
