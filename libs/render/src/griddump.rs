@@ -183,8 +183,6 @@ fn variables<'a>(
 ) -> Vec<Variable<'a>> {
     let n = grid.nu * grid.nv;
     let to_camera = camera.world_to_camera.at(camera.shading_time());
-    // Variables are of the world.
-    let to_camera = camera.world_to_common().map_or(to_camera, |m| m.then(&to_camera));
     let to_normal = to_camera.normal_matrix();
     let mut offset = 0;
     let mut found = Vec::new();

@@ -309,9 +309,10 @@ impl FrameShader for ShadingContext {
         wanted: &[(Arc<str>, ValueType)],
     ) -> Vec<Option<Vec<f32>>> {
         let mut found = thread.shade(object, grid, wanted);
-        // Images show points of the world.
+        // Images show where in the world surfaces are. What other points are relative to is known to the shader alone.
         let origin = self.camera.common_origin;
-        let points = found.iter_mut().zip(wanted).filter(|(_, (_, ty))| *ty == ValueType::Point);
+        let is_place = |(name, ty): &(Arc<str>, ValueType)| &**name == "P" && *ty == ValueType::Point;
+        let points = found.iter_mut().zip(wanted).filter(|(_, wanted)| is_place(wanted));
         for values in points.filter_map(|(values, _)| values.as_mut()).filter(|_| origin != Vec3::ZERO) {
             let n = (values.len() / 3).max(1);
             for (component, from) in values.chunks_exact_mut(n).zip(origin.to_array()) {
