@@ -84,6 +84,13 @@ impl Transform {
         Self::of(product, &(next.as_dmat4() * self.as_dmat4()))
     }
 
+    /// As [`Transform::then`], rounded once: what large translations of both leave is as exact as a single number.
+    pub fn then_rounded_once(&self, next: &Self) -> Self {
+        let exact = next.as_dmat4() * self.as_dmat4();
+        let rounded = exact.as_mat4();
+        if self.is_affine() && next.is_affine() { Self::of(rounded, &exact) } else { Self::exact(rounded) }
+    }
+
     /// The inverse, computed in double precision; `None` for a singular matrix.
     pub fn try_inverse(&self) -> Option<Self> {
         let m: DMat4 = self.rounded.as_dmat4();
@@ -302,6 +309,11 @@ impl MotionTransform {
         self.combine(next, |a, b| a.then(b))
     }
 
+    /// As [`MotionTransform::then`] by [`Transform::then_rounded_once`].
+    pub fn then_rounded_once(&self, next: &Self) -> Self {
+        self.combine(next, Transform::then_rounded_once)
+    }
+
     /// Applies `first` before it, as `MotionTransform::from (first).then (self)`.
     pub fn prepend(&mut self, first: &Transform) {
         match &mut self.keys {
@@ -358,6 +370,11 @@ mod tests {
             let place = m.as_dmat4() * p.as_dvec3().extend(1.0);
             assert!(place.truncate().length() < 1e-6, "{place}");
         }
+        // The offset by which a scene is brought near is exact, whatever was turned before.
+        let near = to_world.then_rounded_once(&Transform::translate(-eye));
+        assert_eq!(near.point(Vec3::ZERO), Vec3::ZERO);
+        let seen = Transform::translate(eye).then_rounded_once(&to_camera);
+        assert!(seen.point(Vec3::ZERO).length() < 1e-6, "{seen:?}");
         // To the bit as if nothing were kept.
         assert_eq!(*to_camera.as_mat4(), *turned.as_mat4() * Mat4::from_translation(-eye));
         assert_eq!(to_camera.then(&Transform::IDENTITY), to_camera);

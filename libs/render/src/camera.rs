@@ -5,7 +5,7 @@ mod stereo;
 pub use stereo::{EyeProjection, ShadedFrom, Stereo};
 
 use crate::dicing::MAX_QUALITY;
-use crate::{PixelRect, PreviewLimits};
+use crate::{PixelRect, PreviewLimits, nearby};
 use granita_base::{Location, MotionTransform, Param, Params, Reporter, Severity, Transform, Vec2, Vec3};
 use granita_scene::attribute::{AttributeValue, Key, scope};
 use granita_scene::{Camera, Primitive, Scene, attr};
@@ -40,8 +40,10 @@ pub struct Lens {
 pub struct CameraView {
     /// Its name, also that of its geometry set.
     pub name: Arc<str>,
-    /// World to camera space.
+    /// "common" to camera space. "common" space is the world, unless it begins elsewhere (`common_origin`).
     pub world_to_camera: MotionTransform,
+    /// Where in the world "common" space begins: everything here that is of the world is relative to it.
+    pub common_origin: Vec3,
     /// Projection.
     pub projection: Projection,
     /// Whole image in pixels.
@@ -266,6 +268,7 @@ impl CameraView {
         Self {
             name: camera.name.clone(),
             world_to_camera,
+            common_origin: Vec3::ZERO,
             projection,
             resolution,
             pixelaspect,
@@ -467,12 +470,13 @@ impl CameraView {
         Transform::scale(Vec3::new(self.resolution[0] as f32, self.resolution[1] as f32, 1.0))
     }
 
-    /// The matrix from world to a space of this camera at a time: "camera", "screen", "NDC", "raster" or
+    /// The matrix from "common" to a space of this camera at a time: "camera", "screen", "NDC", "raster" or
     /// "world"; `None` for other names.
     pub fn world_to(&self, space: &str, time: f32) -> Option<Transform> {
         let camera = self.world_to_camera.at(time);
         Some(match space {
-            "world" | "common" => Transform::IDENTITY,
+            "common" => Transform::IDENTITY,
+            "world" => self.world_to_common().unwrap_or_default().inverse(),
             "camera" => camera,
             "screen" => camera.then(&self.camera_to_screen()),
             "NDC" => camera.then(&self.camera_to_screen()).then(&self.screen_to_ndc()),
@@ -532,8 +536,37 @@ impl CameraView {
         }
     }
 
+    /// The same camera where "common" space begins at `origin` of the world; of one where it is the world.
+    pub(crate) fn nearby(self, origin: Vec3) -> Self {
+        if origin == Vec3::ZERO {
+            return self;
+        }
+        let world_to_camera = nearby::seen_from(&self.world_to_camera, origin);
+        Self { world_to_camera, common_origin: origin, ..self }
+    }
+
+    /// World to "common" space; `None` where they are one.
+    pub(crate) fn world_to_common(&self) -> Option<Transform> {
+        (self.common_origin != Vec3::ZERO).then(|| Transform::translate(-self.common_origin))
+    }
+
+    /// A place of "common" space in the world.
+    pub(crate) fn place_in_world(&self, p: Vec3) -> Vec3 {
+        // Not even the sign of a zero changes where they are one.
+        if self.common_origin == Vec3::ZERO { p } else { p + self.common_origin }
+    }
+
+    /// The same camera where "common" space is the world.
+    fn in_world(&self) -> Self {
+        let world_to_camera = nearby::seen_from(&self.world_to_camera, -self.common_origin);
+        Self { world_to_camera, common_origin: Vec3::ZERO, ..self.clone() }
+    }
+
     /// Matrices that go into the files of this camera, and the shape of its pixels where these are not square.
     pub fn metadata(&self) -> Params {
+        if self.common_origin != Vec3::ZERO {
+            return self.in_world().metadata();
+        }
         let matrix = |name: &str, m: Transform| Param {
             name: name.into(),
             ty: granita_base::ParamType::of(granita_base::BaseType::Matrix),

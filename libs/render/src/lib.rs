@@ -6,7 +6,7 @@
 //!
 //! The way of a primitive: `geom` builds it into pieces; `dicing` bounds, culls and splits the pieces
 //! until each dices into a grid of a bearable size; the grid is displaced and shaded **once**, in
-//! "common" (= world) space, however many buckets need it; `hider` samples its micropolygons at
+//! "common" space (the world, or that moved: `nearby`), however many buckets need it; `hider` samples its micropolygons at
 //! jittered places, times and lens points; `film` filters the samples into pixels; `output` writes.
 //!
 //! # Invariants
@@ -39,6 +39,7 @@ mod griddump;
 mod hider;
 mod lightcache;
 mod lights;
+mod nearby;
 mod object;
 mod output;
 mod preshaded;

@@ -8,8 +8,8 @@ use crate::object::{Holdout, ObjectState};
 use crate::output::{OutputSet, WrittenFiles, is_dynamic};
 use crate::shading::{ShaderThread, ShadingContext};
 use crate::spread::Spread;
-use crate::{CameraView, RenderError, ShadingStatistics, Statistics, hider, preview, unknown};
-use granita_base::{Location, Severity};
+use crate::{CameraView, RenderError, ShadingStatistics, Statistics, hider, nearby, preview, unknown};
+use granita_base::{Location, Severity, Vec3};
 use granita_gsl::ir::ValueType;
 use granita_scene::{Output, Primitive, Scene, attr};
 use granita_shade::Grid;
@@ -54,6 +54,9 @@ impl Renderer {
         let environment = &self.environment;
         let reporter = &environment.reporter;
         let views = self.views(scene);
+        let origin = views.first().map_or(Vec3::ZERO, nearby::common_origin);
+        let scene = &nearby::moved(scene, origin, &*environment.shaders);
+        let views: Vec<CameraView> = views.into_iter().map(|view| view.nearby(origin)).collect();
         let first = views
             .first()
             .map(CameraView::shading_view)
@@ -305,6 +308,17 @@ impl FrameShader for ShadingContext {
         grid: &mut Grid,
         wanted: &[(Arc<str>, ValueType)],
     ) -> Vec<Option<Vec<f32>>> {
-        thread.shade(object, grid, wanted)
+        let mut found = thread.shade(object, grid, wanted);
+        // Images show where in the world surfaces are. What other points are relative to is known to the shader alone.
+        let origin = self.camera.common_origin;
+        let is_place = |(name, ty): &(Arc<str>, ValueType)| &**name == "P" && *ty == ValueType::Point;
+        let points = found.iter_mut().zip(wanted).filter(|(_, wanted)| is_place(wanted));
+        for values in points.filter_map(|(values, _)| values.as_mut()).filter(|_| origin != Vec3::ZERO) {
+            let n = (values.len() / 3).max(1);
+            for (component, from) in values.chunks_exact_mut(n).zip(origin.to_array()) {
+                component.iter_mut().for_each(|x| *x += from);
+            }
+        }
+        found
     }
 }

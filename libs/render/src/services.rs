@@ -19,7 +19,7 @@ use crate::rayset::RayScene;
 use crate::shading::{ShaderThread, ShadingContext};
 use crate::texts;
 use granita_base::{
-    BaseType, Location, MotionTransform, Param, ParamData, ParamType, Severity, Transform, Vec3, hash, sample,
+    BaseType, Location, Param, ParamData, ParamType, Severity, Transform, Vec3, hash, sample,
 };
 use granita_gsl::Func;
 use granita_gsl::ir::ShaderKind;
@@ -75,8 +75,6 @@ pub(crate) struct Run<'r, 'f> {
     rims: Arc<[[bool; 4]]>,
     /// Lanes that lie where another one before them does, and which: on sides of rectangles that are single points.
     twins: Arc<[(u32, u32)]>,
-    /// The object being shaded to world.
-    object_to_world: &'r MotionTransform,
     /// Name of the object or the light, for messages.
     owner: Arc<str>,
     shadow_bias: f32,
@@ -133,7 +131,6 @@ impl<'r, 'f> Run<'r, 'f> {
             topology: grid.topology.clone(),
             rims: rims(grid),
             twins: twins(grid),
-            object_to_world: &object.attributes.to_world,
             owner: object.name.clone(),
             shadow_bias: object.shadow_bias,
             ray_motion: object.ray_motion,
@@ -177,7 +174,6 @@ impl<'r, 'f> Run<'r, 'f> {
             topology: surface.topology.clone(),
             rims: surface.rims.clone(),
             twins: surface.twins.clone(),
-            object_to_world: surface.object_to_world,
             owner: light.name.clone(),
             // The points are the object's: what it or those around it say comes before what the light says.
             shadow_bias: match surface.object_attributes.is_set(attr::SHADOW_BIAS) {
@@ -469,7 +465,7 @@ fn count(value: Option<Lane<'_>>, lane: usize) -> u32 {
 impl Services for Run<'_, '_> {
     fn to_common(&mut self, space: &str, layer: usize) -> Option<Transform> {
         match space {
-            "object" => Some(self.object_to_world.at(self.time)),
+            "object" => Some(self.object.attributes.object_to_world(self.time)),
             "shader" => Some(self.shaders.to_world.get(layer)?.at(self.time)),
             _ => self.frame.spaces.to_common(space, self.time),
         }
@@ -636,7 +632,9 @@ impl Services for Run<'_, '_> {
         let value = |ty: ParamType, data: ParamData| Some(Param { name: name.into(), ty, data });
         match name {
             "transform" => {
-                let matrix = self.object_to_world.at(self.frame.camera.shading_time());
+                let camera = &self.frame.camera;
+                let matrix = self.object.attributes.object_to_world(camera.shading_time());
+                let matrix = camera.world_to_common().map_or(matrix, |m| matrix.then(&m.inverse()));
                 return value(ParamType::of(BaseType::Matrix), matrix.to_rows()[..].into());
             }
             "geometryset" => {

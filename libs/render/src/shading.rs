@@ -118,6 +118,7 @@ impl ShadingContext {
             automipmap: scene.get(attr::TEXTURE_AUTOMIPMAP),
             substitute_texture: named(attr::TEXTURE_SUBSTTEXTURE),
             substitute_environment: named(attr::TEXTURE_SUBSTENV),
+            common_origin: camera.common_origin,
         };
         let textures = TextureCache::new(
             environment.registry.clone(),

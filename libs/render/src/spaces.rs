@@ -11,9 +11,9 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub(crate) struct Spaces {
     camera: CameraView,
-    /// World to camera of all cameras, by their names.
+    /// "common" to camera of all cameras, by their names.
     cameras: BTreeMap<Arc<str>, MotionTransform>,
-    /// Spaces named by `SaveAttributes`, to world.
+    /// Spaces named by `SaveAttributes`, to "common".
     named: BTreeMap<Arc<str>, MotionTransform>,
 }
 
@@ -32,13 +32,15 @@ impl Spaces {
         self.camera.shading_time()
     }
 
-    /// The matrix from a named space to "common" (= world) at a time; `None` for unknown names, for
+    /// The matrix from a named space to "common" at a time; `None` for unknown names, for
     /// "object" and "shader", and for a space without an inverse.
     ///
     /// A name given by `SaveAttributes` counts before a camera's name.
     pub(crate) fn to_common(&self, name: &str, time: f32) -> Option<Transform> {
-        if let "common" | "world" = name {
-            return Some(Transform::IDENTITY);
+        match name {
+            "common" => return Some(Transform::IDENTITY),
+            "world" => return Some(self.camera.world_to_common().unwrap_or_default()),
+            _ => (),
         }
         if let Some(world_to) = self.camera.world_to(name, time) {
             return world_to.try_inverse();
@@ -52,7 +54,7 @@ impl Spaces {
     /// As [`Spaces::to_common`], where "object" (and, outside of shaders, "shader") is the object's.
     pub(crate) fn of_object(&self, name: &str, attributes: &AttributeSet, time: f32) -> Option<Transform> {
         match name {
-            "object" | "shader" => Some(attributes.to_world.at(time)),
+            "object" | "shader" => Some(attributes.object_to_world(time)),
             _ => self.to_common(name, time),
         }
     }

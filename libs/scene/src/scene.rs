@@ -1,10 +1,10 @@
 //! The finished scene: immutable, ready to render.
 //!
-//! All transformations lead **to world space**. "common" space is world space.
+//! All transformations lead **to world space**. "common" space is world space, unless who renders moves the scene.
 
 use crate::attribute::{AttributeValue, Key, attr, scope};
 use crate::{LightSet, Values};
-use granita_base::{Location, MotionTransform, Param, Params, ShapeDesc, TrimDesc};
+use granita_base::{Location, MotionTransform, Param, Params, ShapeDesc, Transform, TrimDesc, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -80,8 +80,11 @@ pub struct AttributeSet {
     pub volume: Option<Arc<ShaderGroup>>,
     /// Lights that shine on it, in order of declaration.
     pub lights: LightSet,
-    /// Object space to world.
+    /// Object space to world, of points from which [`AttributeSet::taken_off`] was taken.
     pub to_world: MotionTransform,
+    /// What was taken off the points of primitives, in object space: so points far from its origin are near another one. Zero in
+    /// what the state machine makes.
+    pub taken_off: Vec3,
     /// Whether the orientation is reversed with respect to the handedness of world space: with the
     /// rules of "orientation" applied, true when `cross (dPdu, dPdv)` of the object's own space points
     /// to the outside only after negation (reference 4.4.4).
@@ -93,6 +96,15 @@ pub struct AttributeSet {
 }
 
 impl AttributeSet {
+    /// Object space to world at a time, of points that nothing was taken off.
+    pub fn object_to_world(&self, time: f32) -> Transform {
+        let to_world = self.to_world.at(time);
+        if self.taken_off == Vec3::ZERO {
+            return to_world;
+        }
+        Transform::translate(-self.taken_off).then_rounded_once(&to_world)
+    }
+
     /// The value of a per-object attribute, or its default.
     pub fn get<T: AttributeValue>(&self, key: Key<scope::Object, T>) -> T {
         key.of(self.values.get(key.name()))

@@ -8,7 +8,7 @@ use crate::picture::{Picture, half, level_count};
 use crate::pyramid::Levels;
 use crate::tiles::{Cell, Layout, Tile, from_raw};
 use crate::{TextureKind, Up, Wrap};
-use granita_base::{Filter, Transform};
+use granita_base::{Filter, Transform, Vec3};
 use granita_image::{ImageInput, Limits, PixelType, Pixels};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -176,6 +176,17 @@ impl TextureFile {
             },
         };
         Ok((file, lack))
+    }
+
+    /// Of a file whose matrices are of the world: the same where "common" space begins at `origin`.
+    pub(crate) fn nearby(mut self, origin: Vec3) -> Self {
+        if origin != Vec3::ZERO {
+            let to_world = Transform::translate(origin);
+            for matrix in [&mut self.world_to_camera, &mut self.world_to_screen].into_iter().flatten() {
+                *matrix = to_world.then_rounded_once(matrix);
+            }
+        }
+        self
     }
 
     /// What shaders are told that the file is: one whose images are slices of one size is a volume.

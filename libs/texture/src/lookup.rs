@@ -222,7 +222,7 @@ impl Default for EnvLookup {
 /// `shadow ()` at one point (reference 5.8.10).
 #[derive(Clone, Copy, Debug)]
 pub struct ShadowLookup {
-    /// Position in "common" (= world) space.
+    /// Position in "common" space.
     pub p: Vec3,
     /// Change of `p` to the next point in x.
     pub dpdx: Vec3,

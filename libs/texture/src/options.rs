@@ -1,7 +1,9 @@
 //! Bounds and behaviour of a cache.
 
+use granita_base::Vec3;
+
 /// Bounds and behaviour of a [`TextureCache`](crate::TextureCache).
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct CacheOptions {
     /// Most bytes of tiles held at once (attribute "limits:texturememory" times 1024).
     pub memory_bytes: u64,
@@ -14,6 +16,8 @@ pub struct CacheOptions {
     pub substitute_texture: Option<String>,
     /// Used in the place of every environment map (attribute "texture:substenv").
     pub substitute_environment: Option<String>,
+    /// Where in the world "common" space begins. The matrices of files are of the world, lookups and answers in "common" space.
+    pub common_origin: Vec3,
 }
 
 impl Default for CacheOptions {
@@ -25,6 +29,7 @@ impl Default for CacheOptions {
             automipmap: true,
             substitute_texture: None,
             substitute_environment: None,
+            common_origin: Vec3::ZERO,
         }
     }
 }

@@ -300,7 +300,7 @@ impl Shared {
         add(&self.counters.files_opened, 1);
         self.reporter.file_read(&read);
         let (file, lack) = match TextureFile::open(index, path, input) {
-            Ok(opened) => opened,
+            Ok((file, lack)) => (file.nearby(self.options.common_origin), lack),
             Err(what) => return refuse(format!("texture \"{name}\": {what}")),
         };
         if let Some(lack) = lack.filter(|_| !self.options.automipmap) {

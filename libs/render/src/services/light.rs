@@ -145,7 +145,8 @@ impl<'q> Question<'q> {
         let records = self.known.as_ref()?;
         let i = lane as usize;
         let p = self.places[i];
-        let probe = Probe { p: p.to_array(), n: Some(self.axis(i).to_array()) };
+        let filed = run.frame.camera.place_in_world(p);
+        let probe = Probe { p: filed.to_array(), n: Some(self.axis(i).to_array()) };
         if let Some(numbers) = records.exactly(&probe) {
             return Some(Record::from_numbers(self.kind, numbers));
         }
@@ -396,7 +397,9 @@ impl Gatherer<'_, '_, '_, '_> {
             // Who is first keeps it, and saves it.
             let new = !shared || self.run.frame.light_cache.keep(self.question.spot(lane), &record);
             if new && self.question.mode.write {
-                saved.extend(self.question.places[lane as usize].to_array());
+                // Files are read by frames whose "common" space may begin elsewhere.
+                let p = self.question.places[lane as usize];
+                saved.extend(self.run.frame.camera.place_in_world(p).to_array());
                 saved.extend(self.question.axis(lane as usize).to_array());
                 saved.extend(record.to_numbers(self.question.kind));
             }
