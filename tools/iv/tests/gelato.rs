@@ -2,7 +2,7 @@
 //! where no driver can draw. What is on the screen is read from the memory of the server.
 
 #![cfg(all(feature = "window", target_os = "linux"))]
-#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "what fails here fails the test")]
+#![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
 
 use granita_image::Limits;
 use std::path::{Path, PathBuf};
@@ -29,19 +29,20 @@ impl Drop for Screen {
 
 impl Screen {
     fn start() -> Option<Self> {
+        if !granita_needs::has("Xvfb") {
+            return None;
+        }
         let folder = tempfile::tempdir().unwrap();
-        let server = Command::new("Xvfb")
+        let mut server = Command::new("Xvfb")
             .args(["-displayfd", "1", "-screen", "0", SIZE, "-nolisten", "tcp", "-fbdir"])
             .arg(folder.path())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
-            .spawn();
-        let Ok(mut server) = server else {
-            eprintln!("skipped: Xvfb is not installed");
-            return None;
-        };
+            .spawn()
+            .unwrap();
         let mut line = String::new();
-        std::io::BufRead::read_line(&mut std::io::BufReader::new(server.stdout.take()?), &mut line).ok()?;
+        std::io::BufRead::read_line(&mut std::io::BufReader::new(server.stdout.take().unwrap()), &mut line)
+            .unwrap();
         Some(Self { server, name: format!(":{}", line.trim()), folder })
     }
 
@@ -147,7 +148,7 @@ fn file(folder: &Path) -> Vec<f32> {
 /// A screen, if there can be a window on it.
 fn ready() -> Option<Screen> {
     if !program().is_file() {
-        eprintln!("skipped: there is no {}", program().display());
+        granita_needs::skip(&format!("gelato in {}", program().display()));
         return None;
     }
     let screen = Screen::start()?;
@@ -162,7 +163,7 @@ fn ready() -> Option<Screen> {
         .unwrap();
     let error = String::from_utf8_lossy(&ran.stderr).into_owned();
     if error.contains("there can be no window") {
-        eprintln!("skipped: {error}");
+        granita_needs::skip(&format!("driver (under Xvfb: {error})"));
         return None;
     }
     Some(screen)
