@@ -3,10 +3,10 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use granita_base::{Location, Params, Reporter};
+use granita_needs::has;
 use granita_pyg::{PygOptions, PygSource, Writer, WriterOptions, read};
 use granita_scene::attribute::{Scope, TABLE};
 use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, State, Stop};
-use granita_tests::has_program;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
@@ -175,7 +175,7 @@ fn every_call_is_there_in_every_form() {
 
 #[test]
 fn python_makes_the_same_calls() {
-    if !has_program("python3") {
+    if !has("python3") {
         return;
     }
     let python = PygOptions { never_pyglet: true, ..PygOptions::default() };
@@ -285,7 +285,7 @@ fn script(text: &str) -> (String, Vec<String>) {
 
 #[test]
 fn scripts_ask_for_every_attribute() {
-    if !has_program("python3") {
+    if !has("python3") {
         return;
     }
     let mut text = String::from(

@@ -1,7 +1,8 @@
 //! Results that cannot be written are known before the work begins, and no tool writes over what it reads.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on fails")]
 
+use granita_image::{CreateOptions, ImageSpec, Limits, PixelType, Pixels};
 use granita_tests::Tools;
 
 fn scene(outputs: &str) -> String {
@@ -43,21 +44,93 @@ fn outputs_that_cannot_be_written_are_found_before_the_first_bucket() {
     assert_eq!(names, ["b.tif", "s.json", "s.pyg"], "nothing else is left");
 }
 
+/// The bytes of a PNG image of 2 x 1 pixels.
+fn png() -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.png");
+    let spec = ImageSpec::new(2, 1, 3, PixelType::U8);
+    let formats = granita_plugin::bundled_formats(Limits::default());
+    let mut file = formats.create(&path, "png", &CreateOptions::new(&spec, 1)).unwrap();
+    file.write_rows(&Pixels::U8(vec![1, 2, 3, 4, 5, 6])).unwrap();
+    file.close().unwrap();
+    std::fs::read(path).unwrap()
+}
+
 #[test]
 fn no_tool_writes_over_what_it_reads() {
     let tools = Tools::build().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let shader = "surface s () { C = 1; }\n";
     let image = "P3\n2 1\n255\n1 2 3 4 5 6\n";
+    let png = png();
     for (tool, name, text, arguments) in [
-        ("gslc", "s.gsl", shader, &["-o", "s.gsl", "s.gsl"][..]),
-        ("gslc", "s.gsl", shader, &["-o", "./s.gsl", "s.gsl"]),
-        ("maketx", "i.ppm", image, &["i.ppm", "-o", "i.ppm"]),
-        ("topyg", "t.pyg", "World ()\n", &["-o", "t.pyg", "t.pyg"]),
+        ("gslc", "s.gsl", shader.as_bytes(), &["-o", "s.gsl", "s.gsl"][..]),
+        ("gslc", "s.gsl", shader.as_bytes(), &["-o", "./s.gsl", "s.gsl"]),
+        ("maketx", "i.ppm", image.as_bytes(), &["i.ppm", "-o", "i.ppm"]),
+        ("maketx", "x.png", &png, &["x.png", "-o", "x.png"]),
+        ("maketx", "x.png", &png, &["x.png", "-o", "./x.png"]),
+        ("topyg", "t.pyg", b"World ()\n", &["-o", "t.pyg", "t.pyg"]),
     ] {
         std::fs::write(folder.path().join(name), text).unwrap();
         let ran = tools.run(folder.path(), tool, arguments).unwrap();
-        assert!(ran.status == 2 && ran.stderr.contains("not overwritten"), "{tool}: {}", ran.stderr);
-        assert_eq!(std::fs::read_to_string(folder.path().join(name)).unwrap(), text, "{tool}");
+        let said = &ran.stderr;
+        assert!(
+            ran.status == 2 && said.lines().count() == 1 && said.contains("not overwritten"),
+            "{tool}: {said}"
+        );
+        assert_eq!(std::fs::read(folder.path().join(name)).unwrap(), text, "{tool}");
+    }
+}
+
+/// A name that ends in a slash is a folder, which is made. Its textures are called like their inputs.
+#[test]
+fn maketx_makes_the_folder_of_its_textures() {
+    let tools = Tools::build().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("x.png"), png()).unwrap();
+    for arguments in
+        [&["x.png", "-o", "x.tx"][..], &["x.png", "-o", "new/deep/"], &["-o", "new/deep/", "x.png"]]
+    {
+        let ran = tools.run(folder.path(), "maketx", arguments).unwrap();
+        assert_eq!((ran.status, &*ran.stderr), (0, ""), "{arguments:?}");
+    }
+    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    assert!(read("new/deep/x.tx") == read("x.tx"));
+    assert_eq!(std::fs::read_dir(folder.path().join("new/deep")).unwrap().count(), 1);
+    // A file that has the name of the folder.
+    let ran = tools.run(folder.path(), "maketx", &["x.png", "-o", "x.png/"]).unwrap();
+    assert!(ran.status == 2 && ran.stderr.contains("the folder cannot be made"), "{}", ran.stderr);
+}
+
+/// What "debug:dso" and `-debugdso` report is one line for each file that is tried.
+#[test]
+fn every_plugin_that_is_tried_has_a_line() {
+    let tools = Tools::build().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in [
+        ("a.imageio.so", "no library\n"),
+        ("b.so", "no library\n"),
+        ("s.gsl", "surface s () { C = missing (1); }\n"),
+        (
+            "s.pyg",
+            "Attribute (\"int debug:dso\", 1)\nOutput (\"a.a\", \"a\", \"rgb\", \"c\")\nWorld ()\nRender ()\n",
+        ),
+    ] {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    std::fs::write(folder.path().join("x.png"), png()).unwrap();
+    let maketx = &["-debugdso", "-plugins", ".", "-format", "a", "-o", "x.tx", "x.png"][..];
+    for (tool, arguments, expected) in [
+        ("maketx", maketx, "dso: ./a.imageio.so: refused: "),
+        ("gelato", &["-plugins", ".", "s.pyg"], "dso: ./a.imageio.so: refused: "),
+        ("gslc", &["-debugdso", "-plugins", ".", "s.gsl"], "dso: ./b.so: refused: "),
+    ] {
+        let ran = tools.run(folder.path(), tool, arguments).unwrap();
+        let said = ran.stdout + &ran.stderr;
+        assert!(said.ends_with('\n'), "{tool}: {said}");
+        let line = said.lines().find(|line| line.contains(expected));
+        let line = line.unwrap_or_else(|| panic!("{tool}: {said}"));
+        assert_eq!(line.matches("dso: ").count(), 1, "{tool}: {said}");
+        assert!(line.starts_with("dso: ") || line.starts_with(&format!("{tool}: dso: ")), "{tool}: {said}");
     }
 }

@@ -1,12 +1,17 @@
 //! What a change must pass, in the order that fails fastest on what people get wrong most.
 
 use crate::workspace::{Workspace, cargo};
+use std::collections::BTreeSet;
+use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::Instant;
 
 /// The README's test command is the first step; it is read from there so that the two cannot differ.
 const TEST_MARK: &str = "cargo test";
+
+/// What the line of a test that is skipped begins with; `tests/needs` writes it.
+const SKIPPED: &str = "skipped: ";
 
 /// Runs all steps; stops at the first that fails.
 pub(crate) fn run() -> Result<(), String> {
@@ -19,7 +24,7 @@ pub(crate) fn run() -> Result<(), String> {
         .ok_or("README.md names no test command")?
         .trim();
     let words: Vec<&str> = test.split_whitespace().skip(1).collect();
-    step(root, "tests", &words)?;
+    tests(root, &words)?;
     step(root, "format", &["fmt", "--all", "--check"])?;
     step(root, "lints", &["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"])?;
     step(root, "docs", &["doc", "--workspace", "--no-deps", "--quiet"])?;
@@ -39,6 +44,32 @@ fn step(root: &Path, name: &str, arguments: &[&str]) -> Result<(), String> {
         .map_err(|e| format!("cargo: {e}"))?;
     println!("ci: {name}: {:.0} s", start.elapsed().as_secs_f64());
     if status.success() { Ok(()) } else { Err(format!("{name} failed")) }
+}
+
+/// Runs the tests, and prints at the end which of them were skipped. Tests report it on standard error (see `tests/needs`).
+fn tests(root: &Path, arguments: &[&str]) -> Result<(), String> {
+    println!("ci: tests: cargo {}", arguments.join(" "));
+    let start = Instant::now();
+    let mut cargo = Command::new(cargo());
+    cargo.current_dir(root).args(arguments).env("RUSTDOCFLAGS", "-D warnings").stderr(Stdio::piped());
+    let mut child = cargo.spawn().map_err(|e| format!("cargo: {e}"))?;
+    let mut skipped = BTreeSet::new();
+    if let Some(mut lines) = child.stderr.take().map(BufReader::new) {
+        let mut line = Vec::new();
+        while lines.read_until(b'\n', &mut line).map_err(|e| format!("cargo: {e}"))? > 0 {
+            // Without a standard error the status still counts.
+            let _ = std::io::stderr().write_all(&line);
+            let text = String::from_utf8_lossy(&line);
+            skipped.extend(text.strip_prefix(SKIPPED).map(|what| what.trim_end().to_owned()));
+            line.clear();
+        }
+    }
+    let status = child.wait().map_err(|e| format!("cargo: {e}"))?;
+    for what in &skipped {
+        println!("ci: tests: skipped: {what}");
+    }
+    println!("ci: tests: {} skipped, {:.0} s", skipped.len(), start.elapsed().as_secs_f64());
+    if status.success() { Ok(()) } else { Err("tests failed".to_owned()) }
 }
 
 /// The fixed part of `cargo xtask attack`, where it runs.

@@ -283,10 +283,10 @@ fn the_reference_implementation_reads_ours() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.exr");
     write(&path, &pyramid(100, 60, 4, PixelType::Half, 64), 60);
-    let Ok(run) = std::process::Command::new("exrheader").arg(&path).output() else {
-        eprintln!("exrheader is not installed: nothing compared");
+    if !granita_needs::has("exrheader") {
         return;
-    };
+    }
+    let run = std::process::Command::new("exrheader").arg(&path).output().unwrap();
     let text = String::from_utf8_lossy(&run.stdout);
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     for line in ["dataWindow (type box2i): (0 0) - (99 59)", "mip-map", "tile size 64 by 64 pixels"] {

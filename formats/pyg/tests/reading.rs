@@ -62,7 +62,7 @@ fn flat(text: &str) -> Vec<Call> {
 
 /// Whether scripts can be tested here at all.
 fn has_python() -> bool {
-    std::process::Command::new("python3").arg("--version").output().is_ok_and(|o| o.status.success())
+    granita_needs::has("python3")
 }
 
 fn script(text: &str) -> Option<Outcome> {

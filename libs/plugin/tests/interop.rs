@@ -1,7 +1,6 @@
 //! Other people's programs read what we write, and we what they write: OpenImageIO's Python module, libtiff's
 //! and OpenEXR's tools, where they are installed.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-#![allow(clippy::print_stderr, reason = "a comparison that did not happen must be seen")]
 
 use granita_base::Param;
 use granita_image::{CreateOptions, ImageSpec, Limits, PixelType, Pixels};
@@ -12,11 +11,7 @@ use std::process::{Command, Output};
 
 /// What a program printed; `None`, with a notice, when it is not installed.
 fn run(program: &str, args: &[&std::ffi::OsStr]) -> Option<Output> {
-    let output = Command::new(program).args(args).output();
-    if output.is_err() {
-        eprintln!("{program} is not installed: nothing compared");
-    }
-    output.ok()
+    granita_needs::has(program).then(|| Command::new(program).args(args).output().unwrap())
 }
 
 /// Runs the script beside this file; `None`, with a notice, without Python or its OpenImageIO.
@@ -24,7 +19,7 @@ fn script(verb: &str, path: &Path) -> Option<String> {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/interop.py");
     let probe = run("python3", &["-c".as_ref(), "import OpenImageIO, numpy".as_ref()])?;
     if !probe.status.success() {
-        eprintln!("Python's OpenImageIO is not installed: nothing compared");
+        granita_needs::skip("OpenImageIO of Python");
         return None;
     }
     let output = run("python3", &[script.as_ref(), verb.as_ref(), path.as_ref()])?;

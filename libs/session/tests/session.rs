@@ -271,7 +271,7 @@ Command ("never reached")
 /// The files of a command line count as one that contains them all; each `Input` is a scene of its own (reference 6.1).
 #[test]
 fn files_share_the_variables_of_their_scripts() {
-    if !std::process::Command::new("python3").arg("--version").output().is_ok_and(|o| o.status.success()) {
+    if !granita_needs::has("python3") {
         return;
     }
     let folder = tempfile::tempdir().unwrap();

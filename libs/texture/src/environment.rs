@@ -76,14 +76,16 @@ fn environment(reader: &mut TextureReader<'_>, file: &TextureFile, q: &EnvLookup
         }
     }
     let mut ellipse = spread.ellipse();
-    let widest = f64::from(if q.quick { WIDEST_QUICK } else { WIDEST });
+    // What the footprint of a ray adds may be cut. A blur that is asked for may not.
+    let quick = q.quick && (q.angle.is_some() || q.sblur.max(q.tblur) * FRAC_PI_2 <= WIDEST_QUICK);
+    let widest = f64::from(if quick { WIDEST_QUICK } else { WIDEST });
     ellipse.a = ellipse.a.min(widest);
     ellipse.b = ellipse.b.min(widest);
     let probes = ellipse.probes(f64::from(texel_angle(file, cube)));
     let long = east * ellipse.axis[0] + north * ellipse.axis[1];
     let texel = texel_at(file, cube, r, ellipse.a);
     let across = ellipse.b.max(ellipse.a / MAX_RATIO) / texel;
-    let wide = if q.quick { 0.0 } else { ((across - NARROW) / (WIDE - NARROW)).clamp(0.0, 1.0) as f32 };
+    let wide = if quick { 0.0 } else { ((across - NARROW) / (WIDE - NARROW)).clamp(0.0, 1.0) as f32 };
     let filter = (wide > 0.0).then(|| smooth(file, cube, (r, east, north), &ellipse, texel));
     let mut count = 0;
     by_channels(file, q.first_channel, q.fill, out, |first, n| {
@@ -102,9 +104,9 @@ fn environment(reader: &mut TextureReader<'_>, file: &TextureFile, q: &EnvLookup
         for (x, weight) in probes.iter() {
             let d = r * x.cos() + long * x.sin();
             let value = if cube {
-                cube_probe(&mut sampler, d, probes.exact, q.quick)
+                cube_probe(&mut sampler, d, probes.exact, quick)
             } else {
-                latlong_probe(&mut sampler, d, (probes.width, probes.exact), q.quick)
+                latlong_probe(&mut sampler, d, (probes.width, probes.exact), quick)
             };
             mean.add(value, weight);
         }

@@ -191,7 +191,7 @@ pub struct EnvLookup {
     /// Replaces the orientation of a latitude-longitude map.
     pub up: Option<Up>,
     /// Wide footprints are looked up in the level whose texels are as wide, not averaged under their ellipse, and
-    /// cut to 0.2 radians: for what only counts in sums of many lookups.
+    /// cut to 0.2 radians: for what only counts in sums of many lookups. A blur of more than that is looked up as usual.
     pub quick: bool,
     /// First channel of the file to look up.
     pub first_channel: u32,

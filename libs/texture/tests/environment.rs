@@ -119,6 +119,8 @@ fn blur_is_an_angle() {
             let by_angle = |angle| look(&cache, id, &EnvLookup { angle: Some(angle), ..toward(d) });
             let by_blur = |b| look(&cache, id, &EnvLookup { sblur: b, tblur: b, ..toward(d) });
             assert_eq!(by_angle(0.25 * PI * 0.5), by_blur(0.5), "half angle against full width in quarters");
+            let quick = EnvLookup { quick: true, sblur: 0.5, tblur: 0.5, ..toward(d) };
+            assert_eq!(look(&cache, id, &quick), by_blur(0.5), "a wide blur is not cut in quick lookups");
             for c in 0..3 {
                 // Averaging a plane wave over a cone brings it nearer to one half, never beyond.
                 let (sharp, soft) = (by_angle(0.0)[c] - 0.5, by_angle(0.5)[c] - 0.5);

@@ -1,7 +1,7 @@
 // tidy: tests
 //! The C++ face: headers, libraries, plugins; with the compilers that are installed.
 
-#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test that cannot go on fails, and says why")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod border;
 mod examples;

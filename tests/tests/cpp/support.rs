@@ -92,7 +92,7 @@ pub(crate) fn chapter(file: &str) -> Option<String> {
     let places = ["../shared/spec", "../../shared/spec"];
     let found = places.iter().map(|p| repository().join(p).join(file)).find(|p| p.is_file());
     if found.is_none() {
-        eprintln!("the reference is not there: its programs are not tested");
+        granita_needs::skip("shared/spec (the reference, whose programs are tested)");
     }
     Some(std::fs::read_to_string(found?).unwrap())
 }
@@ -138,8 +138,8 @@ fn balanced(text: &str) -> bool {
 
 /// Runs valgrind, where it is installed: the program ends as it should, and nothing is reported about memory.
 pub(crate) fn valgrind(program: &Path, folder: &Path) {
-    if !has_program("valgrind") {
-        return eprintln!("valgrind is not installed");
+    if !granita_needs::has("valgrind") {
+        return;
     }
     let output = Command::new("valgrind")
         .current_dir(folder)

@@ -160,7 +160,7 @@ fn serve() -> (Running, String, String) {
 #[test]
 fn the_page_shows_what_a_renderer_sends() {
     let Some(browser) = browser() else {
-        let _ = std::io::stderr().lock().write_all(b"skipped: no browser is installed\n");
+        granita_needs::skip("chromium (or another browser)");
         return;
     };
     let folder = tempfile::tempdir().unwrap();
@@ -216,7 +216,7 @@ fn share(shot: &[f32], colors: &[[f32; 3]]) -> f32 {
 #[test]
 fn large_pictures_show_all_their_pixels() {
     let Some(browser) = browser() else {
-        let _ = std::io::stderr().lock().write_all(b"skipped: no browser is installed\n");
+        granita_needs::skip("chromium (or another browser)");
         return;
     };
     const RED: [f32; 3] = [255.0, 0.0, 0.0];

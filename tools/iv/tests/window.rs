@@ -2,12 +2,11 @@
 //! where no driver can draw.
 
 #![cfg(feature = "window")]
-#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "what fails here fails the test")]
+#![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
 
 use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::OnceLock;
 
 fn formats() -> FormatRegistry {
     granita_plugin::bundled_formats(Limits::default())
@@ -28,13 +27,7 @@ impl Drop for Screen {
 
 impl Screen {
     fn start() -> Option<Self> {
-        static FOUND: OnceLock<bool> = OnceLock::new();
-        let found = *FOUND.get_or_init(|| {
-            let path = std::env::var_os("PATH").unwrap_or_default();
-            std::env::split_paths(&path).any(|folder| folder.join("Xvfb").is_file())
-        });
-        if !found {
-            eprintln!("skipped: Xvfb is not installed");
+        if !granita_needs::has("Xvfb") {
             return None;
         }
         // The server says on its standard output which number it took.
@@ -63,7 +56,7 @@ impl Screen {
         let text = String::from_utf8_lossy(&out.stdout).into_owned();
         let error = String::from_utf8_lossy(&out.stderr).into_owned();
         if error.contains("there can be no window") {
-            eprintln!("skipped: {error}");
+            granita_needs::skip(&format!("driver (under Xvfb: {error})"));
             return None;
         }
         assert!(out.status.success(), "{}: {text}{error}", out.status);
@@ -136,7 +129,7 @@ fn a_screen_that_goes_away_is_one_message() {
         let said = || std::fs::read_to_string(place.join("said.txt")).unwrap();
         start(&["-script", "script.txt", "a.png"]).wait().unwrap();
         if said().contains("there can be no window") {
-            eprintln!("skipped: {}", said());
+            granita_needs::skip(&format!("driver (under Xvfb: {})", said()));
             continue;
         }
         let mut viewer = start(&["a.png"]);
@@ -341,7 +334,7 @@ fn pictures_come_through_the_wire() {
     let out = child.wait_with_output().unwrap();
     let error = String::from_utf8_lossy(&out.stderr).into_owned();
     if error.contains("there can be no window") {
-        eprintln!("skipped: {error}");
+        granita_needs::skip(&format!("driver (under Xvfb: {error})"));
         return;
     }
     let mut rest = String::new();

@@ -502,19 +502,22 @@ impl Desk {
             Wanted::Open { path, focus, .. } => (PathBuf::from(path), focus, false),
             Wanted::Reload { name, focus } => (PathBuf::from(name), focus, true),
         };
-        let entry = match self.entries.find(&path) {
-            Some(entry) => entry,
-            None => {
-                self.entries.add(vec![path]);
-                self.entries.len() - 1
-            }
-        };
+        let entry = self.add_granted(path);
         if again {
             self.entries.reload(entry, &self.formats, &self.store);
         }
         if focus {
             self.show(entry);
         }
+    }
+
+    /// Returns the entry of a file that a client may name, whatever the user named. It is added where the list lacks it.
+    fn add_granted(&mut self, path: PathBuf) -> usize {
+        self.formats.files().grant(&path);
+        self.entries.find(&path).unwrap_or_else(|| {
+            self.entries.add(vec![path]);
+            self.entries.len() - 1
+        })
     }
 
     /// Shows a live picture as its sender wishes, once (reference 7.4.3).
@@ -535,12 +538,11 @@ impl Desk {
             self.act(Action::Zoom(f64::from(wishes.zoom)));
         }
         if !wishes.background.is_empty() {
-            self.entries.add(vec![PathBuf::from(&wishes.background)]);
-            self.other = Some(self.entries.len() - 1);
+            self.other = Some(self.add_granted(PathBuf::from(&wishes.background)));
             self.mix = Mix::Over;
         } else if !wishes.foreground.is_empty() {
-            self.entries.add(vec![PathBuf::from(&wishes.foreground)]);
-            self.show(self.entries.len() - 1);
+            let foreground = self.add_granted(PathBuf::from(&wishes.foreground));
+            self.show(foreground);
             self.other = Some(current);
             self.mix = Mix::Over;
         }

@@ -89,3 +89,40 @@ fn wishes_of_senders_are_shown_once() {
     settle(&mut desk);
     assert_eq!(desk.view.zoom, 2.0);
 }
+
+/// The desk of an iv that was started without files, which shows an image of 8 x 8 pixels. Its left half is white and opaque.
+fn desk_of_a_render(wishes: Wishes) -> Desk {
+    let live = Live::default();
+    live.create("render", 8, 8, &["R", "G", "B", "A"].map(str::to_owned)).unwrap();
+    let half = PixelRect::at(0, 0, 4, 8);
+    live.update("render", &[0, 1, 2, 3].map(|c| (c, c, 4)), half, &[1.0; 4 * 8 * 4]).unwrap();
+    live.wish("render", wishes);
+    let files = granita_base::Files::reading([]);
+    let formats = granita_plugin::bundled_formats(Limits { files, ..Limits::default() });
+    let store = TileStore::new(StoreLimits::default());
+    Desk::new(formats, Vec::new(), live, Display::default(), store, || ())
+}
+
+/// Files that clients name are readable, although the user named none (reference 7.4.3).
+#[test]
+fn files_of_senders_are_seen_below_and_above() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("layer.png");
+    write(&path, &granita_plugin::bundled_formats(Limits::default()), (8, 8));
+    let name = path.to_str().unwrap().to_owned();
+    let left_and_right = |desk: &mut Desk| {
+        settle(desk);
+        [desk.canvas.at(60, 75), desk.canvas.at(140, 75)]
+    };
+    let mut desk = desk_of_a_render(Wishes { background: name.clone(), ..Wishes::default() });
+    assert_eq!(left_and_right(&mut desk), [[255; 3], [100; 3]]);
+    let mut desk = desk_of_a_render(Wishes { foreground: name, ..Wishes::default() });
+    assert_eq!(left_and_right(&mut desk), [[100; 3], [100; 3]]);
+    let mut desk = desk_of_a_render(Wishes::default());
+    desk.open_for_client(Wanted::Open {
+        path: path.display().to_string(),
+        selector: String::new(),
+        focus: true,
+    });
+    assert_eq!(left_and_right(&mut desk), [[100; 3], [100; 3]]);
+}
