@@ -27,17 +27,6 @@ const KNOWN: &[&[&str]] = &[
         "libs/render/src/services.rs",
         "libs/render/src/shading.rs",
     ],
-    &[
-        "libs/render/src/camera.rs",
-        "libs/render/src/dicing/motion.rs",
-        "libs/render/src/dicing/rate.rs",
-        "libs/render/src/hider/visible.rs",
-        "libs/render/src/object.rs",
-        "libs/render/src/preview.rs",
-        "libs/render/src/spaces.rs",
-    ],
-    &["libs/render/src/frame.rs", "libs/render/src/renderer.rs", "libs/render/src/unread.rs"],
-    &["libs/render/src/frame/job.rs", "libs/render/src/frame/limits.rs"],
     &["libs/render/src/hider/blurred.rs", "libs/render/src/hider/raster.rs"],
 ];
 

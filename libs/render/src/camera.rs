@@ -4,12 +4,14 @@ mod stereo;
 
 pub use stereo::{EyeProjection, ShadedFrom, Stereo};
 
-use crate::dicing::MAX_QUALITY;
-use crate::{PixelRect, PreviewLimits, nearby};
+use crate::PixelRect;
 use granita_base::{Location, MotionTransform, Param, Params, Reporter, Severity, Transform, Vec2, Vec3};
 use granita_scene::attribute::{AttributeValue, Key, scope};
 use granita_scene::{Camera, Primitive, Scene, attr};
 use std::sync::Arc;
+
+/// Most shading samples per raster unit that "shadingquality" and "preview" may ask for.
+pub(crate) const MAX_QUALITY: f32 = 100.0;
 
 /// How three dimensions become two.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,6 +23,19 @@ pub enum Projection {
     },
     /// Parallel lines of sight; "screen" x and y are those of "camera" space.
     Orthographic,
+}
+
+/// What preview mode leaves out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PreviewLimits {
+    /// "preview:thincurves": one of so many curves is drawn.
+    pub thincurves: u32,
+    /// "preview:thinpoints": one of so many points is drawn.
+    pub thinpoints: u32,
+    /// "preview:limitpixelsize": objects whose boxes cover fewer pixels are drawn as boxes.
+    pub limitpixelsize: f32,
+    /// "preview:limitdistance": objects farther from the camera are drawn as boxes.
+    pub limitdistance: f32,
 }
 
 /// A thin lens (reference 7.1.4). Lengths in camera space units.
@@ -541,7 +556,7 @@ impl CameraView {
         if origin == Vec3::ZERO {
             return self;
         }
-        let world_to_camera = nearby::seen_from(&self.world_to_camera, origin);
+        let world_to_camera = seen_from(&self.world_to_camera, origin);
         Self { world_to_camera, common_origin: origin, ..self }
     }
 
@@ -558,7 +573,7 @@ impl CameraView {
 
     /// The same camera where "common" space is the world.
     fn in_world(&self) -> Self {
-        let world_to_camera = nearby::seen_from(&self.world_to_camera, -self.common_origin);
+        let world_to_camera = seen_from(&self.world_to_camera, -self.common_origin);
         Self { world_to_camera, common_origin: Vec3::ZERO, ..self.clone() }
     }
 
@@ -582,6 +597,17 @@ impl CameraView {
         }
         params
     }
+}
+
+/// "common" to camera space, of world to camera space.
+pub(crate) fn seen_from(world_to_camera: &MotionTransform, origin: Vec3) -> MotionTransform {
+    MotionTransform::from(Transform::translate(origin)).then_rounded_once(world_to_camera)
+}
+
+/// Whether anything moves as this camera sees it.
+pub(crate) fn is_moving(scene: &Scene, camera: &CameraView) -> bool {
+    camera.world_to_camera.is_moving()
+        || scene.primitives.iter().any(|p| p.keys.len() > 1 || p.attributes.to_world.is_moving())
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ pub(crate) use lift::SmoothFace;
 pub(crate) use motion::{
     Placement, Viewer, key_at, largest_coordinates, pixels_at, points_at, precise_point, shows,
 };
-pub(crate) use rate::{DiceSettings, MAX_QUALITY, Measure, Plan, Rates, SceneDicing};
+pub(crate) use rate::{DiceSettings, Measure, Plan, Rates, SceneDicing};
 
 use granita_geom::{Dice, Piece, Surface, Trimming};
 use granita_scene::{AttributeSet, attr};

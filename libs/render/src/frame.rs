@@ -11,6 +11,7 @@ mod shade;
 mod spread;
 
 use crate::bucket::{BucketOrder, Buckets};
+use crate::camera::is_moving;
 use crate::canvas::{Canvas, Finished};
 use crate::dicing::{Measure, SceneDicing};
 use crate::environment::Progress;
@@ -21,7 +22,6 @@ use crate::output::{OutputImage, OutputSet, Shown};
 use crate::priority::{Priority, Turns};
 use crate::spread::Spread;
 use crate::statistics::{Counters, Statistics, add};
-use crate::unread::is_moving;
 use crate::{CameraView, PixelRect, RenderError};
 use granita_base::{Location, Reporter, Severity};
 use granita_gsl::ir::ValueType;

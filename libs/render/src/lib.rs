@@ -66,11 +66,10 @@ mod fixture;
 #[cfg(test)]
 mod tests;
 
-pub use camera::{CameraView, EyeProjection, Lens, Projection, ShadedFrom, Stereo};
+pub use camera::{CameraView, EyeProjection, Lens, PreviewLimits, Projection, ShadedFrom, Stereo};
 pub use environment::{CallText, NoShader, Progress, RenderEnvironment, ShaderLibrary, Silent};
 pub use error::RenderError;
 pub use granita_image::PixelRect;
-pub use preview::PreviewLimits;
 pub use priority::Priority;
 pub use renderer::{FrameReport, Renderer};
 pub use spread::{BucketPixels, Buckets, Coordinator, Spread, Workers};

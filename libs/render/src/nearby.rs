@@ -5,7 +5,7 @@
 //! Rendering, 4th edition, 6.1); grids, rays, lights and maps of all its cameras agree with each other there. In all other
 //! frames "common" space is the world, to the bit.
 
-use crate::camera::Projection;
+use crate::camera::{Projection, seen_from};
 use crate::object::longest_axis;
 use crate::{CameraView, ShaderLibrary};
 use granita_base::{BaseType, DVec3, MotionTransform, Param, ParamData, Params, Transform, Vec3};
@@ -81,11 +81,6 @@ pub(crate) fn moved(scene: &Arc<Scene>, origin: Vec3, library: &dyn ShaderLibrar
         *space = mover.place(space);
     }
     Arc::new(near)
-}
-
-/// "common" to camera space, of world to camera space.
-pub(crate) fn seen_from(world_to_camera: &MotionTransform, origin: Vec3) -> MotionTransform {
-    MotionTransform::from(Transform::translate(origin)).then_rounded_once(world_to_camera)
 }
 
 /// Brings what many parts of a scene share over once: they share it afterwards.

@@ -1,26 +1,13 @@
 //! What preview mode draws instead of a scene's objects (reference 4.1, 6.5): a few of many curves and points, and boxes.
 
+use crate::camera::{CameraView, PreviewLimits, Projection};
 use crate::dicing::{Placement, trimming};
 use crate::hider::{NOWHERE, Projector};
-use crate::{CameraView, Projection};
 use granita_base::{
     Bound, Interp, Param, ParamData, ParamType, Params, Reporter, Severity, ShapeDesc, Vec3, hash,
 };
 use granita_scene::{AttributeSet, LightSet, Primitive, Scene, ShapeKey, attr};
 use std::sync::Arc;
-
-/// What preview mode leaves out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PreviewLimits {
-    /// "preview:thincurves": one of so many curves is drawn.
-    pub thincurves: u32,
-    /// "preview:thinpoints": one of so many points is drawn.
-    pub thinpoints: u32,
-    /// "preview:limitpixelsize": objects whose boxes cover fewer pixels are drawn as boxes.
-    pub limitpixelsize: f32,
-    /// "preview:limitdistance": objects farther from the camera are drawn as boxes.
-    pub limitdistance: f32,
-}
 
 /// Calls of fewer curves or points are small, and drawn whole.
 const LARGE: usize = 100;

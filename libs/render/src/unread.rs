@@ -3,6 +3,7 @@
 //! In doubt an input is needed. What is known for certain: a bound that no camera's region of pixels can see stays
 //! unseen, and rays only meet geometry sets, which shaders ask for by name.
 
+use crate::camera::is_moving;
 use crate::dicing::Placement;
 use crate::hider::{NOWHERE, Projector, SamplePattern, pixels_of};
 use crate::object::longest_axis;
@@ -54,12 +55,6 @@ fn margin(scene: &Scene) -> i32 {
     let widths = scene.outputs.iter().flat_map(|output| output.get(attr::FILTERWIDTH));
     let widest = widths.fold(4.0_f32, f32::max);
     (widest * 0.5).ceil() as i32 + 1
-}
-
-/// Whether anything moves as this camera sees it.
-pub(crate) fn is_moving(scene: &Scene, camera: &CameraView) -> bool {
-    camera.world_to_camera.is_moving()
-        || scene.primitives.iter().any(|p| p.keys.len() > 1 || p.attributes.to_world.is_moving())
 }
 
 /// Bound of displacement in world units; inside of the input there may be a displacement shader.

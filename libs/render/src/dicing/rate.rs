@@ -1,7 +1,7 @@
 //! How finely a piece is diced, and whether it must be split first.
 
 use super::motion::{Placement, pixels_at, precise_point, shows};
-use crate::{CameraView, Projection};
+use crate::camera::{CameraView, MAX_QUALITY, Projection};
 use granita_base::{DVec3, Vec3};
 use granita_geom::{Dice, DiceData, Piece, SidePart, SidePoints, SplitDirection, Surface};
 use granita_scene::{AttributeSet, Scene, attr};
@@ -15,9 +15,6 @@ const MAX_DEPTH: u32 = 160;
 
 /// Most points along one direction of a grid, whatever the grid size.
 const MAX_POINTS: usize = 1 << 12;
-
-/// Most shading samples per raster unit that "shadingquality" and "preview" may ask for.
-pub(crate) const MAX_QUALITY: f32 = 100.0;
 
 /// A measured length is right where rounding is less than this part of it.
 const ROUNDING_PART: f32 = 1e-4;

@@ -3,12 +3,10 @@
 use super::limits::{Budget, POINTS_OF_A_SPLIT};
 use super::{Eye, Frame, FrameShader, ObjectTraits};
 use crate::dicing::trimming;
-use crate::dicing::{
-    DiceSettings, Leaf, MAX_QUALITY, Placement, Plan, Rates, Viewer, key_at, largest_coordinates,
-};
+use crate::dicing::{DiceSettings, Leaf, Placement, Plan, Rates, Viewer, key_at, largest_coordinates};
 use crate::hider::{NOWHERE, ShadedGrid, pixels_of};
 use crate::statistics::add;
-use crate::{PixelRect, Projection, preshaded};
+use crate::{PixelRect, Projection, camera::MAX_QUALITY, preshaded};
 use granita_base::{Bound, ParamData, Params, Severity, Transform, Vec3};
 use granita_geom::{Piece, ShapeKey, SplitDirection, Surface};
 use granita_scene::{Primitive, attr};
@@ -310,7 +308,7 @@ impl<S: FrameShader> Frame<'_, S> {
             add(&self.counters.primitives_split, 1);
             let pieces = std::mem::take(&mut *job.pieces.lock().unwrap_or_else(PoisonError::into_inner));
             let parts = self.leaves(job, pieces);
-            let parts = if job.budget.is_spent() { self.leave_out(job, parts) } else { parts };
+            let parts = if job.budget.is_spent() { self.leave_out(&job.primitive, parts) } else { parts };
             let mut leaves = Vec::with_capacity(parts.len());
             let mut of_bucket = vec![Vec::with_capacity(parts.len()); self.eyes.len()];
             for (seen, leaf) in parts {

@@ -1,11 +1,11 @@
 //! What a primitive may ask for, and what cannot be placed at all.
 
-use super::job::Job;
 use super::{Frame, FrameShader};
 use crate::CameraView;
 use crate::dicing::Placement;
 use granita_base::Severity;
 use granita_geom::Piece;
+use granita_scene::Primitive;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Points that a split counts for: as many as the least of grids has.
@@ -63,16 +63,16 @@ impl<S: FrameShader> Frame<'_, S> {
     }
 
     /// Says that a primitive is left out because it asks for too much.
-    pub(super) fn leave_out<T>(&self, job: &Job<S::Object>, parts: Vec<T>) -> Vec<T> {
+    pub(super) fn leave_out<T>(&self, primitive: &Primitive, parts: Vec<T>) -> Vec<T> {
         drop(parts);
-        let (name, most) = (job.primitive.attributes.name(), self.dicing.most_points());
+        let (name, most) = (primitive.attributes.name(), self.dicing.most_points());
         self.options.reporter.once(
-            &format!("points of {name} {}", job.primitive.id),
+            &format!("points of {name} {}", primitive.id),
             Severity::Error,
-            &job.primitive.at,
+            &primitive.at,
             format!(
                 "object \"{name}\": its {} asks for more than {most} points and is left out; lower \"shadingquality\", or raise \"limits:primitivepoints\"",
-                job.primitive.shape.call_name()
+                primitive.shape.call_name()
             ),
         );
         Vec::new()
