@@ -4,40 +4,13 @@
 //! surfaces in it. Its shader runs once per sample ("light:nsamples"), with `Pl` and `Nl` on the surface;
 //! the light is the mean of the samples. Points are uniform in area over the tessellation for rays.
 
-use crate::rayset::RayScene;
-use crate::shading::ShaderThread;
-use granita_base::{Vec3, hash, sample};
+use crate::rays::GridShader;
+use crate::rays::scene::RayScene;
+use granita_base::{hash, sample};
 use granita_shade::Lanes3;
 
 /// Most samples of one light.
 const MOST_SAMPLES: i32 = 4096;
-
-/// Triangles of a set with their areas summed up.
-#[derive(Debug, Default)]
-pub(crate) struct AreaTable {
-    /// Sum of the areas up to and with each triangle; increasing.
-    sums: Vec<f64>,
-    /// Part of the set and triangle.
-    places: Vec<(u32, u32)>,
-}
-
-impl AreaTable {
-    /// Adds a triangle of a part; one without an area is left out.
-    pub(crate) fn push(&mut self, part: u32, triangle: u32, area: f32) {
-        if area.is_finite() && area > 0.0 {
-            self.sums.push(self.sums.last().unwrap_or(&0.0) + f64::from(area));
-            self.places.push((part, triangle));
-        }
-    }
-
-    /// The triangle at a fraction (0 to 1) of the whole area; `None` without any.
-    pub(crate) fn at(&self, fraction: f32) -> Option<(u32, u32)> {
-        let whole = *self.sums.last()?;
-        let wanted = f64::from(fraction) * whole;
-        let k = self.sums.partition_point(|s| *s <= wanted).min(self.places.len() - 1);
-        Some(self.places[k])
-    }
-}
 
 /// What makes a light an area light.
 #[derive(Clone, Debug)]
@@ -64,7 +37,7 @@ pub(crate) fn samples(nsamples: i32) -> u32 {
 /// the set has no surface.
 pub(crate) fn points(
     scene: &RayScene,
-    thread: &mut ShaderThread<'_>,
+    thread: &mut dyn GridShader<'_>,
     index: u32,
     active: &[u32],
     seed: &dyn Fn(u32) -> u32,
@@ -85,28 +58,4 @@ pub(crate) fn points(
         nl.set(*lane as usize, n);
     }
     true
-}
-
-/// Area of a triangle.
-pub(crate) fn area(a: Vec3, b: Vec3, c: Vec3) -> f32 {
-    0.5 * (b - a).cross(c - a).length()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn triangles_are_chosen_by_area() {
-        let mut table = AreaTable::default();
-        for (part, triangle, area) in [(0, 0, 1.0), (0, 1, 0.0), (1, 0, 3.0), (2, 5, f32::NAN)] {
-            table.push(part, triangle, area);
-        }
-        assert_eq!(table.at(0.0), Some((0, 0)));
-        assert_eq!(table.at(0.24), Some((0, 0)));
-        assert_eq!(table.at(0.26), Some((1, 0)));
-        assert_eq!(table.at(1.0), Some((1, 0)));
-        assert_eq!(AreaTable::default().at(0.5), None);
-        assert_eq!(area(Vec3::ZERO, Vec3::X * 2.0, Vec3::Y), 1.0);
-    }
 }

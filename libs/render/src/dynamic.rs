@@ -1,12 +1,11 @@
 //! Dynamic shadow maps (reference 10.1.5): depth maps that are rendered while shaders look at them.
 
-use crate::frame::{OnDemand, Surroundings};
+use crate::frame::{FrameShader, OnDemand, Surroundings};
 use crate::object::ObjectState;
 use crate::output::{OutputSet, is_dynamic};
-use crate::shading::ShadingContext;
 use crate::{CameraView, RenderEnvironment, RenderError};
 use granita_scene::Scene;
-use granita_texture::{MadeShadow, TextureCache, TextureId, TileMaker};
+use granita_texture::{MadeShadow, TextureCache, TextureId};
 
 /// Width and height of a tile in pixels.
 const TILE: u32 = 64;
@@ -64,28 +63,19 @@ impl DynamicMaps {
         Ok(Self { maps, threads })
     }
 
+    /// A tile of a map; nothing of one that is not among these. The threads of `around` are those of the maps.
+    pub(crate) fn tile<S: FrameShader<Object = ObjectState>>(
+        &self,
+        map: TextureId,
+        around: Surroundings<'_, S>,
+        (tx, ty): (u32, u32),
+    ) -> Vec<f32> {
+        let Some((_, map)) = self.maps.iter().find(|(id, _)| *id == map) else { return Vec::new() };
+        map.tile(&Surroundings { threads: self.threads, ..around }, (tx, ty), EMPTY)
+    }
+
     /// Whether there are any.
     pub(crate) fn is_empty(&self) -> bool {
         self.maps.is_empty()
-    }
-}
-
-/// Renders tiles for the shaders of a frame.
-pub(crate) struct Maker<'f>(pub(crate) &'f ShadingContext);
-
-impl TileMaker for Maker<'_> {
-    fn tile(&self, map: TextureId, tx: u32, ty: u32) -> Vec<f32> {
-        let context = self.0;
-        let Some((_, map)) = context.dynamic.maps.iter().find(|(id, _)| *id == map) else {
-            return Vec::new();
-        };
-        let around = Surroundings {
-            scene: &context.scene,
-            shader: context,
-            dicing_camera: &context.camera,
-            threads: context.dynamic.threads,
-            reporter: &context.reporter,
-        };
-        map.tile(&around, (tx, ty), EMPTY)
     }
 }

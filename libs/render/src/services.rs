@@ -9,13 +9,13 @@ pub(crate) mod maps;
 mod rays;
 mod shadow;
 mod sky;
+mod tiles;
 
 use crate::arealight::{self, AreaLight};
-use crate::dynamic;
 use crate::finite;
 use crate::lights::{LightMemory, LightState, mend};
 use crate::object::{LinkedShaders, ObjectState, usage_word};
-use crate::rayset::RayScene;
+use crate::rays::scene::RayScene;
 use crate::shading::{ShaderThread, ShadingContext};
 use crate::texts;
 use granita_base::{
@@ -542,7 +542,7 @@ impl Services for Run<'_, '_> {
         }
         let call = self.next_call(query.batch.active);
         let seeds = |lane: u32| self.lane_seed(call, lane);
-        let maker = dynamic::Maker(self.frame);
+        let maker = tiles::Maker(self.frame);
         // What builds structures that others wait for, and what renders a map, must not wait for maps.
         let may_wait = !self.thread.builds_rays && !self.thread.is_unlit && !self.frame.dynamic.is_empty();
         let textures = &self.frame.textures;

@@ -2,8 +2,9 @@
 
 use super::maps::{fit, prepare};
 use super::{Run, count, option};
-use crate::rayset::RayScene;
-use crate::raytrace::{Leaving, RayPurpose, RayRequest};
+use crate::rays::request::{Leaving, RayRequest};
+use crate::rays::scene::RayScene;
+use crate::rays::trace::RayPurpose;
 use crate::sampling::{Distribution, in_cone};
 use crate::shading::{MAX_RAY_LEVELS, MORE_NESTED};
 use granita_base::{Color, Vec3, hash, sample};

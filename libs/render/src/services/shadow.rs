@@ -10,8 +10,8 @@
 use super::maps::fit;
 use super::rays::{Aim, DIRECTION, HIT, in_footprint};
 use super::{Run, count, option};
-use crate::rayset::RayScene;
-use crate::raytrace::{Leaving, RayRequest};
+use crate::rays::request::{Leaving, RayRequest};
+use crate::rays::scene::RayScene;
 use crate::sampling::{Distribution, in_cone};
 use granita_base::{Color, Vec3, hash, sample};
 use granita_shade::{Lanes3, Rect, ShadowQuery};

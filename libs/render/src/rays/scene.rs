@@ -3,7 +3,7 @@
 //! Flat meshes that neither move nor are displaced lie in one tree as they are, and so do the tessellations of small
 //! primitives as long as there are few of these. Of everything else a tree over boxes
 //! says which parts a ray passes; these are tessellated when the first ray comes in, as finely as the ray is wide
-//! there, and kept in a [`TessellationCache`](crate::raycache::TessellationCache).
+//! there, and kept in a [`TessellationCache`](crate::rays::cache::TessellationCache).
 //!
 //! # Why nothing leaks
 //!
@@ -14,12 +14,12 @@
 //! ([`TracerBuilder::within`]). A ray that starts in the box of a primitive sees it at the finest level, which is what
 //! the margin around the surface it leaves is made for.
 
-use crate::arealight::{AreaTable, area};
 use crate::object::ObjectState;
-use crate::raycache::{Key, Tessellation};
-use crate::raymesh::{self, Flat, Level, Member, MeshHit, RayMesh, Solid};
-use crate::raytrace::{Leaving, RayRequest};
-use crate::shading::{ShaderThread, ShadingContext};
+use crate::rays::areas::{AreaTable, area};
+use crate::rays::cache::{Key, Tessellation};
+use crate::rays::mesh::{self, Flat, Level, Member, MeshHit, RayMesh, Solid};
+use crate::rays::request::{Leaving, RayRequest, asks_parent};
+use crate::rays::{GridShader, GridShaders};
 use granita_base::{Bound, Vec3};
 use granita_trace::{BoxRoom, BoxTree, Hit, Ray, RayRoom, Tracer, TracerBuilder};
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -180,19 +180,19 @@ impl RayScene {
     pub(crate) fn build(
         set: u32,
         members: &[u32],
-        frame: &ShadingContext,
+        shaders: &dyn GridShaders,
         threads: usize,
         motion: bool,
     ) -> Self {
+        let seen = shaders.seen();
         let next = AtomicUsize::new(0);
         let made: Mutex<Vec<(usize, Member)>> = Mutex::default();
         let work = || {
-            let mut thread = ShaderThread::new(frame);
-            thread.builds_rays = true;
+            let mut thread = shaders.thread();
             while let Some(member) = members.get(next.fetch_add(1, Ordering::Relaxed)) {
-                let primitive = &frame.scene.primitives[*member as usize];
-                let object = frame.object(primitive);
-                if let Some(ready) = raymesh::prepare(primitive, &object, motion, &mut thread) {
+                let primitive = &seen.scene.primitives[*member as usize];
+                let object = shaders.object(primitive);
+                if let Some(ready) = mesh::prepare(primitive, &object, motion, &mut *thread) {
                     let k = *member as usize;
                     made.lock().unwrap_or_else(PoisonError::into_inner).push((k, ready));
                 }
@@ -220,10 +220,10 @@ impl RayScene {
         flats.iter().for_each(|flat| _ = builder.add_triangles(flat));
         let small = || solids.iter().filter(|solid| solid.is_small());
         let bytes = small().map(|solid| solid.triangles() * TRIANGLE_BYTES).sum::<f32>();
-        if bytes <= frame.rays.cache.limit() as f32 * RESIDENT_SHARE {
-            let mut thread = ShaderThread::new(frame);
+        if bytes <= seen.cache.limit() as f32 * RESIDENT_SHARE {
+            let mut thread = shaders.thread();
             for solid in small() {
-                let (mesh, triangles) = solid.tessellate(0, Level::FINEST, &mut thread).unwrap_or_default();
+                let (mesh, triangles) = solid.tessellate(0, Level::FINEST, &mut *thread).unwrap_or_default();
                 builder.add(triangles);
                 residents.push(mesh);
             }
@@ -239,7 +239,7 @@ impl RayScene {
         Self {
             set,
             opaque_to_shadows: objects().all(|object| object.opaque_to_shadows),
-            asks_parents: objects().any(|object| crate::raytrace::asks_parent(object)),
+            asks_parents: objects().any(|object| asks_parent(object)),
             rough: solids
                 .iter()
                 .map(|solid| std::ptr::from_ref::<ObjectState>(&solid.object).addr())
@@ -312,8 +312,8 @@ impl RayScene {
     }
 
     /// A part that is made on demand, at a level.
-    fn part(&self, thread: &mut ShaderThread<'_>, part: u32, level: Level) -> Arc<Tessellation> {
-        let cache = &thread.frame().rays.cache;
+    fn part(&self, thread: &mut dyn GridShader<'_>, part: u32, level: Level) -> Arc<Tessellation> {
+        let cache = thread.seen().cache;
         cache.get(Key { set: self.set, part, level }, || {
             let solid = self.solid(part);
             let made = solid.and_then(|(solid, own)| self.solids[solid].tessellate(own, level, thread));
@@ -328,13 +328,13 @@ impl RayScene {
 
     fn part_at_hand<'h>(
         &self,
-        thread: &mut ShaderThread<'_>,
+        thread: &mut dyn GridShader<'_>,
         hand: &'h mut AtHand,
         part: u32,
         level: Level,
     ) -> &'h Tessellation {
         // What one thread holds must not be much of what all may keep.
-        if hand.bytes > thread.frame().rays.cache.limit() / 16 {
+        if hand.bytes > thread.seen().cache.limit() / 16 {
             *hand = AtHand::default();
         }
         hand.made.entry((part, level)).or_insert_with(|| {
@@ -348,7 +348,7 @@ impl RayScene {
     /// answers how far the ray still goes.
     fn along(
         &self,
-        thread: &mut ShaderThread<'_>,
+        thread: &mut dyn GridShader<'_>,
         (hand, room): (&mut AtHand, &mut BoxRoom),
         (ray, [width, spread]): (&Ray, [f32; 2]),
         reach: f32,
@@ -373,7 +373,7 @@ impl RayScene {
     }
 
     /// The closest hit of each ray.
-    pub(crate) fn closest(&self, thread: &mut ShaderThread<'_>, requests: &[RayRequest]) -> Vec<SetHit> {
+    pub(crate) fn closest(&self, thread: &mut dyn GridShader<'_>, requests: &[RayRequest]) -> Vec<SetHit> {
         let rays: Vec<Ray> = requests.iter().map(|r| beyond(&r.ray, r.leaving)).collect();
         let mut hits: Vec<SetHit> = self.closest_of_settled(&rays).iter().map(SetHit::of).collect();
         let widths = |k: usize| requests[k].widths();
@@ -390,7 +390,7 @@ impl RayScene {
     /// The closest hit of a ray before the margin of what it leaves, which is of something else.
     fn near(
         &self,
-        thread: &mut ShaderThread<'_>,
+        thread: &mut dyn GridShader<'_>,
         ray: &Ray,
         leaving: Leaving,
         [width, spread]: [f32; 2],
@@ -413,7 +413,7 @@ impl RayScene {
     /// Puts nearer hits of what is made on demand in the place of others.
     fn closest_of_parts(
         &self,
-        thread: &mut ShaderThread<'_>,
+        thread: &mut dyn GridShader<'_>,
         rays: &[Ray],
         widths: &dyn Fn(usize) -> [f32; 2],
         hits: &mut [SetHit],
@@ -441,7 +441,7 @@ impl RayScene {
     /// How far each ray goes; infinite where it meets nothing. `widths` as [`RayRequest::widths`] and what it leaves, by number.
     pub(crate) fn distances(
         &self,
-        thread: &mut ShaderThread<'_>,
+        thread: &mut dyn GridShader<'_>,
         rays: &[Ray],
         widths: &dyn Fn(usize) -> [f32; 2],
         leaving: &dyn Fn(usize) -> Leaving,
@@ -456,7 +456,7 @@ impl RayScene {
     /// Whether each ray hits anything; as [`RayScene::distances`].
     pub(crate) fn any(
         &self,
-        thread: &mut ShaderThread<'_>,
+        thread: &mut dyn GridShader<'_>,
         rays: &[Ray],
         widths: &dyn Fn(usize) -> [f32; 2],
         leaving: &dyn Fn(usize) -> Leaving,
@@ -484,7 +484,7 @@ impl RayScene {
     /// most once, and must answer by the hit alone.
     pub(crate) fn closest_where(
         &self,
-        thread: &mut ShaderThread<'_>,
+        thread: &mut dyn GridShader<'_>,
         request: &RayRequest,
         accept: &mut dyn FnMut(&SetHit) -> bool,
     ) -> SetHit {
@@ -511,7 +511,7 @@ impl RayScene {
     }
 
     /// The meshes of some hits.
-    pub(crate) fn locate(&self, thread: &mut ShaderThread<'_>, hits: &[SetHit]) -> Located<'_> {
+    pub(crate) fn locate(&self, thread: &mut dyn GridShader<'_>, hits: &[SetHit]) -> Located<'_> {
         let residents = &self.residents[..];
         let mut located = Located {
             residents,
@@ -556,7 +556,7 @@ impl RayScene {
     /// there. `None` without any area.
     pub(crate) fn area_points(
         &self,
-        thread: &mut ShaderThread<'_>,
+        thread: &mut dyn GridShader<'_>,
         places: &[(f32, f32, f32)],
     ) -> Option<Vec<(Vec3, Vec3)>> {
         let areas = match self.areas.get() {
@@ -593,7 +593,7 @@ impl RayScene {
         Some(out)
     }
 
-    fn areas(&self, thread: &mut ShaderThread<'_>) -> Areas {
+    fn areas(&self, thread: &mut dyn GridShader<'_>) -> Areas {
         let all = |flat: &Flat| (0..flat.facets() as u32).collect::<Vec<u32>>();
         let few = self.flats.iter().map(Flat::facets).sum::<usize>() <= FEW_FACETS;
         let flats = self.flats.iter().filter(|_| few).map(|flat| flat.mesh_of(&all(flat), thread));
@@ -602,7 +602,7 @@ impl RayScene {
     }
 
     /// Areas of all triangles at the finest level.
-    fn area_table(&self, thread: &mut ShaderThread<'_>) -> AreaTable {
+    fn area_table(&self, thread: &mut dyn GridShader<'_>) -> AreaTable {
         use granita_trace::Triangles;
         let mut table = AreaTable::default();
         for (part, flat) in self.flats.iter().enumerate() {

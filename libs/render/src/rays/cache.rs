@@ -4,7 +4,7 @@
 //! was given up meanwhile: always the same, to the bit. What is in the cache decides how long something takes and never
 //! what comes out.
 
-use crate::raymesh::{Level, RayMesh};
+use crate::rays::mesh::{Level, RayMesh};
 use granita_trace::Tracer;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -2,8 +2,9 @@
 
 use super::*;
 use crate::fixture::{Fixture, param, shader};
-use crate::raytrace::Leaving;
+use crate::rays::request::Leaving;
 use crate::sampling::{Distribution, in_cone};
+use crate::shading::{ShaderThread, ShadingContext};
 use granita_base::{CurveBasis, MotionTransform, Params, ShapeDesc, Transform, hash};
 use granita_scene::{AttributeSet, Primitive};
 

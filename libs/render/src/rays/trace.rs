@@ -1,7 +1,4 @@
-//! Rays: what they can meet, and what they bring back.
-//!
-//! Geometry sets are names; sets with the same members share one structure, a [`RayScene`]. It is built by the first ray
-//! that needs it; no ray, no structure.
+//! What rays bring back.
 //!
 //! Rays come in the batches that a shading grid makes. Their hits are gathered by object, made into grids
 //! and shaded by the same executor as everything else. What a ray finds depends on the ray alone: random numbers at its hits
@@ -9,204 +6,24 @@
 
 use crate::finite;
 use crate::object::Holdout;
-use crate::raycache::{CACHE_BYTES, TessellationCache};
-use crate::raymesh::{self, HitShading, MeshHit, RayMesh};
-use crate::rayset::{Located, RayScene, SetHit, mesh_hit};
+use crate::rays::mesh::{self, HitShading, MeshHit, RayMesh};
+use crate::rays::request::{RayRequest, asks_parent};
+use crate::rays::scene::{Located, RayScene, SetHit, mesh_hit};
 use crate::shading::{ShaderThread, ShadingContext};
 use granita_base::{Color, Location, Severity, Vec3, hash};
 use granita_gsl::ir::ValueType;
-use granita_scene::{Scene, attr};
+
 use granita_shade::{HitValues, Primvar, PrimvarData, RayKind};
-use granita_trace::Ray;
-use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock};
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 /// Hits shaded as one grid, at most.
 const GRID_HITS: usize = 128;
 /// Hits whose tessellations are held at once.
 const LOCATED_HITS: usize = 1024;
-/// Layers of transparent surfaces that a ray passes, at most.
-const MAX_LAYERS: usize = 256;
 /// Length of one hit's step that the next one must exceed, relative to the distance.
 const STEP: f32 = 1.0e-6;
-
-/// Everything that rays can meet in a frame.
-pub(crate) struct RayWorld {
-    /// Geometry sets by name, except those of cameras: index into `scenes`.
-    sets: BTreeMap<Arc<str>, usize>,
-    /// One for each different membership.
-    scenes: Vec<RaySet>,
-    /// Threads that may build.
-    pub(crate) threads: usize,
-    /// Whether some object's rays see motion.
-    motion: bool,
-    /// What ends a ray.
-    pub(crate) limits: RayLimits,
-    /// What has been traced so far.
-    pub(crate) counts: RayCounts,
-    /// Tessellations of all sets.
-    pub(crate) cache: TessellationCache,
-}
-
-/// What ends a ray (reference 4.3.4, 4.3.5).
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct RayLimits {
-    /// "limits:opacitythreshold".
-    opacity_threshold: Color,
-    /// Surfaces that a ray may meet: "limits:transparentlayers" and one more.
-    layers: usize,
-    /// "ray:maxdepth".
-    pub(crate) max_depth: u32,
-    /// "ray:maxdepthcolor".
-    pub(crate) max_depth_color: Color,
-}
-
-impl RayLimits {
-    fn new(scene: &Scene) -> Self {
-        let layers = usize::try_from(scene.get(attr::LIMITS_TRANSPARENTLAYERS));
-        Self {
-            opacity_threshold: scene.get(attr::LIMITS_OPACITYTHRESHOLD),
-            layers: layers.map_or(MAX_LAYERS, |n| n.saturating_add(1).min(MAX_LAYERS)),
-            max_depth: u32::try_from(scene.get(attr::RAY_MAXDEPTH)).unwrap_or(0),
-            max_depth_color: scene.get(attr::RAY_MAXDEPTHCOLOR),
-        }
-    }
-}
-
-/// Numbers of rays, for statistics.
-#[derive(Debug, Default)]
-pub(crate) struct RayCounts {
-    /// Rays that bring back colour, or only what they hit.
-    pub(crate) rays: AtomicU64,
-    /// Shadow rays.
-    pub(crate) shadow_rays: AtomicU64,
-    /// Hits that were shaded.
-    pub(crate) shaded: AtomicU64,
-}
-
-struct RaySet {
-    /// Indices of primitives, increasing.
-    members: Vec<u32>,
-    built: OnceLock<RayScene>,
-}
-
-impl RayWorld {
-    /// Learns which primitives are in which sets; builds nothing.
-    pub(crate) fn new(scene: &Scene, threads: usize) -> Self {
-        let mut members: BTreeMap<Arc<str>, Vec<u32>> = BTreeMap::new();
-        let mut motion = false;
-        let mut last = std::ptr::null();
-        for (index, primitive) in scene.primitives.iter().enumerate() {
-            let attributes = &primitive.attributes;
-            if Arc::as_ptr(attributes) != last {
-                motion = motion || attributes.get(attr::RAY_MOTION);
-                last = Arc::as_ptr(attributes);
-            }
-            for set in attributes.geometry_sets.iter() {
-                // Members of a camera's set alone are not raytraceable (reference 4.4.3).
-                if &**set == "camera" || scene.cameras.iter().any(|c| c.name == *set) {
-                    continue;
-                }
-                match members.get_mut(set) {
-                    Some(list) => list.push(index as u32),
-                    None => _ = members.insert(set.clone(), vec![index as u32]),
-                }
-            }
-        }
-        let mut scenes: Vec<RaySet> = Vec::new();
-        let mut sets = BTreeMap::new();
-        for (name, members) in members {
-            let known = scenes.iter().position(|s| s.members == members);
-            let index = known.unwrap_or_else(|| {
-                scenes.push(RaySet { members, built: OnceLock::new() });
-                scenes.len() - 1
-            });
-            sets.insert(name, index);
-        }
-        let (limits, counts) = (RayLimits::new(scene), RayCounts::default());
-        Self { sets, scenes, threads, motion, limits, counts, cache: TessellationCache::new(CACHE_BYTES) }
-    }
-
-    /// Whether the name is that of a geometry set that rays can be traced against.
-    pub(crate) fn is_set(&self, name: &str) -> bool {
-        self.sets.contains_key(name)
-    }
-
-    /// The set of this name, built if it is not yet. `None` for other names.
-    pub(crate) fn scene(&self, name: &str, frame: &ShadingContext) -> Option<&RayScene> {
-        let index = *self.sets.get(name)?;
-        let set = &self.scenes[index];
-        // Not on the pool that renders buckets: a waiting pool thread could pick up a bucket whose shader
-        // asks for this very set.
-        let build = || RayScene::build(index as u32, &set.members, frame, self.threads, self.motion);
-        Some(set.built.get_or_init(build))
-    }
-
-    /// How many sets of different membership have been built, and how many there are.
-    pub(crate) fn built(&self) -> (usize, usize) {
-        (self.scenes.iter().filter(|s| s.built.get().is_some()).count(), self.scenes.len())
-    }
-
-    /// Triangles that there are for rays at the moment, and the bytes that everything takes.
-    pub(crate) fn size(&self) -> (u64, u64) {
-        let built = self.scenes.iter().filter_map(|s| s.built.get()).map(RayScene::size);
-        let kept = self.cache.counts();
-        built.fold((kept.triangles, kept.bytes), |sum, size| (sum.0 + size.0, sum.1 + size.1))
-    }
-}
-
-/// The rough surface that a ray leaves: one that is tessellated for rays, and so not quite where the ray begins.
-///
-/// Hits of that very object nearer than a margin do not count. Those of other objects do, from the ray's own `tmin` on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub(crate) struct Leaving {
-    /// Address of its state, which is one for all of the object; 0 for none.
-    object: usize,
-    /// World units, as bits.
-    margin: u32,
-}
-
-impl Leaving {
-    /// From an object, with a margin in world units.
-    pub(crate) fn new(object: &crate::object::ObjectState, margin: f32) -> Self {
-        Self { object: std::ptr::from_ref(object).addr(), margin: margin.max(0.0).to_bits() }
-    }
-
-    /// How far from the origin the object does not count, world units.
-    pub(crate) fn margin(self) -> f32 {
-        f32::from_bits(self.margin)
-    }
-
-    /// Whether a hit of an object at distance `t` does not count.
-    pub(crate) fn hides(self, object: &crate::object::ObjectState, t: f32) -> bool {
-        t < self.margin() && std::ptr::from_ref(object).addr() == self.object
-    }
-}
-
-/// A ray to be traced. The direction is of length 1, so that distances are world units.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct RayRequest {
-    /// Lane of the shader that traces.
-    pub(crate) lane: u32,
-    /// Names the ray: what is random about its hits.
-    pub(crate) name: u32,
-    /// Where, which way, how far.
-    pub(crate) ray: Ray,
-    /// What it leaves.
-    pub(crate) leaving: Leaving,
-    /// Width at the origin.
-    pub(crate) width: f32,
-    /// Growth of the width per unit of distance.
-    pub(crate) spread: f32,
-}
-
-impl RayRequest {
-    /// Width at the origin, and its growth per unit of distance.
-    pub(crate) fn widths(&self) -> [f32; 2] {
-        [self.width, self.spread]
-    }
-}
 
 /// Who traces a batch.
 #[derive(Clone, Copy, Debug)]
@@ -463,7 +280,7 @@ impl ShaderThread<'_> {
                     let hits: Vec<(&RayMesh, MeshHit)> = part.iter().filter_map(place).collect();
                     let time = f32::from_bits(time);
                     let how = HitShading { time, seed: id, derivatives, ..how };
-                    let mut grid = raymesh::grid_of(&hits, &object, how);
+                    let mut grid = mesh::grid_of(&hits, &object, how);
                     grid.names = names(part.iter().map(|o| &pending[o.1]), rays, id, grid.len());
                     for (lane, (_, k, _)) in part.iter().enumerate() {
                         out[*k].n = grid.n.get(lane).normalize_or_zero();
@@ -539,7 +356,7 @@ impl ShadingContext {
     /// Distance that a tessellation for rays may be from the surface at `p`, with a margin: nearer hits of the very object that a
     /// ray leaves are of the very surface.
     pub(crate) fn ray_margin(&self, p: Vec3) -> f32 {
-        3.0 * raymesh::FLATNESS_PX * self.pixel_world(p)
+        3.0 * mesh::FLATNESS_PX * self.pixel_world(p)
     }
 
     /// Whether anything that runs when this object is hit looks at neighbouring points.
@@ -554,15 +371,6 @@ impl ShadingContext {
                     .filter_map(|l| self.light(*l))
                     .any(|l| l.shaders.group.needs_derivatives())
     }
-}
-
-/// Whether a shader of the object may ask the shader whose ray meets it.
-pub(crate) fn asks_parent(object: &crate::object::ObjectState) -> bool {
-    let bumps = object.displacement.as_ref().filter(|_| !object.displaces_rays());
-    [Some(&object.surface), object.volume.as_ref(), bumps]
-        .into_iter()
-        .flatten()
-        .any(|s| s.group.asks_parent())
 }
 
 /// What names the points of a grid of hits: nothing that they share with others, so that it cannot be told which hits came
@@ -599,9 +407,11 @@ fn of_rays(value: &Primvar, lanes: &[u32], points: usize) -> Option<Primvar> {
 mod tests {
     use super::*;
     use crate::fixture::{Fixture, param};
+    use crate::rays::request::Leaving;
     use crate::sampling::{Distribution, in_cone};
     use granita_base::{MotionTransform, Transform};
     use granita_scene::AttributeSet;
+    use granita_trace::Ray;
 
     fn request(origin: Vec3, dir: Vec3, time: f32) -> RayRequest {
         let ray = Ray { origin, tmin: 0.0, dir, tmax: f32::INFINITY, time };
@@ -662,7 +472,7 @@ mod tests {
                 hits += 1;
                 // Off the sphere by no more than the tessellation: a pixel is 0.042 units at distance 10.
                 let off = 1.0 - found.p.distance(center);
-                assert!((-1e-5..2.0 * 0.042 * raymesh::FLATNESS_PX).contains(&off), "{off}");
+                assert!((-1e-5..2.0 * 0.042 * mesh::FLATNESS_PX).contains(&off), "{off}");
                 assert!((found.p - (r.ray.origin + r.ray.dir * found.distance)).length() < 1e-5);
                 assert!((found.n - (found.p - center).normalize()).length() < 0.02);
                 assert_eq!(found.opacity, Color::ONE);
@@ -747,20 +557,5 @@ mod tests {
         let (triangles, bytes) = frame.rays.size();
         assert!(triangles > 10_000, "{triangles}");
         assert!(bytes < 120 * triangles, "{} bytes each", bytes as f64 / triangles as f64);
-    }
-
-    #[test]
-    fn sets_of_equal_members_share_and_cameras_have_none() {
-        let mut f = Fixture::new(&[]);
-        for sets in [&["camera", "a", "b"][..], &["cam", "a", "b", "c"][..]] {
-            let attributes = f.attributes("", sets, &[]);
-            f.rectangle([-1.0; 2], [1.0; 2], 0.0, attributes);
-        }
-        let (scene, _, _) = f.finish();
-        let world = RayWorld::new(&scene, 1);
-        assert_eq!(world.sets.keys().map(|k| &**k).collect::<Vec<_>>(), ["a", "b", "c"]);
-        assert_eq!(world.sets["a"], world.sets["b"]);
-        assert_ne!(world.sets["a"], world.sets["c"]);
-        assert_eq!(world.built(), (0, 2));
     }
 }

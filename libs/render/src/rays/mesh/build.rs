@@ -10,7 +10,7 @@ use crate::dicing::{
     self, DiceSettings, GridView, Measure, Placement, Rates, SceneDicing, Viewer, Viewpoint,
 };
 use crate::object::ObjectState;
-use crate::shading::{ShaderThread, ShadingContext};
+use crate::rays::GridShader;
 use granita_base::{Bound, Interp, MotionTransform, ParamData, Severity, Vec3};
 use granita_geom::{Dice, Piece, ShapeKey, SplitDirection, Surface};
 use granita_scene::{Primitive, attr};
@@ -122,10 +122,10 @@ pub(crate) fn prepare(
     primitive: &Arc<Primitive>,
     object: &Arc<ObjectState>,
     motion: bool,
-    thread: &mut ShaderThread<'_>,
+    thread: &mut dyn GridShader<'_>,
 ) -> Option<Member> {
-    let frame = thread.frame();
-    let (camera, reporter) = (&frame.camera, &frame.reporter);
+    let frame = thread.seen();
+    let (camera, reporter) = (frame.camera, frame.reporter);
     let attributes = &primitive.attributes;
     let keys: Vec<ShapeKey<'_>> =
         primitive.keys.iter().map(|k| ShapeKey { time: k.time, params: &k.params }).collect();
@@ -133,7 +133,7 @@ pub(crate) fn prepare(
         let text = if object.name.is_empty() { text } else { format!("object \"{}\": {text}", object.name) };
         reporter.once(&format!("primitive {} {text}", primitive.id), severity, &primitive.at, text);
     };
-    let dicing = SceneDicing::new(&frame.scene);
+    let dicing = SceneDicing::new(frame.scene);
     let trim = dicing::trimming(attributes, dicing.trim_quality);
     let mut pieces = match granita_geom::build(&primitive.shape, &keys, trim, &mut report) {
         Ok(pieces) => pieces,
@@ -204,8 +204,7 @@ pub(crate) fn prepare(
         }
     }
     solid.bound = solid.parts.iter().fold(Bound::EMPTY, |all, part| all.union(part.bound));
-    solid.pixel_world =
-        solid.bound.corners().iter().map(|corner| frame.pixel_world(*corner)).fold(0.0, f32::max);
+    solid.pixel_world = solid.bound.corners().iter().map(|corner| frame.pixel(*corner)).fold(0.0, f32::max);
     (!solid.parts.is_empty()).then_some(Member::Solid(solid))
 }
 
@@ -215,14 +214,6 @@ fn rounded(bound: Bound) -> Bound {
         return bound;
     }
     bound.padded(4e-6 * bound.min.abs().max(bound.max.abs()).max_element())
-}
-
-impl ShadingContext {
-    /// Size of a pixel of the camera at the distance of a place.
-    pub(crate) fn pixel_world(&self, p: Vec3) -> f32 {
-        let distance = self.eye_world.distance(p).max(self.camera.near);
-        1.0 / self.camera.raster_scale(distance).abs().max_element()
-    }
 }
 
 impl Solid {
@@ -299,9 +290,9 @@ impl Solid {
         &self,
         part: u32,
         level: Level,
-        thread: &mut ShaderThread<'_>,
+        thread: &mut dyn GridShader<'_>,
     ) -> Option<(RayMesh, TriangleMesh)> {
-        let camera = &thread.frame().camera;
+        let camera = thread.seen().camera;
         let (measure, settings) = self.measure(camera, level);
         let part = &self.parts[part as usize];
         let root = &*self.roots[part.root as usize];
@@ -313,11 +304,9 @@ impl Solid {
         }
         let piece = found.as_deref().unwrap_or(root);
         let mut build = Builder::new(&self.primitive, &self.object, &self.placement, camera);
-        let was = std::mem::replace(&mut thread.builds_rays, true);
         dicing::tessellate(piece, &self.placement, &measure, &settings, &mut |piece, rates| {
             build.add(piece, rates, self.displaced, thread);
         });
-        thread.builds_rays = was;
         build.finish()
     }
 }
@@ -334,8 +323,8 @@ impl Flat {
     }
 
     /// A mesh of some facets, two triangles each, in their order.
-    pub(crate) fn mesh_of(&self, facets: &[u32], thread: &mut ShaderThread<'_>) -> Option<RayMesh> {
-        let mut build = Builder::new(&self.primitive, &self.object, &self.placement, &thread.frame().camera);
+    pub(crate) fn mesh_of(&self, facets: &[u32], thread: &mut dyn GridShader<'_>) -> Option<RayMesh> {
+        let mut build = Builder::new(&self.primitive, &self.object, &self.placement, thread.seen().camera);
         let rates = Rates { nu: 2, nv: 2, ..Rates::default() };
         for facet in facets {
             let piece = self.piece.facet_piece(*facet as usize)?;
@@ -549,7 +538,7 @@ impl<'a> Builder<'a> {
         (!triangles.triangles.is_empty()).then_some((mesh, triangles))
     }
 
-    fn add(&mut self, piece: &dyn Surface, rates: &Rates, displaced: bool, thread: &mut ShaderThread<'_>) {
+    fn add(&mut self, piece: &dyn Surface, rates: &Rates, displaced: bool, thread: &mut dyn GridShader<'_>) {
         let key_times = piece.key_times();
         let dice: Dice = rates.dice(piece, &Viewer::new(self.camera, self.placement, key_times));
         let (nu, nv) = (dice.nu, dice.nv);
@@ -565,7 +554,7 @@ impl<'a> Builder<'a> {
         let mut grid = dicing::make_grid(&dice, key_times, self.primitive, self.placement, &view);
         let before = grid.p.clone();
         if displaced {
-            thread.displace(self.object, &mut grid);
+            thread.displace_for_rays(self.object, &mut grid);
         }
         let first = self.mesh.p.len();
         let count = nu * nv;
