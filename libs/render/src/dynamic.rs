@@ -2,7 +2,7 @@
 
 use crate::frame::{FrameShader, OnDemand, Surroundings};
 use crate::object::ObjectState;
-use crate::output::{OutputSet, is_dynamic};
+use crate::output::plan::{OutputSet, is_dynamic};
 use crate::{CameraView, RenderEnvironment, RenderError};
 use granita_scene::Scene;
 use granita_texture::{MadeShadow, TextureCache, TextureId};

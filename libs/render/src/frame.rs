@@ -12,13 +12,13 @@ mod spread;
 
 use crate::bucket::{BucketOrder, Buckets};
 use crate::camera::is_moving;
-use crate::canvas::{Canvas, Finished};
 use crate::dicing::{Measure, SceneDicing};
 use crate::environment::Progress;
-use crate::film;
-use crate::griddump::GridDump;
 use crate::hider::{CompositeSettings, Projector, SamplePattern};
-use crate::output::{OutputImage, OutputSet, Shown};
+use crate::output::canvas::{Canvas, Finished};
+use crate::output::film;
+use crate::output::griddump::GridDump;
+use crate::output::plan::{OutputImage, OutputSet, Shown};
 use crate::priority::{Priority, Turns};
 use crate::spread::Spread;
 use crate::statistics::{Counters, Statistics, add};

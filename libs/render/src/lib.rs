@@ -7,7 +7,8 @@
 //! The way of a primitive: `geom` builds it into pieces; `dicing` bounds, culls and splits the pieces
 //! until each dices into a grid of a bearable size; the grid is displaced and shaded **once**, in
 //! "common" space (the world, or that moved: `nearby`), however many buckets need it; `hider` samples its micropolygons at
-//! jittered places, times and lens points; `film` filters the samples into pixels; `output` writes.
+//! jittered places, times and lens points; `output` filters
+//! the samples into pixels and writes them. What shaders ask for is answered by `services`, with `rays` and `lighting`.
 //!
 //! # Invariants
 //!
@@ -23,22 +24,16 @@
 
 #![forbid(unsafe_code)]
 
-mod arealight;
 mod bucket;
 mod camera;
-mod canvas;
 mod dicing;
-mod directions;
 mod dynamic;
 mod environment;
 mod error;
-mod film;
 mod finite;
 mod frame;
-mod griddump;
 mod hider;
-mod lightcache;
-mod lights;
+mod lighting;
 mod nearby;
 mod object;
 mod output;
@@ -53,7 +48,6 @@ mod shading;
 mod spaces;
 mod spread;
 mod statistics;
-mod subsurface;
 mod texts;
 mod unknown;
 mod unread;

@@ -3,9 +3,9 @@
 use crate::dynamic::DynamicMaps;
 use crate::environment::RenderEnvironment;
 use crate::frame::{self, FrameOptions, FrameShader, ObjectTraits};
-use crate::griddump::GridDump;
 use crate::object::{Holdout, ObjectState};
-use crate::output::{OutputSet, WrittenFiles, is_dynamic};
+use crate::output::griddump::GridDump;
+use crate::output::plan::{OutputSet, WrittenFiles, is_dynamic};
 use crate::shading::{ShaderThread, ShadingContext};
 use crate::spread::Spread;
 use crate::{CameraView, RenderError, ShadingStatistics, Statistics, hider, nearby, preview, unknown};

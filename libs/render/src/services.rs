@@ -11,9 +11,9 @@ mod shadow;
 mod sky;
 mod tiles;
 
-use crate::arealight::{self, AreaLight};
 use crate::finite;
-use crate::lights::{LightMemory, LightState, mend};
+use crate::lighting::area::{self, AreaLight};
+use crate::lighting::lights::{LightMemory, LightState, mend};
 use crate::object::{LinkedShaders, ObjectState, usage_word};
 use crate::rays::scene::RayScene;
 use crate::shading::{ShaderThread, ShadingContext};
@@ -256,7 +256,7 @@ impl<'r, 'f> Run<'r, 'f> {
                 None => hash::words(&[own, call, light.seed, lane]),
             };
             let active = query.batch.active;
-            if !arealight::points(scene, self.thread, index, active, &seed, [&mut pl, &mut nl]) {
+            if !area::points(scene, self.thread, index, active, &seed, [&mut pl, &mut nl]) {
                 return sum;
             }
             let query = IlluminateQuery { pl: Some(Lane3::over(&pl)), nl: Some(Lane3::over(&nl)), ..*query };

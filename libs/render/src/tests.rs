@@ -574,7 +574,7 @@ fn picture_within(
         params: Params::new(),
     };
     let mut outputs =
-        crate::output::OutputSet::new(&[&output], &view, &environment.registry, &environment.reporter)
+        crate::output::plan::OutputSet::new(&[&output], &view, &environment.registry, &environment.reporter)
             .unwrap();
     let options = crate::frame::FrameOptions {
         threads,

@@ -7,7 +7,7 @@ use crate::camera::is_moving;
 use crate::dicing::Placement;
 use crate::hider::{NOWHERE, Projector, SamplePattern, pixels_of};
 use crate::object::longest_axis;
-use crate::output::is_dynamic;
+use crate::output::plan::is_dynamic;
 use crate::spaces::Spaces;
 use crate::{CameraView, Renderer, ShaderLibrary};
 use granita_base::{Bound, ParamData, Vec3};

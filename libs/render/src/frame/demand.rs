@@ -6,7 +6,7 @@
 
 use super::{Frame, FrameOptions, FrameShader, Jobs};
 use crate::bucket::BucketOrder;
-use crate::output::OutputSet;
+use crate::output::plan::OutputSet;
 use crate::{CameraView, PixelRect};
 use granita_base::Reporter;
 use granita_scene::Scene;

@@ -508,10 +508,10 @@ fn depths_of_a_plane() {
     let z = image(&build, "z", &[]);
     assert!((pixel(&z, 1, 32, 24)[0] - 3.5).abs() < 1e-5);
     assert!((pixel(&z, 1, 20, 24)[0] - 7.25).abs() < 1e-5);
-    assert_eq!(pixel(&z, 1, 2, 2), [crate::film::NO_DEPTH]);
+    assert_eq!(pixel(&z, 1, 2, 2), [crate::output::film::NO_DEPTH]);
     let average = image(&build, "avgz", &[]);
     assert!((pixel(&average, 1, 32, 24)[0] - 5.375).abs() < 1e-5);
-    assert_eq!(pixel(&average, 1, 20, 24), [crate::film::NO_DEPTH], "a single surface is no surface");
+    assert_eq!(pixel(&average, 1, 20, 24), [crate::output::film::NO_DEPTH], "a single surface is no surface");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Spatial databases and subsurface scattering (reference 5.8.11, 5.8.13), for running shaders.
 
 use super::Run;
-use crate::subsurface::Profiles;
+use crate::lighting::subsurface::Profiles;
 use granita_base::Severity;
 use granita_gsl::ir::ValueType;
 use granita_sdb::{Between, Density, Key, Mode, Packed, PictureOptions, Probe, Schema, Value};

@@ -3,9 +3,9 @@
 use super::maps::fit;
 use super::rays::{Aim, HIT, TracingLanes, unknown_set};
 use super::{Run, count, option};
-use crate::lightcache::hemisphere::{Seen, Strata};
-use crate::lightcache::lattice::{Lattice, Points, Tolerance, Wanted};
-use crate::lightcache::{Kind, Record, Spot};
+use crate::lighting::cache::hemisphere::{Seen, Strata};
+use crate::lighting::cache::lattice::{Lattice, Points, Tolerance, Wanted};
+use crate::lighting::cache::{Kind, Record, Spot};
 use crate::rays::request::{Leaving, RayRequest};
 use crate::rays::scene::RayScene;
 use crate::rays::trace::RayPurpose;

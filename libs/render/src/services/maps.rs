@@ -1,7 +1,7 @@
 //! Lookups in texture, environment and shadow files.
 
 use super::{count, option};
-use crate::directions::Directions;
+use crate::lighting::directions::Directions;
 use granita_base::{Transform, Vec3};
 use granita_shade::{
     Batch, EnvironmentQuery, Lane3, Lanes3, LookupOptions, LookupResult, ShadowQuery, TextureQuery,

@@ -2,7 +2,7 @@
 
 use super::maps::{CHANNELS, first_channel, prepare, store};
 use super::{Run, SKY, count, option};
-use crate::directions::{Around, Directions, Drawn, TOGETHER};
+use crate::lighting::directions::{Around, Directions, Drawn, TOGETHER};
 use granita_base::{Transform, Vec3, hash};
 use granita_shade::{EnvironmentQuery, Lanes3, LookupResult, Rect};
 use granita_texture::{EnvLookup, Up, Use};

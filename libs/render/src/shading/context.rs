@@ -1,9 +1,9 @@
 //! A frame as shaders see it.
 
-use crate::directions::Directions;
 use crate::dynamic::DynamicMaps;
-use crate::lightcache::LightCache;
-use crate::lights::LightState;
+use crate::lighting::cache::LightCache;
+use crate::lighting::directions::Directions;
+use crate::lighting::lights::LightState;
 use crate::object::{LinkedShaders, Linker, ObjectState, StateShaders};
 use crate::rays::Seen;
 use crate::rays::world::RayWorld;

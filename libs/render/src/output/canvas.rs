@@ -6,7 +6,7 @@
 //! is kept: its buckets go to the viewer as they come.
 
 use crate::bucket::Buckets;
-use crate::output::{ImageWriter, OutputImage};
+use crate::output::plan::{ImageWriter, OutputImage};
 use crate::{CameraView, PixelRect};
 use granita_image::{FormatRegistry, Request};
 
@@ -211,7 +211,7 @@ impl Bands {
 mod tests {
     use super::*;
     use crate::bucket::BucketOrder;
-    use crate::output::OutputSet;
+    use crate::output::plan::OutputSet;
     use granita_base::{Param, Params, Reporter};
     use granita_image::Limits;
 

@@ -1,7 +1,7 @@
 //! Light sources of a frame: linked once, run by the grids that ask.
 
-use crate::arealight::AreaLight;
 use crate::finite;
+use crate::lighting::area::AreaLight;
 use crate::object::{LinkedShaders, Linker};
 use granita_base::{Vec3, hash};
 use granita_gsl::ir::ShaderKind;
@@ -50,7 +50,7 @@ impl LightState {
             attributes: light.attributes.clone(),
             shadow_bias: light.attributes.get(attr::SHADOW_BIAS).max(0.0),
             area: geometry.map(|set| AreaLight::new(set, light.attributes.get(attr::LIGHT_NSAMPLES))),
-            samples: crate::arealight::samples(light.attributes.get(attr::LIGHT_NSAMPLES)),
+            samples: crate::lighting::area::samples(light.attributes.get(attr::LIGHT_NSAMPLES)),
         })
     }
 }

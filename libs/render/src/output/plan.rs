@@ -1,0 +1,860 @@
+//! The images of a frame: what goes into them, and how they are written (reference 4.2, 7.3).
+
+use crate::hider::{Wanted, WantedVariable};
+use crate::output::film::{FilterSpec, PixelFilter};
+use crate::{CameraView, PixelRect, RenderError};
+use granita_base::{BaseType, Files, Filter, Location, Param, ParamType, Params, Reporter, Severity};
+use granita_gsl::ir::ValueType;
+use granita_image::{
+    CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Placement, Quantize, Request,
+};
+use granita_scene::{Output, attr};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+/// Parameters of `Output` that the renderer itself understands; all others go to the format.
+const OWN_PARAMETERS: [&str; 12] = [
+    "filter",
+    "filterwidth",
+    "gain",
+    "gamma",
+    "dither",
+    "quantize",
+    "stereo:left",
+    "stereo:right",
+    "zchannels",
+    "opaquewidth",
+    "dynamic",
+    "pixeltype",
+];
+
+/// Most bytes that the pixels of one image may take while the frame is rendered.
+const MAX_IMAGE_BYTES: u64 = 1 << 37;
+
+/// What an image shows.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Data {
+    Color {
+        alpha: bool,
+    },
+    Depth {
+        middle: bool,
+    },
+    /// Opacity against depth, with so many thresholds.
+    Volume {
+        depths: usize,
+    },
+    /// Of an array one name for each element: `name[0]` and so on.
+    Variable {
+        names: Vec<Arc<str>>,
+        ty: ValueType,
+    },
+}
+
+/// Elements of an array that an image can show.
+const MAX_ELEMENTS: u32 = 1024;
+
+/// Files of the images of a frame.
+#[derive(Debug, Default)]
+pub(crate) struct WrittenFiles(BTreeMap<PathBuf, PathBuf>);
+
+impl WrittenFiles {
+    /// The name of an earlier image that is written to the same file under another name. An image of the same name is
+    /// the other view of a stereo camera.
+    pub(crate) fn taken_by(&mut self, image: &OutputImage) -> Option<PathBuf> {
+        let path = &image.path;
+        if image.is_shown || path.metadata().is_ok_and(|m| !m.is_file()) {
+            return None;
+        }
+        let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let place = parent.canonicalize().unwrap_or_else(|_| parent.to_owned());
+        let place = place.join(path.file_name()?);
+        let other = self.0.entry(place).or_insert_with(|| path.clone());
+        // Compared as text: paths that differ in a "./" alone are equal otherwise.
+        (other.as_os_str() != path.as_os_str()).then(|| other.clone())
+    }
+}
+
+/// Everything that the outputs of one camera want from the hider.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct OutputSet {
+    /// In order of declaration.
+    pub(crate) images: Vec<OutputImage>,
+    /// Shader variables to compute.
+    pub(crate) variables: Vec<(Arc<str>, ValueType)>,
+    /// Sample channels.
+    pub(crate) wanted: Wanted,
+    /// Whether any image shows colours or variables, so that surfaces must be shaded.
+    pub(crate) needs_shading: bool,
+    /// Whether what is hidden behind the first surface counts.
+    pub(crate) needs_second_surface: bool,
+}
+
+/// One image to make.
+#[derive(Clone, Debug)]
+pub(crate) struct OutputImage {
+    /// Where it goes.
+    pub(crate) path: PathBuf,
+    format: String,
+    pub(crate) filter: FilterSpec,
+    /// Sample channels that are filtered into its channels.
+    pub(crate) channels: Vec<usize>,
+    names: Vec<String>,
+    /// Gain and gamma apply.
+    pub(crate) is_color: bool,
+    params: Params,
+    /// Filtered pixels of the crop window, channels side by side, when the frame is done.
+    pub(crate) pixels: Vec<f32>,
+    /// It is shown while it is made, by a format of "rectangles".
+    pub(crate) is_shown: bool,
+    /// Where it was shown, when the frame is done.
+    pub(crate) shown: Shown,
+    /// What became of an image that was written while the frame was made.
+    pub(crate) written: Option<Result<(), String>>,
+    /// "opaquewidth" of an image whose pixels are no filtered samples but texels of a volume shadow map.
+    pub(crate) opaque_width: Option<f32>,
+}
+
+impl OutputSet {
+    /// From the outputs of one camera. Those that cannot be made are reported and left out.
+    pub(crate) fn new(
+        outputs: &[&Output],
+        camera: &CameraView,
+        registry: &FormatRegistry,
+        reporter: &Reporter,
+    ) -> Result<Self, RenderError> {
+        let mut set = Self::default();
+        let mut datas = Vec::new();
+        for output in outputs {
+            if let Some(data) = accepted(output, registry, reporter) {
+                match &data {
+                    Data::Color { .. } => set.needs_shading = true,
+                    Data::Volume { .. } => (),
+                    Data::Depth { middle } => {
+                        set.wanted.depths = true;
+                        set.needs_second_surface |= *middle;
+                    }
+                    Data::Variable { names, ty } => {
+                        set.needs_shading = true;
+                        for name in names {
+                            if !set.variables.iter().any(|(n, t)| n == name && t == ty) {
+                                set.variables.push((name.clone(), *ty));
+                            }
+                        }
+                    }
+                }
+                datas.push((*output, data));
+            }
+        }
+        let mut offset = 0;
+        for (_, ty) in &set.variables {
+            let width = ty.components();
+            let is_color = *ty == ValueType::Color;
+            set.wanted.variables.push(WantedVariable { offset, width, is_color });
+            offset += width;
+        }
+        for (output, data) in datas {
+            let image = set.image(output, &data, camera, registry, reporter)?;
+            set.images.push(image);
+        }
+        Ok(set)
+    }
+
+    fn image(
+        &self,
+        output: &Output,
+        data: &Data,
+        camera: &CameraView,
+        registry: &FormatRegistry,
+        reporter: &Reporter,
+    ) -> Result<OutputImage, RenderError> {
+        let format = registry.by_name(&output.format);
+        let is_shown = format.as_ref().is_some_and(|f| f.supports("rectangles"));
+        let strings = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>();
+        let (channels, names) = match data {
+            Data::Color { alpha: false } => (vec![0, 1, 2], strings(&["R", "G", "B"])),
+            Data::Color { alpha: true } => (vec![0, 1, 2, 3], strings(&["R", "G", "B", "A"])),
+            Data::Depth { middle } => (vec![4 + usize::from(*middle)], strings(&["Z"])),
+            Data::Volume { depths } => {
+                let mut names = strings(&["zopaque", "alpha"]);
+                names.extend((0..*depths).map(|i| format!("z{i}")));
+                // No channels of samples: these are counted only.
+                (vec![0; names.len()], names)
+            }
+            Data::Variable { names: elements, ty } => {
+                let n = ty.components();
+                let of = |name: &Arc<str>| {
+                    let same = |v: &(Arc<str>, ValueType)| v.0 == *name && v.1 == *ty;
+                    let index = self.variables.iter().position(same).unwrap_or(0);
+                    let first = self.wanted.variable_channel(index);
+                    first..first + n
+                };
+                let names = match (&elements[..], n) {
+                    ([name], 1) => vec![name.to_string()],
+                    ([_], 3) => strings(&["R", "G", "B"]),
+                    ([_], _) => ImageSpec::default_channels(n),
+                    (many, 1) => many.iter().map(|name| name.to_string()).collect(),
+                    (many, 3) => {
+                        many.iter().flat_map(|e| ["R", "G", "B"].map(|c| format!("{e}.{c}"))).collect()
+                    }
+                    (many, _) => many.iter().flat_map(|e| (0..n).map(move |c| format!("{e}.{c}"))).collect(),
+                };
+                (elements.iter().flat_map(of).collect(), names)
+            }
+        };
+        let lost = format.and_then(|f| f.leaves_out(std::path::Path::new(&*output.name), channels.len()));
+        lost.into_iter().for_each(|what| mistake(output, reporter, "left out", what));
+        let crop = &camera.crop;
+        let values = (crop.width() as u64)
+            .checked_mul(crop.height() as u64)
+            .and_then(|n| n.checked_mul(channels.len() as u64 * 4))
+            .unwrap_or(u64::MAX);
+        if values > MAX_IMAGE_BYTES {
+            return Err(RenderError::Limit {
+                what: "size of an image in bytes",
+                asked: values,
+                max: MAX_IMAGE_BYTES,
+            });
+        }
+        Ok(OutputImage {
+            path: PathBuf::from(&*output.name),
+            format: output.format.to_string(),
+            filter: filter_spec(output, data, reporter),
+            pixels: Vec::new(),
+            is_shown,
+            shown: Shown::default(),
+            written: None,
+            channels,
+            names,
+            is_color: matches!(data, Data::Color { .. } | Data::Variable { ty: ValueType::Color, .. }),
+            params: params(output, data, is_shown),
+            opaque_width: matches!(data, Data::Volume { .. }).then(|| opaque_width(output, reporter)),
+        })
+    }
+
+    /// The same images for the left and for the right eye of a stereo camera, under the names that they have then.
+    ///
+    /// Two images of one name are reported: the second one replaces the first.
+    pub(crate) fn for_eyes(self, reporter: &Reporter) -> Vec<Self> {
+        let (mut left, mut right) = (self.clone(), self);
+        let eyes = [("left", attr::STEREO_LEFT, &mut left), ("right", attr::STEREO_RIGHT, &mut right)];
+        for (side, key, set) in eyes {
+            for image in &mut set.images {
+                image.path = match image.params.string(key.name()) {
+                    Some(name) if !name.is_empty() => PathBuf::from(&**name),
+                    _ => beside(&image.path, side),
+                };
+            }
+        }
+        for (l, _) in left.images.iter().zip(&right.images).filter(|(l, r)| l.path == r.path) {
+            let path = l.path.display();
+            reporter.warning(format!(
+                "output \"{path}\": \"stereo:left\" and \"stereo:right\" are the same file; the right view stays"
+            ));
+        }
+        vec![left, right]
+    }
+
+    /// Largest margin of all filters, in x and y.
+    pub(crate) fn margin(&self) -> [i32; 2] {
+        self.images.iter().map(|i| i.filter.margin()).fold([0, 0], |a, b| [a[0].max(b[0]), a[1].max(b[1])])
+    }
+}
+
+/// `name-side.ext` for `name.ext`.
+fn beside(path: &std::path::Path, side: &str) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    name.push(format!("-{side}"));
+    if let Some(extension) = path.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    path.with_file_name(name)
+}
+
+fn asks_for_dynamic(output: &Output) -> bool {
+    output.get(attr::DYNAMIC)
+}
+
+/// Whether an image is made on demand, by shaders that look at it, and not written (reference 10.1.5).
+pub(crate) fn is_dynamic(output: &Output) -> bool {
+    asks_for_dynamic(output) && matches!(&*output.data, "z" | "avgz") && !output.name.is_empty()
+}
+
+/// What an output shows; `None` (reported) when it cannot be made, or is deleted by the format "null".
+fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> Option<Data> {
+    let refuse = |severity, what: String| {
+        reporter.once(
+            &format!("output {} {what}", output.name),
+            severity,
+            &Location::default(),
+            format!("output \"{}\": {what}", output.name),
+        );
+        None
+    };
+    let format = &*output.format;
+    if format.is_empty() || format == "null" {
+        return None;
+    }
+    let Some(known) = registry.by_name(format) else {
+        if format.starts_with("0x") {
+            let what = format!("format \"{format}\" is no ImageOutput of the program that makes the calls");
+            return refuse(Severity::Error, what);
+        }
+        let names = registry.names().join(", ");
+        return refuse(Severity::Error, format!("unknown image format \"{format}\" (known: {names})"));
+    };
+    if !known.supports("write") {
+        return refuse(Severity::Error, format!("format \"{format}\" cannot be written"));
+    }
+    if asks_for_dynamic(output) && !is_dynamic(output) {
+        let what = format!(
+            "\"dynamic\" is for \"z\" and \"avgz\", not for \"{}\"; it is rendered whole",
+            output.data
+        );
+        let _ = refuse(Severity::Warning, what);
+    }
+    unknown_parameters(output, reporter);
+    for (key, least) in [(attr::GAIN, f32::MIN), (attr::GAMMA, f32::MIN_POSITIVE), (attr::DITHER, 0.0)] {
+        let (name, v) = (key.name(), output.get(key));
+        if !(v.is_finite() && v >= least) {
+            mistake(output, reporter, name, format!("\"{name}\" {v} is of no use; the default is used"));
+        }
+    }
+    if let Some(asked) = output.given(attr::PIXELTYPE) {
+        let what = match &*asked {
+            "half" | "float" if known.supports("half") => None,
+            "half" | "float" => {
+                Some(format!("format \"{format}\" stores no halves; \"quantize\" says what it stores"))
+            }
+            other => {
+                Some(format!("\"pixeltype\" is \"half\" or \"float\", not \"{other}\"; \"half\" is used"))
+            }
+        };
+        what.into_iter().for_each(|what| mistake(output, reporter, "pixeltype", what));
+    }
+    match &*output.data {
+        "rgb" => Some(Data::Color { alpha: false }),
+        "rgba" => Some(Data::Color { alpha: true }),
+        "z" => Some(Data::Depth { middle: false }),
+        "avgz" => Some(Data::Depth { middle: true }),
+        "volz" => Some(Data::Volume { depths: volume_depths(output, reporter) }),
+        other => match ParamType::parse(other) {
+            Ok((ty, name)) => {
+                let value = match ty.base {
+                    BaseType::Float => ValueType::Float,
+                    BaseType::Color => ValueType::Color,
+                    BaseType::Point => ValueType::Point,
+                    BaseType::Vector => ValueType::Vector,
+                    BaseType::Normal => ValueType::Normal,
+                    BaseType::Matrix => ValueType::Matrix,
+                    _ => {
+                        return refuse(
+                            Severity::Error,
+                            format!("data \"{other}\" cannot be shown in an image"),
+                        );
+                    }
+                };
+                let names = match ty.array {
+                    None => vec![name.into()],
+                    Some(n @ 1..=MAX_ELEMENTS) => (0..n).map(|k| Arc::from(format!("{name}[{k}]"))).collect(),
+                    Some(n) => {
+                        let what =
+                            format!("data \"{other}\": {n} elements, 1 to {MAX_ELEMENTS} can be shown");
+                        return refuse(Severity::Error, what);
+                    }
+                };
+                Some(Data::Variable { names, ty: value })
+            }
+            Err(error) => refuse(Severity::Error, error.to_string()),
+        },
+    }
+}
+
+/// "filter" and "filterwidth". Depths are not blurred: unless told otherwise, they take the least depth of
+/// their own pixel.
+fn filter_spec(output: &Output, data: &Data, reporter: &Reporter) -> FilterSpec {
+    if matches!(data, Data::Volume { .. }) {
+        // The samples of a pixel are combined in a way of their own.
+        return FilterSpec { filter: PixelFilter::Min, width: [1.0; 2] };
+    }
+    let depth = matches!(data, Data::Depth { .. });
+    let filter = match output.given(attr::FILTER).as_deref() {
+        None if depth => PixelFilter::Min,
+        None => PixelFilter::Weighted(Filter::Gaussian),
+        Some("min") if depth => PixelFilter::Min,
+        Some("max") if depth => PixelFilter::Max,
+        Some("average") if depth => PixelFilter::Average,
+        // A mean over depths and infinity would mean nothing: every shape averages what is there.
+        Some(_) if depth => PixelFilter::Average,
+        Some(name) => PixelFilter::Weighted(Filter::from_word(name).unwrap_or_else(|| {
+            reporter.once(
+                &format!("filter {name}"),
+                Severity::Warning,
+                &Location::default(),
+                format!("output \"{}\": unknown filter \"{name}\"; \"gaussian\" is used", output.name),
+            );
+            Filter::Gaussian
+        })),
+    };
+    let default = if depth { [1.0; 2] } else { [2.0; 2] };
+    let width = output.given(attr::FILTERWIDTH).unwrap_or(default);
+    let usable = |w: f32, default: f32| {
+        if w.is_finite() && w > 0.0 && w <= 64.0 {
+            return w;
+        }
+        reporter.once(
+            &format!("filterwidth {}", output.name),
+            Severity::Warning,
+            &Location::default(),
+            format!("output \"{}\": filter width {w} is outside 0 to 64; {default} is used", output.name),
+        );
+        default
+    };
+    // A filter narrower than the distance between samples would miss pixels.
+    FilterSpec {
+        filter,
+        width: [usable(width[0], default[0]).max(0.25), usable(width[1], default[1]).max(0.25)],
+    }
+}
+
+/// Fewest and most depths of a volume shadow's pixel, and how many there are unless told otherwise.
+const ZCHANNELS: (i32, i32) = (2, 1024);
+
+/// "zchannels".
+fn volume_depths(output: &Output, reporter: &Reporter) -> usize {
+    let (least, most) = ZCHANNELS;
+    let asked = output.get(attr::ZCHANNELS);
+    let used = asked.clamp(least, most);
+    if used != asked {
+        mistake(
+            output,
+            reporter,
+            "zchannels",
+            format!("\"zchannels\" {asked} is outside {least} to {most}; {used} is used"),
+        );
+    }
+    usize::try_from(used).unwrap_or(3)
+}
+
+/// "opaquewidth".
+fn opaque_width(output: &Output, reporter: &Reporter) -> f32 {
+    let asked = output.get(attr::OPAQUEWIDTH);
+    if asked.is_finite() && asked >= 0.0 {
+        return asked;
+    }
+    let used = attr::OPAQUEWIDTH.default();
+    mistake(output, reporter, "opaquewidth", format!("\"opaquewidth\" {asked} is no width; {used} is used"));
+    used
+}
+
+/// Parameters that bundled formats take.
+const FORMAT_PARAMETERS: [&str; 19] = [
+    "Artist",
+    "BitsPerSample",
+    "DateTime",
+    "DocumentName",
+    "HostComputer",
+    "ImageDescription",
+    "Make",
+    "Model",
+    "XMP",
+    "bigtiff",
+    "compression",
+    "copyright",
+    "owner",
+    "planarconfig",
+    "quality",
+    "rowsperstrip",
+    "software",
+    "textureformat",
+    "tilesize",
+];
+
+/// Warns about parameters that nobody takes and that are spelled nearly as ones that are taken. Others may be for a plugin.
+fn unknown_parameters(output: &Output, reporter: &Reporter) {
+    let known = || OWN_PARAMETERS.iter().chain(&FORMAT_PARAMETERS).copied();
+    for param in &output.params {
+        let name = &*param.name;
+        let likely = || granita_base::suggestion(name, known());
+        if !known().any(|k| k == name)
+            && let Some(likely) = likely()
+        {
+            let what = format!("nothing takes a parameter \"{name}\"; did you mean \"{likely}\"?");
+            mistake(output, reporter, name, what);
+        }
+    }
+}
+
+/// Warns about a parameter of an output, once.
+fn mistake(output: &Output, reporter: &Reporter, name: &str, what: String) {
+    reporter.once(
+        &format!("{name} {}", output.name),
+        Severity::Warning,
+        &Location::default(),
+        format!("output \"{}\": {what}", output.name),
+    );
+}
+
+/// The parameters of an output, with floats for depths and for what is shown, unless "quantize" is given.
+fn params(output: &Output, data: &Data, is_shown: bool) -> Params {
+    let mut params = output.params.clone();
+    if (is_shown || matches!(data, Data::Depth { .. } | Data::Volume { .. }))
+        && params.get(attr::QUANTIZE.name()).is_none()
+    {
+        params.set(attr::QUANTIZE.param([0; 4]));
+    }
+    params
+}
+
+impl OutputImage {
+    /// Whether its filtered pixels are those of another image, to the bit.
+    pub(crate) fn is_filtered_like(&self, other: &Self) -> bool {
+        (&self.channels, &self.filter, self.opaque_width)
+            == (&other.channels, &other.filter, other.opaque_width)
+    }
+
+    /// Writes the image; it appears complete under its name, or not at all.
+    pub(crate) fn write(&self, camera: &CameraView, registry: &FormatRegistry) -> Result<(), RenderError> {
+        let mut file = self.open(camera, registry)?;
+        const ROWS: usize = 64;
+        for values in self.pixels.chunks(camera.crop.width() * self.channels.len() * ROWS) {
+            file.write(values)?;
+        }
+        file.close()
+    }
+
+    /// Finds out whether the image can be written, before hours of rendering and without leaving anything behind: whether the
+    /// format can hold it, and whether the file can be created.
+    pub(crate) fn check(&self, camera: &CameraView, registry: &FormatRegistry) -> Result<(), RenderError> {
+        let exists = self.path.metadata();
+        let by_plugin = registry.by_name(&self.format).is_some_and(|format| format.quantizes());
+        // Plugins do with a name what they like; a pipe or a device is opened once.
+        if self.is_shown || by_plugin || exists.is_ok_and(|m| !m.is_file() && !m.is_dir()) {
+            return Ok(());
+        }
+        self.open(camera, registry).map(drop)
+    }
+
+    /// Begins a file of this image.
+    pub(crate) fn open(
+        &self,
+        camera: &CameraView,
+        registry: &FormatRegistry,
+    ) -> Result<ImageWriter, RenderError> {
+        let format = registry.by_name(&self.format).ok_or_else(|| RenderError::Misuse {
+            what: format!("unknown image format \"{}\"", self.format),
+        })?;
+        if format.quantizes() {
+            return self.open_raw(&*format, camera, registry.files());
+        }
+        let (mut quantize, stored) = Quantize::for_output(&*format, &self.params);
+        if !self.is_color {
+            (quantize.gain, quantize.gamma) = (1.0, 1.0);
+        }
+        // Depths need all their bits, also in a format that usually stores halves.
+        let stored = match stored {
+            PixelType::Half
+                if (self.names == ["Z"] || self.opaque_width.is_some()) && format.supports("float") =>
+            {
+                PixelType::Float
+            }
+            other => other,
+        };
+        let spec = self.spec(camera, stored);
+        self.begin(
+            format.create(&self.path, &CreateOptions::new(&spec, 1).with_files(registry.files()))?,
+            &spec,
+            quantize,
+            camera,
+        )
+    }
+
+    /// Begins a file in a format that exposes and quantizes by itself: it gets the values as they are.
+    fn open_raw(
+        &self,
+        format: &dyn Format,
+        camera: &CameraView,
+        files: &Files,
+    ) -> Result<ImageWriter, RenderError> {
+        let mut spec = self.spec(camera, PixelType::Float);
+        let mut quantize = Quantize::from_params(&self.params);
+        if !self.is_color {
+            (quantize.gain, quantize.gamma) = (1.0, 1.0);
+        }
+        let levels = [quantize.zero, quantize.one, quantize.min, quantize.max];
+        let ty = ParamType::array(BaseType::Int, 4);
+        spec.attributes.set(Param { name: "quantize".into(), ty, data: levels[..].into() });
+        for (name, value) in [("gain", quantize.gain), ("gamma", quantize.gamma), ("dither", quantize.dither)]
+        {
+            spec.attributes.set(Param {
+                name: name.into(),
+                ty: ParamType::of(BaseType::Float),
+                data: value.into(),
+            });
+        }
+        let file = format.create(&self.path, &CreateOptions::new(&spec, 1).with_files(files))?;
+        self.begin(file, &spec, Quantize::FLOAT, camera)
+    }
+
+    fn begin(
+        &self,
+        file: Box<dyn granita_image::ImageOutput>,
+        spec: &ImageSpec,
+        quantize: Quantize,
+        camera: &CameraView,
+    ) -> Result<ImageWriter, RenderError> {
+        let crop = &camera.crop;
+        let at = Placement {
+            x: crop.x0,
+            y: crop.y0,
+            width: crop.width(),
+            nchannels: self.channels.len(),
+            alpha: spec.alpha_channel(),
+        };
+        Ok(ImageWriter { file, quantize, stored: spec.pixel_type, at })
+    }
+
+    fn spec(&self, camera: &CameraView, stored: PixelType) -> ImageSpec {
+        let crop = &camera.crop;
+        let [width, height] = [crop.width() as u32, crop.height() as u32];
+        let mut spec = ImageSpec::new(width, height, self.channels.len(), stored);
+        (spec.x, spec.y) = (crop.x0, crop.y0);
+        (spec.full_width, spec.full_height) = (camera.resolution[0], camera.resolution[1]);
+        spec.channels = self.names.clone();
+        let software = Param {
+            name: "software".into(),
+            ty: ParamType::of(BaseType::String),
+            data: (&*format!("Granita {}", granita_base::VERSION)).into(),
+        };
+        spec.attributes.set(software);
+        if self.opaque_width.is_some() {
+            // What it is cannot be told from its channels.
+            spec.attributes.set(Param {
+                name: "textureformat".into(),
+                ty: ParamType::of(BaseType::String),
+                data: granita_texture::TextureKind::VolumeShadow.word().into(),
+            });
+        }
+        for param in &camera.metadata() {
+            spec.attributes.set(param.clone());
+        }
+        for param in self.params.iter().filter(|p| !OWN_PARAMETERS.contains(&&*p.name)) {
+            spec.attributes.set(param.clone());
+        }
+        spec
+    }
+}
+
+/// What shows an image, if anything does. A copy of the image is shown nowhere.
+#[derive(Default)]
+pub(crate) struct Shown(pub(crate) Mutex<Option<ImageWriter>>);
+
+impl Clone for Shown {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+impl std::fmt::Debug for Shown {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Shown")
+    }
+}
+
+/// A file that takes its rows from the top downward, or a viewer that takes any rectangles.
+pub(crate) struct ImageWriter {
+    file: Box<dyn granita_image::ImageOutput>,
+    quantize: Quantize,
+    stored: PixelType,
+    /// Of the next row.
+    at: Placement,
+}
+
+impl ImageWriter {
+    /// Somebody begins to work on these pixels of the image.
+    pub(crate) fn begin(&mut self, rect: &PixelRect) {
+        self.file.begin_rectangle(&self.in_file(rect));
+    }
+
+    /// Pixels of the image, anywhere.
+    pub(crate) fn write_rectangle(&mut self, rect: &PixelRect, values: &[f32]) -> Result<(), RenderError> {
+        let at = Placement { x: rect.x0, y: rect.y0, width: rect.width(), ..self.at };
+        let pixels = self.quantize.apply(values, &at, self.stored);
+        self.file.write_rectangle(&self.in_file(rect), &pixels)?;
+        Ok(())
+    }
+
+    /// What those who look at it ask for.
+    pub(crate) fn requests(&mut self) -> Vec<Request> {
+        self.file.requests()
+    }
+
+    /// Pixels of the image as the file counts them.
+    fn in_file(&self, rect: &PixelRect) -> PixelRect {
+        rect.moved(-self.at.x, -self.at.y)
+    }
+
+    /// The next whole rows, channels side by side.
+    pub(crate) fn write(&mut self, values: &[f32]) -> Result<(), RenderError> {
+        self.file.write_rows(&self.quantize.apply(values, &self.at, self.stored))?;
+        self.at.y += (values.len() / (self.at.width * self.at.nchannels).max(1)) as i32;
+        Ok(())
+    }
+
+    /// After the last row: the file appears under its name.
+    pub(crate) fn close(self) -> Result<(), RenderError> {
+        self.file.close()?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use granita_image::Limits;
+
+    fn camera() -> CameraView {
+        let camera = granita_scene::Camera {
+            name: "main".into(),
+            world_to_camera: Default::default(),
+            params: Params(vec![
+                Param::declared("int[2] resolution", &[8, 6][..]).unwrap(),
+                Param::declared("float[4] crop", &[0.25_f32, 1.0, 0.5, 1.0][..]).unwrap(),
+            ]),
+        };
+        CameraView::new(&camera, &Reporter::silent())
+    }
+
+    fn output(name: &str, format: &str, data: &str, params: &[Param]) -> Output {
+        Output {
+            name: name.into(),
+            format: format.into(),
+            data: data.into(),
+            camera: "main".into(),
+            params: Params(params.to_vec()),
+        }
+    }
+
+    #[test]
+    fn images_share_what_they_want() {
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        let (reporter, kept) = Reporter::collecting();
+        let outputs = [
+            output("a", "tiff", "rgba", &[]),
+            output("b", "tiff", "z", &[]),
+            output("c", "tiff", "normal N", &[]),
+            output("d", "tiff", "float Kd", &[]),
+            output("e", "tiff", "normal N", &[]),
+            output("f", "null", "rgb", &[]),
+            output("g", "nosuch", "rgb", &[]),
+            output("h", "tiff", "volz", &[]),
+            output("i", "tiff", "string name", &[]),
+        ];
+        let list: Vec<&Output> = outputs.iter().collect();
+        let set = OutputSet::new(&list, &camera(), &registry, &reporter).unwrap();
+        let channels: Vec<&[usize]> = set.images.iter().map(|i| &i.channels[..]).collect();
+        assert_eq!(channels, [&[0, 1, 2, 3][..], &[4], &[6, 7, 8], &[9], &[6, 7, 8], &[0; 5]]);
+        assert_eq!((set.images[5].opaque_width, set.images[4].opaque_width), (Some(0.05), None));
+        assert_eq!(set.images[5].names, ["zopaque", "alpha", "z0", "z1", "z2"]);
+        let kinds = [5, 1].map(|k: usize| {
+            let spec = set.images[k].spec(&camera(), PixelType::Float);
+            granita_texture::TextureKind::of(&spec)
+        });
+        assert_eq!(kinds, [granita_texture::TextureKind::VolumeShadow, granita_texture::TextureKind::Shadow]);
+        assert_eq!((set.variables.len(), set.wanted.channels()), (2, 10));
+        assert!(set.needs_shading && !set.needs_second_surface);
+        assert_eq!(kept.lock().unwrap().len(), 2);
+        let only_depth = OutputSet::new(&list[1..2], &camera(), &registry, &reporter).unwrap();
+        assert!(!only_depth.needs_shading);
+        assert_eq!(only_depth.images[0].filter, FilterSpec { filter: PixelFilter::Min, width: [1.0; 2] });
+    }
+
+    #[test]
+    fn arrays_are_channels_side_by_side() {
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        let (reporter, kept) = Reporter::collecting();
+        let outputs = [
+            output("a", "exr", "float[3] weights", &[]),
+            output("b", "exr", "color[2] layers", &[]),
+            output("c", "exr", "float[2000] many", &[]),
+        ];
+        let list: Vec<&Output> = outputs.iter().collect();
+        let set = OutputSet::new(&list, &camera(), &registry, &reporter).unwrap();
+        assert_eq!(set.images[0].names, ["weights[0]", "weights[1]", "weights[2]"]);
+        assert_eq!(set.images[1].names[2..4], ["layers[0].B", "layers[1].R"]);
+        assert_eq!((set.images[0].channels.clone(), set.images[1].channels.len()), (vec![4, 5, 6], 6));
+        assert!(set.images[1].is_color && !set.images[0].is_color);
+        let said = kept.lock().unwrap();
+        assert!(said.len() == 1 && said[0].text.contains("2000 elements, 1 to 1024"), "{said:?}");
+    }
+
+    #[test]
+    fn parameters_that_are_spelled_wrong_are_told() {
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        let (reporter, kept) = Reporter::collecting();
+        let param = |declaration: &str| Param::declared(declaration, 2.0).unwrap();
+        let params =
+            [param("float gama"), param("float compresion"), param("float studio:mood"), param("float gain")];
+        let output = output("a", "tiff", "rgb", &params);
+        OutputSet::new(&[&output], &camera(), &registry, &reporter).unwrap();
+        let said: Vec<String> = kept.lock().unwrap().iter().map(|m| m.text.clone()).collect();
+        assert_eq!(
+            said,
+            [
+                "output \"a\": nothing takes a parameter \"gama\"; did you mean \"gamma\"?",
+                "output \"a\": nothing takes a parameter \"compresion\"; did you mean \"compression\"?",
+            ]
+        );
+    }
+
+    #[test]
+    fn one_file_has_one_output() {
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        let outputs =
+            [at("a.tif"), at("./a.tif"), at("b.tif"), at("../b.tif")].map(|n| output(&n, "tiff", "rgb", &[]));
+        let list: Vec<&Output> = outputs.iter().collect();
+        let set = OutputSet::new(&list, &camera(), &registry, &Reporter::silent()).unwrap();
+        let mut files = WrittenFiles::default();
+        // The names differ as text only.
+        let names: Vec<String> = outputs.iter().map(|o| o.name.to_string()).collect();
+        assert_ne!(names[0], names[1]);
+        let taken: Vec<bool> = set.images.iter().map(|image| files.taken_by(image).is_some()).collect();
+        assert_eq!(taken, [false, true, false, false]);
+        let image = OutputImage { path: folder.path().join("x/../a.tif"), ..set.images[0].clone() };
+        std::fs::create_dir(folder.path().join("x")).unwrap();
+        assert_eq!(files.taken_by(&image).as_deref(), Some(&*set.images[0].path));
+        assert!(files.taken_by(&set.images[0]).is_none());
+    }
+
+    #[test]
+    fn files_hold_the_crop_its_place_and_the_parameters() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.tif");
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        let params = [
+            Param::declared("int[4] quantize", &[0, 0, 0, 0][..]).unwrap(),
+            Param::declared("float gain", 2.0).unwrap(),
+            Param::declared("string Artist", "somebody").unwrap(),
+        ];
+        let output = output(path.to_str().unwrap(), "tiff", "rgba", &params);
+        let camera = camera();
+        let mut set = OutputSet::new(&[&output], &camera, &registry, &Reporter::silent()).unwrap();
+        let image = &mut set.images[0];
+        image.pixels = vec![0.0; 6 * 3 * 4];
+        image.pixels[(6 + 2) * 4..][..8].copy_from_slice(&[0.1, 0.2, 0.3, 0.5, 0.4, 0.4, 0.4, 1.0]);
+        image.write(&camera, &registry).unwrap();
+        let file = registry.open(&path).unwrap();
+        let spec = file.spec(0, 0).unwrap();
+        assert_eq!((spec.width, spec.height, spec.x, spec.y), (6, 3, 2, 3));
+        assert_eq!((spec.full_width, spec.full_height), (8, 6));
+        assert_eq!(spec.string("Artist"), Some("somebody"));
+        let values = file.read_level(0, 0).unwrap().to_floats();
+        let at = (6 + 2) * 4;
+        // Gain is for colours, not for alpha.
+        assert_eq!(values[at..at + 8], [0.2, 0.4, 0.6, 0.5, 0.8, 0.8, 0.8, 1.0]);
+    }
+}
