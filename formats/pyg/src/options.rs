@@ -11,7 +11,7 @@ pub enum Chunking {
     /// Statement by statement; flat statements between them without Python.
     #[default]
     Auto,
-    /// As [`Chunking::Auto`].
+    /// As [`Chunking::Auto`]: what "PYG_ALWAYS_CHUNK" asks for.
     Always,
     /// From the first statement that is not flat, the whole rest of the file at once.
     Never,

@@ -172,7 +172,7 @@ fn creases(params: &Params, report: Report<'_>) -> Creases {
     let vertex = |v: i32| u32::try_from(v).unwrap_or(u32::MAX);
     let mut creases = Creases::default();
     let total: i64 = lengths.iter().map(|n| i64::from((*n).max(0))).sum();
-    let edges: i64 = lengths.iter().map(|n| i64::from((n - 1).max(0))).sum();
+    let edges: i64 = lengths.iter().map(|n| (i64::from(*n) - 1).max(0)).sum();
     let each = sharp.len() == lengths.len();
     if total != indices.len() as i64 || !(each || sharp.len() as i64 == edges) {
         let text = format!(

@@ -132,6 +132,15 @@ fn mistakes_are_told() {
         ),
         (
             {
+                let mut all = creased(&p, 0, &[0, 1], 1.0);
+                let least = &[i32::MIN][..];
+                all.set(Param::declared("int[1] creaselengths", least).expect("a declaration"));
+                all
+            },
+            "1 creases of 0 vertices, but 2 indices and 1 sharpnesses",
+        ),
+        (
+            {
                 let mut all = params(&[("P", &p)]);
                 all.set(Param::declared("int[1] cornerindices", &[3][..]).expect("a declaration"));
                 all

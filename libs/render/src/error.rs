@@ -16,12 +16,6 @@ pub enum RenderError {
     /// An image cannot be written.
     #[error(transparent)]
     Image(#[from] granita_image::ImageError),
-    /// Legal, but not handled.
-    #[error("{what} is not supported yet")]
-    Unsupported {
-        /// What is not handled.
-        what: String,
-    },
     /// Larger than can be rendered.
     #[error("{what} {asked} exceeds the limit of {max}")]
     Limit {

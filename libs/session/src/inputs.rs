@@ -78,12 +78,12 @@ pub struct Input {
 
 /// Who reads it.
 enum Kind {
-    Pyg(From),
-    Generator(Arc<dyn Generator>, From),
+    Pyg(Origin),
+    Generator(Arc<dyn Generator>, Origin),
 }
 
 /// What it is read from.
-enum From {
+enum Origin {
     File(PathBuf),
     /// A name for messages, and the text.
     Bytes(String, Arc<[u8]>),
@@ -132,7 +132,7 @@ impl Inputs {
         let command = command.trim();
         if let Some(found) = self.scene_file(command, paths) {
             return match found {
-                From::File(path) => self.file(&path, paths),
+                Origin::File(path) => self.file(&path, paths),
                 bundled => Ok(self.input(command, Kind::Pyg(bundled))),
             };
         }
@@ -142,17 +142,17 @@ impl Inputs {
         let generator = if word == "pyg" { None } else { self.generator(word, paths) };
         if word == "pyg" || generator.is_some() {
             let from = if let Some(text) = rest.strip_prefix("<<") {
-                From::Bytes("<string>".to_owned(), text.trim_start().as_bytes().into())
+                Origin::Bytes("<string>".to_owned(), text.trim_start().as_bytes().into())
             } else if let Some(program) = rest.strip_prefix('<') {
                 self.program(command, program.trim().to_owned())?
             } else if let Some(found) = self.scene_file(rest.trim_end(), paths) {
                 found
             } else if rest.trim_end() == "-" {
-                From::Standard
+                Origin::Standard
             } else if word == "pyg" {
                 return Err(missing());
             } else {
-                From::Argument(rest.trim_end().to_owned())
+                Origin::Argument(rest.trim_end().to_owned())
             };
             return Ok(self.input(
                 command,
@@ -182,7 +182,7 @@ impl Inputs {
     pub fn file(&self, path: &Path, paths: InputPaths<'_>) -> Result<Input, InputError> {
         let identity = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
         let identity = identity.to_string_lossy().into_owned();
-        let from = From::File(path.to_owned());
+        let from = Origin::File(path.to_owned());
         let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
         let foreign = extension.as_deref().filter(|extension| !matches!(*extension, "pyg" | "py"));
         let generator = foreign
@@ -250,20 +250,20 @@ impl Inputs {
         Input { identity: identity.into(), kind, inputs: self.clone(), scripts: None }
     }
 
-    fn program(&self, command: &str, line: String) -> Result<From, InputError> {
+    fn program(&self, command: &str, line: String) -> Result<Origin, InputError> {
         if self.options.safe {
             return Err(InputError::Refused(command.to_owned()));
         }
-        Ok(From::Program(line))
+        Ok(Origin::Program(line))
     }
 
-    fn scene_file(&self, name: &str, paths: InputPaths<'_>) -> Option<From> {
+    fn scene_file(&self, name: &str, paths: InputPaths<'_>) -> Option<Origin> {
         if name.is_empty() {
             return None;
         }
-        self.folders(paths.input).find(name).map(From::File).or_else(|| {
+        self.folders(paths.input).find(name).map(Origin::File).or_else(|| {
             let bytes = granita_bundled::input(name)?;
-            Some(From::Bytes(format!("<bundled>/{name}"), bytes.into()))
+            Some(Origin::Bytes(format!("<bundled>/{name}"), bytes.into()))
         })
     }
 
@@ -303,7 +303,7 @@ impl Input {
     /// What its generator knows of where everything lies, without reading it all.
     pub fn bound(&self) -> Option<[f32; 6]> {
         match &self.kind {
-            Kind::Generator(_, From::Program(_) | From::Standard) | Kind::Pyg(_) => None,
+            Kind::Generator(_, Origin::Program(_) | Origin::Standard) | Kind::Pyg(_) => None,
             Kind::Generator(generator, from) => generator.bound(&from.source(self.inputs.files())?),
         }
     }
@@ -327,7 +327,7 @@ impl Input {
             return granita_pyg::read(from.pyg(&inputs.options)?, sink, &options, reporter)
                 .map_err(pyg_error);
         };
-        if let From::File(path) = &from {
+        if let Origin::File(path) = &from {
             reporter.file_read(path);
         }
         let (name, source) = (from.name(), from.source(inputs.files()));
@@ -382,7 +382,7 @@ impl Input {
     }
 }
 
-impl From {
+impl Origin {
     fn name(&self) -> String {
         match self {
             Self::File(path) => path.display().to_string(),
