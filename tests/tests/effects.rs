@@ -1,5 +1,5 @@
 //! The attribute table says of each attribute whether anything comes of setting it. Here that is held against the
-//! sources: what has an effect is named somewhere, what is said to have none is named nowhere.
+//! sources: what has an effect is asked for by its key or named somewhere, what is said to have none is nowhere.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -16,7 +16,7 @@ fn sources(folder: &Path, text: &mut String) {
         if path.is_dir() && name != "tests" {
             sources(&path, text);
         } else if name.ends_with(".rs")
-            && !["tests.rs", "fixture.rs", "attribute.rs"].contains(&name.as_str())
+            && !["tests.rs", "fixture.rs", "attribute.rs", "table.rs"].contains(&name.as_str())
         {
             let source = std::fs::read_to_string(&path).unwrap();
             // Unit tests stand last in a file; comments name attributes freely.
@@ -30,9 +30,14 @@ fn sources(folder: &Path, text: &mut String) {
     }
 }
 
-/// Attributes whose effect does not show by name: asked for by shaders, or named in pieces.
-const ELSEWHERE: [&str; 6] =
-    ["pass", "hider", "preview:spatialquality", "preview:temporalquality", "preview:dofquality", "dynamic"];
+/// Attributes whose effect does not show: asked for by shaders, or of one possible value.
+const ELSEWHERE: [&str; 2] = ["pass", "hider"];
+
+/// The key of an attribute, as programs write it.
+fn key(name: &str) -> String {
+    let name = if name == "C" { "color" } else { name };
+    format!("attr::{}", name.replace(':', "_").to_uppercase())
+}
 
 #[test]
 fn the_table_knows_what_has_an_effect() {
@@ -49,7 +54,10 @@ fn the_table_knows_what_has_an_effect() {
     }
     let mut wrong = Vec::new();
     for row in TABLE.iter().filter(|row| row.scope != Scope::ReadOnly && !ELSEWHERE.contains(&row.name)) {
-        let named = text.contains(&format!("\"{}\"", row.name));
+        let word = |c: char| c.is_alphanumeric() || c == '_';
+        let key = key(row.name);
+        let asked = text.match_indices(&key).any(|(at, _)| !text[at + key.len()..].starts_with(word));
+        let named = asked || text.contains(&format!("\"{}\"", row.name));
         match row.effect {
             Effect::Full if !named => wrong.push(format!("{} has no effect", row.name)),
             Effect::Hint if named => wrong.push(format!("{} has an effect", row.name)),
