@@ -10,6 +10,7 @@ mod composite;
 mod lanes;
 mod raster;
 mod samples;
+mod streaks;
 mod visible;
 
 pub(crate) use composite::{CompositeSettings, Wanted, WantedVariable};
@@ -279,3 +280,6 @@ impl Sink for Adding<'_, '_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -133,6 +133,9 @@ impl Raster<'_> {
         let grid = self.grid;
         let (mu, mv) = (grid.nu.saturating_sub(1), grid.nv.saturating_sub(1));
         let mut room = Room::default();
+        if !self.find_live(&mut room.streaks) {
+            return;
+        }
         for j in 0..mv {
             for i in 0..mu {
                 if grid.kept.get(j * mu + i).is_some_and(|kept| !kept) {
