@@ -11,11 +11,13 @@ use std::process::{Command, ExitCode};
 type Frame = (&'static str, Option<fn() -> String>, &'static str);
 
 /// All of them.
-const FRAMES: [Frame; 5] = [
+const FRAMES: [Frame; 7] = [
     ("pot.pyg", None, "32 patches, a floor, traced shadows"),
     ("displaced.pyg", None, "a displaced sphere that fills the frame"),
     ("many.pyg", Some(many), "8000 moving spheres"),
     ("layers.pyg", Some(layers), "100 opaque layers, each hiding those behind it"),
+    ("turning.pyg", None, "ground to the horizon, the camera turns by 30 degrees"),
+    ("passing.pyg", None, "the same, the camera moves by 100 times its height"),
     ("fine.pyg", Some(fine), "a displaced square of 11 million micropolygons"),
 ];
 

@@ -7,9 +7,11 @@
 
 mod blurred;
 mod composite;
+mod hit;
 mod lanes;
 mod raster;
 mod samples;
+mod streaks;
 mod visible;
 
 pub(crate) use composite::{CompositeSettings, Wanted, WantedVariable};
@@ -17,7 +19,7 @@ pub(crate) use samples::{SampleGrid, SamplePattern, Tables};
 pub(crate) use visible::{Holdout, NOWHERE, Projector, Shade, ShadedGrid, ViewedGrid, pixels_of};
 
 use granita_base::Vec2;
-use raster::{Hit, Raster, Sink};
+use hit::{Hit, Raster, Sink};
 
 /// One surface seen through a sample.
 #[derive(Clone, Copy, Debug)]
@@ -279,3 +281,6 @@ impl Sink for Adding<'_, '_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -652,16 +652,22 @@ impl<'a> Measure<'a> {
     fn motion_along(&self, step: [Vec3; 2], moved: [Vec3; 2]) -> f32 {
         let perspective = matches!(self.camera.projection, Projection::Perspective { .. });
         let near = self.camera.near;
-        let project = |p: Vec3| {
-            let z = if perspective { p.z.max(near) } else { p.z };
-            self.camera.project(Vec3::new(p.x, p.y, z)).truncate()
-        };
+        let (from, to) = ((step[0] + step[1]) * 0.5, (moved[0] + moved[1]) * 0.5);
+        if perspective && step.iter().chain(&moved).any(|p| p.z < near) {
+            // Before the near plane nothing has a place on the raster: what passes the eye is measured by its distance.
+            let along = (step[1] - step[0]).try_normalize().map_or(0.0, |way| (to - from).dot(way).abs());
+            let along_px = along * self.pixels / from.length().max(to.length()).max(near);
+            return if along_px.is_finite() { along_px } else { 0.0 };
+        }
+        let project = |p: Vec3| self.camera.project(p).truncate();
         let [a, b] = step.map(project);
         let [c, d] = moved.map(project);
         let along = (b - a).try_normalize().map_or(0.0, |direction| {
             let travel = ((c + d) - (a + b)) * 0.5;
             travel.dot(direction).abs()
         });
+        // Beside the picture the raster has no end, and neither has what moves there.
+        let along = along.min(self.longest(from, to));
         if along.is_finite() { along } else { 0.0 }
     }
 

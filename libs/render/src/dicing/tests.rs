@@ -258,6 +258,42 @@ fn moving_objects_are_coarser_along_their_motion() {
     assert_eq!(facets(&[], Vec3::Z * 3.0), [[13, 13]]);
 }
 
+/// Ground that turns around the eye: beside the picture and before the near plane its motion on the raster has no end, and with it
+/// coarsening had none. One segment reached from beside the eye to the horizon, and crossed the picture as a sliver.
+#[test]
+fn motion_beside_the_picture_coarsens_no_more_than_in_it() {
+    let mut params = Params::new();
+    params.set(param("string projection", "perspective"));
+    params.set(param("int[2] resolution", &[32.0_f32, 24.0][..]));
+    params.set(param("float fov", 60.0));
+    params.set(param("float near", 1e-3));
+    params.set(param("float[2] shutter", &[0.0_f32, 1.0][..]));
+    let seen = Camera { name: "main".into(), world_to_camera: MotionTransform::default(), params };
+    let camera = CameraView::new(&seen, &Reporter::silent());
+    let rig = Rig { camera: camera.clone(), ..Rig::new(&[]) };
+    let ground = Transform::rotate(std::f32::consts::FRAC_PI_2, Vec3::X)
+        .then(&Transform::translate(Vec3::new(0.0, -1.0, 0.0)));
+    let turned = ground.then(&Transform::rotate(0.5, Vec3::Y));
+    let to_world = MotionTransform::from_keys(vec![(0.0, ground), (1.0, turned)]).unwrap();
+    let still = Placement::new(&ground.into(), &[0.0], &[], [0.0; 2]);
+    let viewer = Viewer::new(&camera, &still, &[0.0]);
+    let mut widest_deg = 0.0_f32;
+    for leaf in rig.leaves(rectangle([2e4, 2e4], &[]), &to_world) {
+        let dice = leaf.rates.dice(&*leaf.piece, &viewer);
+        let p: Vec<Vec3> = dice.p[0].iter().map(|p| ground.point(*p)).collect();
+        for (i, point) in p.iter().enumerate() {
+            let next = [(i + 1, i % dice.nu + 1 < dice.nu), (i + dice.nu, i + dice.nu < p.len())];
+            for (k, _) in next.into_iter().filter(|(_, there)| *there) {
+                // What turns into the picture is seen away from the point under the eye.
+                if point.z.hypot(point.x).min(p[k].z.hypot(p[k].x)) > 1.5 {
+                    widest_deg = widest_deg.max(point.angle_between(p[k]).to_degrees());
+                }
+            }
+        }
+    }
+    assert!(widest_deg < 60.0, "{widest_deg} degrees");
+}
+
 #[test]
 fn moving_outlines_stay_round() {
     let keys = vec![

@@ -1,34 +1,27 @@
 //! Micropolygons that move, that are out of focus, or that reach before the near plane.
 
+use super::hit::{Hit, Raster, Sink, before, spans};
 use super::lanes::{LANES, Lanes, Machine, Points, first_lanes};
-use super::raster::{Hit, Raster, Sink, before, spans};
+use super::streaks::{Candidate, Streak, Streaks};
 use super::visible::pixels_of;
 use crate::PixelRect;
-use granita_base::{Bound, Vec2, Vec3};
+use granita_base::{Vec2, Vec3};
 
 /// Room for the work on a micropolygon, kept from one to the next.
 #[derive(Default)]
 pub(super) struct Room {
     borders: Borders,
+    /// For micropolygons that move fast.
+    pub(super) streaks: Streaks,
     /// Samples that it may hit.
     candidates: Vec<Candidate>,
-}
-
-/// A sample that a micropolygon may hit.
-#[derive(Clone, Copy)]
-struct Candidate {
-    sample: u32,
-    /// Where its time and lens point are in the tables of patterns.
-    time: u32,
-    lens: u32,
 }
 
 /// Where a micropolygon is at some times, one after the other: its raster box as a pinhole shows it, and for the lens
 /// `1 / focus - 1 / z` of its nearest and farthest corner (a point at depth `z`, seen through the lens point `l`, appears
 /// `scale * l * (1 / focus - 1 / z)` away from where a pinhole shows it).
 ///
-/// Of what is not all behind the near plane, the box is that of whatever the neighbouring times have in front of it
-/// ([`Raster::find_close`]); where that cannot be told either, it is infinite.
+/// Of what is not all behind the near plane, the box is infinite.
 #[derive(Default)]
 struct Borders {
     lo_x: Vec<f32>,
@@ -37,17 +30,15 @@ struct Borders {
     hi_y: Vec<f32>,
     near: Vec<f32>,
     far: Vec<f32>,
-    /// Camera space boxes at the same times, for what comes close to the camera.
-    hulls: Vec<Bound>,
 }
 
 /// A micropolygon whose hits are looked for.
-struct Polygon {
+pub(super) struct Polygon {
     /// Points of the grid, in order around it.
-    corners: [usize; 4],
-    rim: [bool; 4],
+    pub(super) corners: [usize; 4],
+    pub(super) rim: [bool; 4],
     /// Camera space size of a pixel at z = 1.
-    pixel: Vec2,
+    pub(super) pixel: Vec2,
 }
 
 impl Raster<'_> {
@@ -76,24 +67,31 @@ impl Raster<'_> {
         let corners = [at, at + 1, at + nu + 1, at + nu];
         // Depths change along straight lines from key to key.
         let depths = view.p_cam.iter().flat_map(|p| corners.map(|k| p[k].z));
-        let nearest = before(depths.fold(f32::INFINITY, f32::min));
+        let z_min = depths.fold(f32::INFINITY, f32::min);
+        let nearest = before(z_min);
         if sink.hides(&whole, nearest) {
             return;
         }
-        let strata = samples.time_strata();
-        let groups = samples.per_pixel.div_ceil(LANES);
-        // Each sample looks at its own part of the shutter, or those of a group at theirs together.
-        let together = self.travel_px(corners[0]) <= groups as f32;
-        let step = if together { LANES } else { 1 };
-        self.find_borders(&corners, step, pad, &mut room.borders);
+        let travel_px = if z_min < self.closest() { f32::INFINITY } else { self.travel_px(corners[0]) };
         room.candidates.clear();
-        for group in 0..groups {
-            let slice = match together {
-                _ if strata == 1 => Slice::All(0),
-                true => Slice::All(group),
-                false => Slice::Each(group * LANES),
-            };
-            self.sift(machine, group, slice, (&whole, nearest, sink.limits()), room);
+        if self.is_fast(travel_px) {
+            let streak = Streak { corners: &corners, whole: &whole, pad, nearest, limits: sink.limits() };
+            self.follow(&streak, &mut room.streaks, &mut room.candidates);
+        } else {
+            let strata = samples.time_strata();
+            let groups = samples.per_pixel.div_ceil(LANES);
+            // Each sample looks at its own part of the shutter, or those of a group at theirs together.
+            let together = travel_px <= groups as f32;
+            let step = if together { LANES } else { 1 };
+            self.find_borders(&corners, step, pad, &mut room.borders);
+            for group in 0..groups {
+                let slice = match together {
+                    _ if strata == 1 => Slice::All(0),
+                    true => Slice::All(group),
+                    false => Slice::Each(group * LANES),
+                };
+                self.sift(machine, group, slice, (&whole, nearest, sink.limits()), room);
+            }
         }
         let polygon = Polygon { corners, rim, pixel: Vec2::new(1.0 / view.scale.x, 1.0 / view.scale.y) };
         for candidates in room.candidates.chunks(LANES) {
@@ -118,7 +116,7 @@ impl Raster<'_> {
         room: &mut Room,
     ) {
         let (samples, view) = (self.samples, self.view);
-        let Room { borders, candidates } = room;
+        let Room { borders, candidates, .. } = room;
         let first = group * LANES;
         let boxes = borders.during(slice);
         let scale = view.scale;
@@ -177,9 +175,15 @@ impl Raster<'_> {
         }
     }
 
+    /// The depth from which on points are projected.
+    #[inline(always)]
+    pub(super) fn closest(&self) -> f32 {
+        if self.view.perspective { self.view.near.max(f32::MIN_POSITIVE) } else { f32::NEG_INFINITY }
+    }
+
     /// About how many pixels a point moves from the first to the last key.
     #[inline(always)]
-    fn travel_px(&self, point: usize) -> f32 {
+    pub(super) fn travel_px(&self, point: usize) -> f32 {
         let view = self.view;
         let (Some(first), Some(last)) = (view.p_cam.first(), view.p_cam.last()) else { return 0.0 };
         let (a, b) = (first[point], last[point]);
@@ -225,90 +229,7 @@ impl Raster<'_> {
                 }
             }
         }
-        if !still && borders.lo_x.contains(&f32::NEG_INFINITY) {
-            self.find_close(corners, step, pad, borders);
-        }
         borders.pad();
-    }
-
-    /// Finds boxes where a micropolygon reaches before the near plane: those of the part behind the plane of the camera space
-    /// box that holds the corners from the border before to the one after. Points move along straight lines between these,
-    /// so that the box holds them at all times of both slices beside the border. What is all before the plane in both of them
-    /// is nowhere.
-    ///
-    /// Ground that turns around the eye would otherwise ask every sample of every bucket about each of its micropolygons.
-    #[cold]
-    fn find_close(&self, corners: &[usize; 4], step: usize, pad: f32, borders: &mut Borders) {
-        let (samples, view) = (self.samples, self.view);
-        let strata = samples.time_strata();
-        let slices = strata.div_ceil(step);
-        let hull = |p: &[Points; 4], lane: usize| {
-            Bound::around(p.iter().map(|p| Vec3::new(p.x.0[lane], p.y.0[lane], p.z.0[lane])))
-        };
-        borders.hulls.clear();
-        for first in (0..=slices).step_by(LANES) {
-            let mut time = Lanes::splat(0.0);
-            for (k, time) in time.0.iter_mut().enumerate() {
-                *time = samples.stratum_time(((first + k) * step).min(strata));
-            }
-            let p = self.corners_at(corners, time);
-            borders.hulls.extend((0..LANES).map(|lane| hull(&p, lane)));
-        }
-        // Keys between two borders count for both, as in `find_borders`.
-        let [open, close] = samples.shutter;
-        for key in 1..view.times.len().saturating_sub(1) {
-            let time = view.times[key];
-            let at = (time - open) / (close - open) * (strata as f32 / step as f32);
-            if at > 0.0 && at <= slices as f32 {
-                let hull = hull(&self.corners_at(corners, Lanes::splat(time)), 0);
-                let slice = (at as usize).min(slices - 1);
-                for border in slice.saturating_sub(1)..=(slice + 2).min(slices) {
-                    borders.hulls[border] = borders.hulls[border].union(hull);
-                }
-            }
-        }
-        // Between keys points are rounded to the size of their places at these, however close to the camera they come.
-        let places = view.p_cam.iter().flat_map(|p| corners.map(|k| p[k].abs().max_element()));
-        let rounding = 8.0 * f32::EPSILON * places.fold(0.0, f32::max);
-        for border in 0..borders.lo_x.len() {
-            if borders.lo_x[border] != f32::NEG_INFINITY {
-                continue;
-            }
-            let last = borders.hulls.len() - 1;
-            let beside = border.saturating_sub(1).min(last)..=(border + 1).min(last);
-            let hull = borders.hulls[beside].iter().copied().fold(Bound::EMPTY, Bound::union);
-            let values = self.close_box(&hull.padded(rounding), pad);
-            for (list, value) in borders.lists().into_iter().zip(values) {
-                list[border] = value;
-            }
-        }
-    }
-
-    /// The raster box of the part of a camera space box behind the near plane, and its range of `1 / focus - 1 / z`, as
-    /// [`Borders`] has them.
-    fn close_box(&self, hull: &Bound, pad: f32) -> [f32; 6] {
-        let view = self.view;
-        let near = view.near.max(f32::MIN_POSITIVE);
-        // A little more than rounding moves a hit.
-        if hull.max.z < near * (1.0 - 1e-5) {
-            return [f32::INFINITY, f32::NEG_INFINITY, f32::INFINITY, f32::NEG_INFINITY, 0.0, 0.0];
-        }
-        let depths = [near.max(hull.min.z), near.max(hull.max.z)];
-        let side = |least: f32, most: f32, scale: f32, center: f32| {
-            let ends = depths.map(|z| [least * scale / z, most * scale / z]);
-            let lo = ends.as_flattened().iter().copied().fold(f32::INFINITY, f32::min);
-            let hi = ends.as_flattened().iter().copied().fold(f32::NEG_INFINITY, f32::max);
-            let room = hi.max(-lo).abs() * 1e-5 + pad + 0.01 + 1e-5 * center.abs();
-            let (lo, hi) = (lo + center - room, hi + center + room);
-            if lo.is_finite() && hi.is_finite() { (lo, hi) } else { (f32::NEG_INFINITY, f32::INFINITY) }
-        };
-        let x = side(hull.min.x, hull.max.x, view.scale.x, view.center.x);
-        let y = side(hull.min.y, hull.max.y, view.scale.y, view.center.y);
-        let lens = match view.lens_radius > 0.0 {
-            true => depths.map(|z| 1.0 / view.focus - 1.0 / z),
-            false => [0.0; 2],
-        };
-        [x.0, x.1, y.0, y.1, lens[0], lens[1]]
     }
 
     /// The outlines of corners at eight times.
@@ -354,7 +275,7 @@ impl Raster<'_> {
     /// The edge functions are those of homogeneous rasterization (Olano and Greer, Triangle Scan Conversion using
     /// 2D Homogeneous Coordinates, 1997), so that corners behind the camera need no clipping.
     #[inline(always)]
-    fn rays(
+    pub(super) fn rays(
         &self,
         machine: impl Machine,
         polygon: &Polygon,
@@ -490,22 +411,25 @@ impl Raster<'_> {
         }
     }
 
-    /// As [`spans`], for a ray from the origin to `ray` at depth 1 past an edge; edges that reach behind the camera have no
-    /// ends.
+    /// As [`spans`], for a ray from the origin to `ray` at depth 1 past an edge. An edge that reaches behind the camera ends
+    /// on one side only; one that is all behind it is beside no ray.
     fn is_along(&self, ends: [Vec3; 2], ray: Vec2, pixel: Vec2) -> bool {
         let view = self.view;
-        if view.perspective && !ends.iter().all(|p| p.z > 0.0) {
-            return true;
-        }
         let seen = |p: Vec3| p.truncate() / if view.perspective { p.z } else { 1.0 } / pixel;
         let at = if view.perspective { ray / pixel } else { Vec2::ZERO };
+        if view.perspective && !ends.iter().all(|p| p.z > 0.0) {
+            let [behind, front] = if ends[0].z > 0.0 { [ends[1], ends[0]] } else { ends };
+            // Where the raster place of the end in front moves on the way to the other one.
+            let along = (behind.truncate() * front.z - front.truncate() * behind.z) / pixel;
+            return front.z > 0.0 && (at - seen(front)).dot(along.normalize_or_zero()) >= -1.5 * view.rim_px;
+        }
         let [from, to] = ends.map(seen);
         spans(to - from, at - from, view.rim_px)
     }
 
     /// Where the corners are at some times.
     #[inline(always)]
-    fn corners_at(&self, corners: &[usize; 4], time: Lanes) -> [Points; 4] {
+    pub(super) fn corners_at(&self, corners: &[usize; 4], time: Lanes) -> [Points; 4] {
         let view = self.view;
         let mut out = [Points::splat(Vec3::ZERO); 4];
         match (&view.times[..], &view.p_cam[..]) {

@@ -201,9 +201,8 @@ fn edges(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, scene: &RayScene, call:
         let (own, later) = rest.split_at(rest.partition_point(|lane| (*lane as usize) < rect.lanes().end));
         rest = later;
         let differs = own.windows(2).any(|w| disagree(out, w[0] as usize, w[1] as usize));
-        // A single row of points is no part of a surface.
-        let is_lattice = rect.nu > 1 && rect.nv > 1 && rect.lanes().end <= active.len();
-        if !differs || !is_lattice {
+        let whole = rect.lanes().end <= active.len();
+        if !differs || !whole || is_line(&rect, |lane| query.p.get(lane)) {
             continue;
         }
         for &lane in own {
@@ -229,6 +228,22 @@ fn edges(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, scene: &RayScene, call:
         }
     }
     bundle.trace(run, out);
+}
+
+/// Whether a rectangle of points is no part of a surface: a single row, or two rows that are closer than their points, as those of a
+/// hair. Its shadows are those of other hairs, at nearly all points, and it is too thin to show an edge across.
+fn is_line(rect: &Rect, p: impl Fn(usize) -> Vec3) -> bool {
+    let across = |first: usize, step: usize, n: usize| {
+        (0..n).map(|k| p(first + k * step).distance(p(first + (k + 1) * step))).sum::<f32>() / n as f32
+    };
+    let (nu, nv, first) = (rect.nu, rect.nv, rect.first);
+    if nu < 2 || nv < 2 {
+        return true;
+    }
+    // Mean distances of neighbours along u and v, on the first and last rows and columns.
+    let along_u = across(first, 1, nu - 1).max(across(first + nu * (nv - 1), 1, nu - 1));
+    let along_v = across(first, nu, nv - 1).max(across(first + nu - 1, nu, nv - 1));
+    nu == 2 && nv > 2 && along_u < along_v || nv == 2 && nu > 2 && along_v < along_u
 }
 
 /// Whether the shadows of two points differ.
@@ -292,6 +307,17 @@ impl Neighbours {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn hairs_are_lines_and_faces_are_not() {
+        let line = |nu: usize, nv: usize, du: f32, dv: f32| {
+            let place = |k: usize| Vec3::new((k % nu) as f32 * du, (k / nu) as f32 * dv, 0.0);
+            is_line(&Rect { first: 0, nu, nv }, place)
+        };
+        assert!(line(1, 9, 1.0, 1.0) && line(9, 1, 1.0, 1.0));
+        assert!(line(2, 9, 0.6, 1.0) && line(9, 2, 1.0, 0.6));
+        assert!(!line(2, 9, 1.0, 1.0) && !line(2, 2, 0.1, 1.0) && !line(3, 9, 0.1, 1.0));
+    }
 
     #[test]
     fn neighbours_are_of_the_rectangle() {
