@@ -282,7 +282,12 @@ fn decoder(place: &Place, format: ImageFormat) -> Result<impl ImageDecoder> {
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(place.limits.dimension);
     limits.max_image_height = Some(place.limits.dimension);
-    limits.max_alloc = Some(place.limits.bytes);
+    // A picture of a GIF may be larger than its screen, of which alone the header tells.
+    let most = match format {
+        ImageFormat::Gif => place.len()?.saturating_mul(most_packed(format, 0)),
+        _ => u64::MAX,
+    };
+    limits.max_alloc = Some(place.limits.bytes.min(most));
     reader.limits(limits);
     contained(|| reader.into_decoder())
         .map_err(|fault| place.malformed(fault))?

@@ -58,6 +58,20 @@ fn promises_are_compared_with_what_there_is() {
     }
 }
 
+/// The screen of a GIF is small, its picture is not: that is refused before there is room for it.
+#[test]
+fn pictures_larger_than_their_screens_are_compared_as_well() {
+    let screen: &[u8] = b"GIF89a\x20\0\x18\0\x80\0\0\0\0\0\xff\xff\xff";
+    let gif = |width: u16, height: u16| {
+        let size = [width.to_le_bytes(), height.to_le_bytes()].concat();
+        [screen, b",\0\0\0\0", &size, b"\0\x02\x02\x44\x01\0;"].concat()
+    };
+    let error = read("a.gif", &gif(44_000, 44_000)).unwrap_err().to_string();
+    assert!(error.contains("limit"), "{error}");
+    let error = read("a.gif", &gif(40, 30)).map(|_| String::new()).unwrap_or_else(|e| e.to_string());
+    assert!(!error.contains("limit"), "{error}");
+}
+
 /// Small pictures may lack any part, so that what is there can be had.
 #[test]
 fn small_ones_are_opened_in_any_case() {

@@ -403,7 +403,7 @@ fn large_counts(all: &mut Vec<Bomb>) {
 /// Headers that promise what is not there.
 fn headers(all: &mut Vec<Bomb>) {
     type Bytes = fn() -> Vec<u8>;
-    let makers: [(&str, &'static str, Bytes); 18] = [
+    let makers: [(&str, &'static str, Bytes); 19] = [
         ("ppm", "x.ppm", || pictures::ppm(65535, 65535)),
         ("ppm-text", "x.ppm", pictures::text_ppm),
         ("pam", "x.pam", pictures::pam),
@@ -411,6 +411,7 @@ fn headers(all: &mut Vec<Bomb>) {
         ("hdr", "x.hdr", pictures::hdr),
         ("tga", "x.tga", pictures::tga),
         ("gif", "x.gif", pictures::gif),
+        ("gif-picture", "x.gif", pictures::gif_of_small_screen),
         ("tiff", "x.tif", || pictures::tiff(65535, 65535, 0)),
         ("tiff-chain", "x.tif", || pictures::tiff(1, 1, 8)),
         ("tiff-directories", "x.tif", || pictures::many_directories(100_000)),

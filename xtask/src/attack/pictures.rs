@@ -40,6 +40,14 @@ pub(crate) fn gif() -> Vec<u8> {
     bytes
 }
 
+/// GIF with a small screen and a picture that is far larger.
+pub(crate) fn gif_of_small_screen() -> Vec<u8> {
+    let mut bytes = b"GIF89a\x20\0\x18\0\x80\0\0".to_vec();
+    bytes.extend([0, 0, 0, 255, 255, 255]);
+    bytes.extend(b",\0\0\0\0\xa7\xae\xb5\xa8\0\x02\x02\x44\x01\0;");
+    bytes
+}
+
 /// QOI.
 pub(crate) fn qoi() -> Vec<u8> {
     let mut bytes = b"qoif\0\0\xff\xff\0\0\xff\xff\x04\0".to_vec();
