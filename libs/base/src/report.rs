@@ -201,6 +201,7 @@ struct Inner {
 /// Causes that were said, and how often each came again.
 #[derive(Default)]
 struct Said {
+    /// What was said once, by cause, among the first [`MANY`].
     index: HashMap<String, usize>,
     again: Vec<Again>,
     /// Messages that look the same, among the first [`MANY`].
@@ -213,7 +214,7 @@ struct Again {
     times: usize,
 }
 
-/// So many different messages are remembered for comparing; who says more than that says them all.
+/// So many different messages, and as many causes, are remembered for comparing; who says more than that says them all.
 const MANY: usize = 10_000;
 /// So many messages are shown; what a broken file causes beyond them fills no disk.
 const MOST_SHOWN: usize = 2000;
@@ -333,8 +334,10 @@ impl Reporter {
                 said.again[entry].times += counts;
                 return;
             }
-            let entry = said.new_entry(&message);
-            said.index.insert(cause.to_owned(), entry);
+            if said.index.len() < MANY {
+                let entry = said.new_entry(&message);
+                said.index.insert(cause.to_owned(), entry);
+            }
         }
         self.pass(&message);
     }
@@ -537,6 +540,19 @@ mod tests {
                 "1\t2\\u{8}\n3\n",
             ]
         );
+    }
+
+    #[test]
+    fn causes_without_end_take_no_memory_without_end() {
+        let reporter = Reporter::silent();
+        for k in 0..2 * MANY {
+            reporter.once(&format!("cause {k}"), Severity::Warning, &Location::default(), "a warning");
+        }
+        // The first ones are remembered, and nothing is lost.
+        reporter.once("cause 0", Severity::Warning, &Location::default(), "a warning");
+        assert_eq!(reporter.count(Severity::Warning), 2 * MANY);
+        let said = lock(&reporter.0.said);
+        assert_eq!((said.index.len(), said.again.len()), (MANY, MANY));
     }
 
     #[test]
