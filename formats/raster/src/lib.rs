@@ -30,6 +30,7 @@
 
 mod dds;
 mod devil;
+mod gif;
 mod iff;
 mod jpeg;
 mod pfm;

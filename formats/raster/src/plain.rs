@@ -282,12 +282,7 @@ fn decoder(place: &Place, format: ImageFormat) -> Result<impl ImageDecoder> {
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(place.limits.dimension);
     limits.max_image_height = Some(place.limits.dimension);
-    // A picture of a GIF may be larger than its screen, of which alone the header tells.
-    let most = match format {
-        ImageFormat::Gif => place.len()?.saturating_mul(most_packed(format, 0)),
-        _ => u64::MAX,
-    };
-    limits.max_alloc = Some(place.limits.bytes.min(most));
+    limits.max_alloc = Some(place.limits.bytes);
     reader.limits(limits);
     contained(|| reader.into_decoder())
         .map_err(|fault| place.malformed(fault))?
@@ -298,6 +293,9 @@ fn decode(place: &Place, spec: &ImageSpec) -> Result<Decoded> {
     // A plain function, so the row of the table is found again by its title.
     let format = FORMATS.iter().find(|f| f.title == place.format).map_or(ImageFormat::Tga, |f| f.image);
     let bytes = spec.bytes().unwrap_or(u64::MAX) as usize;
+    if format == ImageFormat::Gif {
+        crate::gif::check_first_picture(place, most_packed(format, spec.width))?;
+    }
     let part = match format {
         ImageFormat::Jpeg => decode_jpeg(place, bytes)?,
         ImageFormat::Hdr => decode_hdr(place, bytes)?,

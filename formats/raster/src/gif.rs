@@ -1,0 +1,82 @@
+//! The size of the first picture of a GIF, which need not be that of its screen.
+
+use crate::whole::Place;
+use granita_image::Result;
+use std::io::{self, Read};
+
+/// Checks what decoding the first picture takes beside the screen: against the length of the file, of which one byte stands
+/// for at most `ratio` bytes of pixels, and against what the system grants. A file without a picture is for the decoder.
+///
+/// # Errors
+/// A picture that is too large, and what reading the file gives.
+pub(crate) fn check_first_picture(place: &Place, ratio: u64) -> Result<()> {
+    let found = match first_picture(&mut place.source()?) {
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => None,
+        found => found.map_err(|e| place.io(e))?,
+    };
+    let Some([width, height]) = found else { return Ok(()) };
+    let bytes = u64::from(width) * u64::from(height) * 4;
+    place.limits.check_ratio(&place.path, place.format, (bytes, place.len()?), ratio)?;
+    granita_image::Limits::check_memory(&place.path, bytes)
+}
+
+/// Width and height in pixels; `None` where something else comes first.
+fn first_picture(file: &mut impl Read) -> io::Result<Option<[u16; 2]>> {
+    let mut head = [0; 13];
+    file.read_exact(&mut head)?;
+    if head[10] & 0x80 != 0 {
+        // The palette of the screen.
+        skip(file, 3 << ((head[10] & 7) + 1))?;
+    }
+    loop {
+        match byte(file)? {
+            // An extension: its label, then blocks of which the last one is empty.
+            0x21 => {
+                byte(file)?;
+                while let length @ 1.. = byte(file)? {
+                    skip(file, length.into())?;
+                }
+            }
+            0x2c => {
+                let mut picture = [0; 8];
+                file.read_exact(&mut picture)?;
+                let [_, _, _, _, w0, w1, h0, h1] = picture;
+                return Ok(Some([[w0, w1], [h0, h1]].map(u16::from_le_bytes)));
+            }
+            _ => return Ok(None),
+        }
+    }
+}
+
+fn byte(file: &mut impl Read) -> io::Result<u8> {
+    let mut one = [0];
+    file.read_exact(&mut one)?;
+    Ok(one[0])
+}
+
+fn skip(file: &mut impl Read, bytes: u64) -> io::Result<()> {
+    match io::copy(&mut file.take(bytes), &mut io::sink())? {
+        n if n == bytes => Ok(()),
+        _ => Err(io::ErrorKind::UnexpectedEof.into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::first_picture;
+
+    #[test]
+    fn pictures_are_found_behind_palettes_and_extensions() {
+        let screen = |flags: u8| [b"GIF89a\x20\0\x18\0" as &[u8], &[flags, 0, 0]].concat();
+        let picture: &[u8] = b",\x01\0\x02\0\x34\x12\x78\x56\0";
+        let extension: &[u8] = b"!\xff\x03abc\x01d\0";
+        for file in [
+            [&screen(0)[..], picture].concat(),
+            [&screen(0x81)[..], &[7; 12], extension, extension, picture].concat(),
+        ] {
+            assert_eq!(first_picture(&mut &file[..]).unwrap(), Some([0x1234, 0x5678]));
+            assert!(first_picture(&mut &file[..file.len() - 3]).is_err());
+        }
+        assert_eq!(first_picture(&mut &[&screen(0)[..], b";"].concat()[..]).unwrap(), None);
+    }
+}
