@@ -2,7 +2,7 @@
 
 use granita_base::shape::KnotSpan;
 use granita_base::{BaseType, Interp, Location, Param, ParamData, ParamType, Params, ShapeDesc};
-use granita_scene::{Call, SceneSink, Stop, TransformTarget};
+use granita_scene::{Call, SceneSink, Stop, TransformTarget, attr};
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -381,26 +381,23 @@ impl<W: Write> Writer<W> {
     }
 
     fn attribute(&mut self, param: &Param) -> io::Result<()> {
-        let int = || param.data.to_ints().and_then(|v| v.first().copied());
-        match (&*param.name, int()) {
-            ("pyg:binary" | "format:binary", Some(v)) => self.options.binary = v != 0,
-            ("pyg:separateparams", Some(v)) => {
-                self.options.separate_params = v != 0;
-                if self.options.separate_params {
-                    self.write_pending()?;
-                }
+        if let Some(binary) = attr::PYG_BINARY.given(param) {
+            self.options.binary = binary;
+        } else if let Some(separate) = attr::PYG_SEPARATEPARAMS.given(param) {
+            self.options.separate_params = separate;
+            if separate {
+                self.write_pending()?;
             }
-            ("pyg:indent", Some(v)) => {
-                // Relative; more than any editor shows is a mistake.
-                let indent = self.options.indent as i64 + i64::from(v);
-                self.options.indent = indent.clamp(0, 256) as usize;
-            }
-            ("limits:inputlevels", Some(v)) => self.input_levels = v,
-            _ => {
-                self.begin("Attribute");
-                self.param(param)?;
-                self.end()?;
-            }
+        } else if let Some(more) = attr::PYG_INDENT.given(param) {
+            // Relative; more than any editor shows is a mistake.
+            let indent = self.options.indent as i64 + i64::from(more);
+            self.options.indent = indent.clamp(0, 256) as usize;
+        } else if let Some(levels) = attr::LIMITS_INPUTLEVELS.given(param) {
+            self.input_levels = levels;
+        } else {
+            self.begin("Attribute");
+            self.param(param)?;
+            self.end()?;
         }
         Ok(())
     }
@@ -512,14 +509,14 @@ impl<W: Write> SceneSink for Writer<W> {
 
     fn attribute(&self, declaration: &str) -> Option<Param> {
         let (_, name) = ParamType::parse(declaration).ok()?;
-        let value = match name.as_str() {
-            "pyg:binary" | "format:binary" => i32::from(self.options.binary),
-            "pyg:separateparams" => i32::from(self.options.separate_params),
-            "pyg:indent" => self.options.indent as i32,
-            "limits:inputlevels" => self.input_levels,
-            _ => return granita_scene::attribute_default(&name),
-        };
-        Some(Param { name: name.into(), ty: ParamType::of(BaseType::Int), data: value.into() })
+        let own = [
+            attr::PYG_BINARY.param(self.options.binary),
+            attr::PYG_SEPARATEPARAMS.param(self.options.separate_params),
+            attr::PYG_INDENT.param(self.options.indent as i32),
+            attr::LIMITS_INPUTLEVELS.param(self.input_levels),
+        ];
+        let row = granita_scene::attribute_row(&name)?;
+        own.into_iter().find(|param| *param.name == *row.name).or_else(|| row.default_param())
     }
 }
 

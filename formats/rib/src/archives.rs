@@ -5,7 +5,7 @@ use crate::reader::{Done, Fault, MAX_REPEATED, Reader, handle};
 use crate::recording::Recording;
 use crate::request::Request;
 use granita_base::{Environment, SearchPath};
-use granita_scene::GeneratorError;
+use granita_scene::{GeneratorError, attr};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -79,12 +79,8 @@ impl Reader<'_> {
         if let Some(file) = beside.filter(|f| self.opens.is_file(f)) {
             return Some(file);
         }
-        let path = self.attribute_value("path:input");
-        let path = path.and_then(|p| match p.data {
-            granita_base::ParamData::String(v) => v.first().map(ToString::to_string),
-            _ => None,
-        });
-        let path = path.unwrap_or_else(|| ".".to_owned());
+        let set = self.attribute_value(attr::PATH_INPUT.name());
+        let path = set.and_then(|set| attr::PATH_INPUT.given(&set)).unwrap_or_else(|| ".".into());
         let mut environment = Environment::empty();
         environment.set_files(self.opens.clone());
         let path = SearchPath::parse(&path.replace('&', "."), &SearchPath::default(), &environment);

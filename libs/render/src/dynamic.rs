@@ -63,15 +63,20 @@ impl DynamicMaps {
         Ok(Self { maps, threads })
     }
 
-    /// A tile of a map; nothing of one that is not among these. The threads of `around` are those of the maps.
+    /// The threads that render tiles.
+    pub(crate) fn threads(&self) -> usize {
+        self.threads
+    }
+
+    /// A tile of a map; nothing of one that is not among these.
     pub(crate) fn tile<S: FrameShader<Object = ObjectState>>(
         &self,
         map: TextureId,
-        around: Surroundings<'_, S>,
+        around: &Surroundings<'_, S>,
         (tx, ty): (u32, u32),
     ) -> Vec<f32> {
         let Some((_, map)) = self.maps.iter().find(|(id, _)| *id == map) else { return Vec::new() };
-        map.tile(&Surroundings { threads: self.threads, ..around }, (tx, ty), EMPTY)
+        map.tile(around, (tx, ty), EMPTY)
     }
 
     /// Whether there are any.

@@ -162,7 +162,7 @@ impl Boxes<'_> {
         let keys = primitive.keys.iter().zip(&bounds);
         let keys = keys.map(|(key, bound)| ShapeKey { time: key.time, params: corners(bound) }).collect();
         let mut values = (*attributes.values).clone();
-        for name in ["twosided", "displace:maxradius"] {
+        for name in [attr::TWOSIDED.name(), attr::DISPLACE_MAXRADIUS.name()] {
             values.remove(name);
         }
         let plain = AttributeSet {

@@ -650,8 +650,10 @@ impl Services for Run<'_, '_> {
                 let camera = scene.cameras.iter().find(|c| c.name == self.frame.camera.name)?;
                 return value(ParamType::array(BaseType::Float, 4), camera.screen_window()[..].into());
             }
-            "renderer:version" | "renderer:versionstring" => return granita_scene::version_attribute(name),
             _ => (),
+        }
+        if let Some(version) = granita_scene::version_attribute(name) {
+            return Some(version);
         }
         if let Some(own) = self.attributes.values.get(name).or_else(|| self.frame.scene.globals.get(name)) {
             return Some(own.clone());

@@ -6,7 +6,7 @@ use crate::net::{self, Master, Net};
 use crate::records::{self, FrameRecord};
 use crate::shaders::Shaders;
 use crate::{SessionOptions, outputs};
-use granita_base::{BaseType, Location, Param, ParamData, ParamType, Params, Reporter, SearchPath, Severity};
+use granita_base::{Location, Param, Params, Reporter, SearchPath, Severity};
 use granita_image::{FormatRegistry, Limits};
 use granita_plugin::Plugins;
 use granita_pyg::{Writer, WriterOptions};
@@ -355,37 +355,30 @@ impl FrameRenderer for SessionRenderer {
     }
 
     fn attribute(&mut self, param: &Param) {
-        match (&*param.name, &param.data) {
-            ("verbosity", data) if self.options.verbosity.is_none() => {
-                if let Some([level, ..]) = data.to_ints().as_deref() {
-                    self.reporter.set_verbosity(u8::try_from((*level).clamp(0, 2)).unwrap_or(1));
-                }
-            }
-            ("debug:dso", data) => {
-                self.plugins.set_debug(data.to_ints().is_some_and(|v| v.first().is_some_and(|v| *v != 0)));
-            }
-            ("error:filename", ParamData::String(names)) => {
-                if let Some(file) = names.first() {
-                    self.log_errors(file);
-                }
-            }
-            _ => (),
+        if let Some(level) = attr::VERBOSITY.given(param)
+            && self.options.verbosity.is_none()
+        {
+            self.reporter.set_verbosity(u8::try_from(level.clamp(0, 2)).unwrap_or(1));
+        }
+        if let Some(debug) = attr::DEBUG_DSO.given(param) {
+            self.plugins.set_debug(debug);
+        }
+        if let Some(file) = attr::ERROR_FILENAME.given(param) {
+            self.log_errors(&file);
         }
     }
 
     fn query(&self, name: &str) -> Option<Param> {
-        let (base, data) = match name {
-            "renderer:name" => (BaseType::String, "Granita".into()),
-            "render:progress" => {
-                let (done, total) =
-                    (self.progress.done.load(Ordering::Relaxed), self.progress.total.load(Ordering::Relaxed));
-                let part = if total == 0 { 0.0 } else { done as f32 / total as f32 };
-                let over = self.progress.over.load(Ordering::Relaxed);
-                (BaseType::Float, if over { 1.0 } else { part.min(0.999_999) }.into())
-            }
-            "render:success" => (BaseType::Int, i32::from(self.success).into()),
-            _ => return None,
-        };
-        Some(Param { name: name.into(), ty: ParamType::of(base), data })
+        if attr::RENDER_SUCCESS.is_named(name) {
+            return Some(attr::RENDER_SUCCESS.param(self.success));
+        }
+        if !attr::RENDER_PROGRESS.is_named(name) {
+            return None;
+        }
+        let (done, total) =
+            (self.progress.done.load(Ordering::Relaxed), self.progress.total.load(Ordering::Relaxed));
+        let part = if total == 0 { 0.0 } else { done as f32 / total as f32 };
+        let over = self.progress.over.load(Ordering::Relaxed);
+        Some(attr::RENDER_PROGRESS.param(if over { 1.0 } else { part.min(0.999_999) }))
     }
 }

@@ -1,16 +1,19 @@
 //! What a run with [`SessionOptions::safe`] may open: the files of a scene from a stranger.
 
 use crate::SessionOptions;
-use granita_base::{Confinement, Files, ParamData, SearchPath};
+use granita_base::{Confinement, Files, SearchPath};
 use granita_image::Limits;
-use granita_scene::{SceneSink, State};
+use granita_scene::attribute::{Key, scope};
+use granita_scene::{State, attr};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Endings of files that scenes write beside those of image formats: textures, shadow maps, databases and logs.
 const ENDINGS: [&str; 9] = ["tx", "tex", "env", "shd", "sm", "vsm", "sdb", "log", "txt"];
 
 /// Search paths whose folders the user may have set in startup files.
-const PATHS: [&str; 5] = ["path:input", "path:texture", "path:shader", "path:generator", "path:imageio"];
+const PATHS: [Key<scope::Global, Arc<str>>; 5] =
+    [attr::PATH_INPUT, attr::PATH_TEXTURE, attr::PATH_SHADER, attr::PATH_GENERATOR, attr::PATH_IMAGEIO];
 
 /// The rules for the scene files of `options`. Scenes are read beneath their folders and `$GELATOHOME`, and write
 /// beneath [`SessionOptions::safe_output`], or beneath a folder beside the last of them that is named after it: `a.out` for
@@ -59,12 +62,8 @@ fn absolute(path: PathBuf) -> PathBuf {
 /// Lets scenes read beneath the absolute folders of the search paths that startup files have set.
 pub(crate) fn add_search_paths(options: &SessionOptions, state: &State) {
     let files = options.environment.files();
-    for name in PATHS {
-        if let Some(ParamData::String(texts)) = state.attribute(name).map(|param| param.data) {
-            for text in texts.iter() {
-                let path = SearchPath::parse(text, &SearchPath::default(), &options.environment);
-                path.folders().iter().filter(|f| f.is_absolute()).for_each(|f| files.add_root(f));
-            }
-        }
+    for key in PATHS {
+        let path = SearchPath::parse(&key.ask(state), &SearchPath::default(), &options.environment);
+        path.folders().iter().filter(|f| f.is_absolute()).for_each(|f| files.add_root(f));
     }
 }

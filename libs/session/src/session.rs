@@ -8,7 +8,8 @@ use granita_plugin::Plugins;
 use granita_pyg::PygError;
 use granita_pyg::{PygOptions, PygSource, Scripts};
 use granita_render::{Priority, Progress, Silent};
-use granita_scene::{Call, InputPaths, SceneSink, State, Stop};
+use granita_scene::attribute::{Key, scope};
+use granita_scene::{Call, InputPaths, SceneSink, State, Stop, attr};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -212,7 +213,7 @@ impl Session {
     /// # Errors
     /// As [`Session::read_file`].
     pub fn input(&mut self, command: &str) -> Result<(), SessionError> {
-        let (input, generator) = (self.path("path:input"), self.path("path:generator"));
+        let (input, generator) = (self.path(attr::PATH_INPUT), self.path(attr::PATH_GENERATOR));
         let found = self.inputs.find(command, InputPaths { input: &input, generator: &generator });
         self.read(found, command)
     }
@@ -283,17 +284,12 @@ impl Session {
     }
 
     fn file(&self, path: &Path) -> Result<Input, InputError> {
-        let (input, generator) = (self.path("path:input"), self.path("path:generator"));
+        let (input, generator) = (self.path(attr::PATH_INPUT), self.path(attr::PATH_GENERATOR));
         self.inputs.file(path, InputPaths { input: &input, generator: &generator })
     }
 
-    fn path(&self, name: &str) -> String {
-        let path = self.state.attribute(name).map(|p| p.data);
-        let text = match path {
-            Some(granita_base::ParamData::String(s)) => s.first().map(ToString::to_string),
-            _ => None,
-        };
-        text.unwrap_or_else(|| ".".to_owned())
+    fn path(&self, key: Key<scope::Global, Arc<str>>) -> Arc<str> {
+        key.ask(&self.state)
     }
 
     fn read(&mut self, found: Result<Input, InputError>, name: &str) -> Result<(), SessionError> {

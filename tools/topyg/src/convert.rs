@@ -174,7 +174,10 @@ impl SceneSink for Echo<'_> {
 
     fn attribute(&self, declaration: &str) -> Option<Param> {
         let (_, name) = granita_base::ParamType::parse(declaration).ok()?;
-        if name.starts_with("pyg:") || matches!(name.as_str(), "format:binary" | "limits:inputlevels") {
+        if name.starts_with("pyg:")
+            || attr::PYG_BINARY.is_named(&name)
+            || attr::LIMITS_INPUTLEVELS.is_named(&name)
+        {
             return self.writer.attribute(declaration);
         }
         self.state.attribute(declaration)

@@ -46,7 +46,7 @@ impl Meanwhile for During {
     }
 
     fn attribute(&self, name: &str) -> Option<Param> {
-        if name != "render:progress" {
+        if !granita_scene::attr::RENDER_PROGRESS.is_named(name) {
             return None;
         }
         let (done, total) =

@@ -8,26 +8,16 @@ use granita_gsl::ir::ValueType;
 use granita_image::{
     CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Placement, Quantize, Request,
 };
+use granita_scene::attribute::{Scope, TABLE};
 use granita_scene::{Output, attr};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 /// Parameters of `Output` that the renderer itself understands; all others go to the format.
-const OWN_PARAMETERS: [&str; 12] = [
-    "filter",
-    "filterwidth",
-    "gain",
-    "gamma",
-    "dither",
-    "quantize",
-    "stereo:left",
-    "stereo:right",
-    "zchannels",
-    "opaquewidth",
-    "dynamic",
-    "pixeltype",
-];
+fn own_parameters() -> impl Iterator<Item = &'static str> {
+    TABLE.iter().filter(|row| row.scope == Scope::Output).map(|row| row.name)
+}
 
 /// Most bytes that the pixels of one image may take while the frame is rendered.
 const MAX_IMAGE_BYTES: u64 = 1 << 37;
@@ -474,7 +464,7 @@ const FORMAT_PARAMETERS: [&str; 19] = [
 
 /// Warns about parameters that nobody takes and that are spelled nearly as ones that are taken. Others may be for a plugin.
 fn unknown_parameters(output: &Output, reporter: &Reporter) {
-    let known = || OWN_PARAMETERS.iter().chain(&FORMAT_PARAMETERS).copied();
+    let known = || own_parameters().chain(FORMAT_PARAMETERS);
     for param in &output.params {
         let name = &*param.name;
         let likely = || granita_base::suggestion(name, known());
@@ -640,7 +630,7 @@ impl OutputImage {
         for param in &camera.metadata() {
             spec.attributes.set(param.clone());
         }
-        for param in self.params.iter().filter(|p| !OWN_PARAMETERS.contains(&&*p.name)) {
+        for param in self.params.iter().filter(|p| !own_parameters().any(|own| own == &*p.name)) {
             spec.attributes.set(param.clone());
         }
         spec

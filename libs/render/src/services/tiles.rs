@@ -14,9 +14,9 @@ impl TileMaker for Maker<'_> {
             scene: &frame.scene,
             shader: frame,
             dicing_camera: &frame.camera,
-            threads: frame.rays.threads,
+            threads: frame.dynamic.threads(),
             reporter: &frame.reporter,
         };
-        frame.dynamic.tile(map, around, (tx, ty))
+        frame.dynamic.tile(map, &around, (tx, ty))
     }
 }

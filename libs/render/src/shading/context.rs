@@ -11,7 +11,7 @@ use crate::services::maps;
 use crate::spaces::{Spaces, Units};
 use crate::texts::Texts;
 use crate::{CameraView, RenderEnvironment, ShaderLibrary, ShadingStatistics, finite, preshaded};
-use granita_base::{Files, Location, OnceMap, ParamData, Reporter, SearchPath, Severity, Vec3};
+use granita_base::{Files, Location, OnceMap, Reporter, SearchPath, Severity, Vec3};
 
 use granita_scene::attribute::{Key, scope};
 use granita_scene::{LightId, Primitive, Scene, ShaderGroup, ShaderUsage, attr};
@@ -71,15 +71,15 @@ pub(crate) type Clustered = (Arc<Packed>, Arc<Clusters>);
 
 /// The attributes "spatialdb:read" and so on (reference 4.3.9): lists that grow with every call.
 fn database_attributes(scene: &Scene) -> Attributes {
-    let names = |attribute: &str| match scene.globals.get(attribute).map(|param| &param.data) {
-        Some(ParamData::String(list)) => list.iter().map(|name| name.to_string()).collect(),
-        _ => Vec::new(),
+    let names = |key: Key<scope::Global, Option<Arc<[Arc<str>]>>>| -> Vec<String> {
+        let list = scene.get(key).unwrap_or_default();
+        list.iter().map(ToString::to_string).collect()
     };
     Attributes {
-        read: names("spatialdb:read"),
-        write: names("spatialdb:write"),
-        readonly: names("spatialdb:readonly"),
-        writeonly: names("spatialdb:writeonly"),
+        read: names(attr::SPATIALDB_READ),
+        write: names(attr::SPATIALDB_WRITE),
+        readonly: names(attr::SPATIALDB_READONLY),
+        writeonly: names(attr::SPATIALDB_WRITEONLY),
     }
 }
 

@@ -1,5 +1,11 @@
 //! Keys: attributes as constants that know their type and what they belong to.
 //!
+//! ```
+//! # fn f(object: &granita_scene::AttributeSet) -> f32 {
+//! object.get(granita_scene::attr::SHADINGQUALITY)
+//! # }
+//! ```
+//!
 //! A wrong name, a wrong type and an attribute that is asked of the wrong thing do not compile:
 //!
 //! ```compile_fail
@@ -196,6 +202,11 @@ impl<S, T> Key<S, T> {
         self.row
     }
 
+    /// Whether a name is that of the attribute, or another spelling of it that is in use.
+    pub fn is_named(self, name: &str) -> bool {
+        known(name).is_some_and(|known| known.row.name == self.row.name)
+    }
+
     /// The name of the attribute.
     pub const fn name(self) -> &'static str {
         self.row.name
@@ -221,6 +232,11 @@ impl<S, T: AttributeValue> Key<S, T> {
     /// The value that was set, or the default.
     pub(crate) fn of(self, set: Option<&Param>) -> T {
         set.and_then(|param| T::read(&param.data)).unwrap_or_else(|| self.default())
+    }
+
+    /// The value that a parameter gives to this attribute; `None` for parameters of another name or type.
+    pub fn given(self, param: &Param) -> Option<T> {
+        self.is_named(&param.name).then(|| T::read(&param.data)).flatten()
     }
 
     /// The value in the current state of a scene that is being made, or the default.

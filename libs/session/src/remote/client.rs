@@ -5,12 +5,12 @@ use super::{GREETING, message};
 use crate::commands::PriorityRequest;
 use crate::patient::{Patience, Patient};
 use granita_base::process::Process;
-use granita_base::{BaseType, Location, Param, ParamData, ParamType, Params, Reporter, Severity};
+use granita_base::{Location, Param, ParamData, ParamType, Params, Reporter, Severity};
 use granita_image::FormatFinder;
 use granita_plugin::{Meanwhile, Plugins};
 use granita_pyg::frames::{Frame, receive, send};
 use granita_pyg::{Writer, WriterOptions};
-use granita_scene::{Call, SceneSink, Stop};
+use granita_scene::{Call, SceneSink, Stop, attr};
 use std::io::{self, Read, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{JoinHandle, ThreadId};
@@ -202,11 +202,7 @@ impl Meanwhile for Link {
     fn attribute(&self, name: &str) -> Option<Param> {
         let known = lock(&self.known);
         let done = if known.rendering { known.progress.min(0.999_999) } else { known.progress };
-        (name == "render:progress").then(|| Param {
-            name: name.into(),
-            ty: ParamType::of(BaseType::Float),
-            data: done.into(),
-        })
+        attr::RENDER_PROGRESS.is_named(name).then(|| attr::RENDER_PROGRESS.param(done))
     }
 }
 
